@@ -28,17 +28,17 @@ def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: f
         return _learn(state, event.told), []
     except ValueError:  # a cell outside the area, or one name with two contents: merge the valid ones singly
         pass
-    for told in event.told:
+    for item in event.told:
         try:
-            state = _learn(state, (told,))
+            state = _learn(state, (item,))
         except ValueError as error:
             state = replace(state, refused=state.refused + 1, trouble=str(error))
     return state, []
 
 
-def _learn(state: AgentState, told: tuple[BeliefItem, ...]) -> AgentState:
-    belief = state.belief.merge(told)
+def _learn(state: AgentState, items: tuple[BeliefItem, ...]) -> AgentState:
+    belief = state.belief.merge(items)
     if belief is state.belief:
         return state
-    learned = tuple((*t.source, t.upto if isinstance(t, Checkpoint) else t.seq) for t in told)
+    learned = tuple((*t.source, t.upto if isinstance(t, Checkpoint) else t.seq) for t in items)
     return replace(state, belief=belief, dirty=True, because=(*state.because, *learned))

@@ -131,7 +131,7 @@ class FlightComparison:
 
     own: Trajectory
     other: NeighbourIntent
-    met: Clash | None
+    clash: Clash | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,8 +138,8 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
     if event.order is not state.ordered:
         return state, []
     if state.ended:
-        told = event.order in ROLE_OF_ORDER  # an operator tried it after the release
-        return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if told else []
+        is_late_order = event.order in ROLE_OF_ORDER  # an operator tried it after the release
+        return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if is_late_order else []
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
     if state.phase is not Phase.LAUNCHING:
         # The order is repeated while the agent still commands the vehicle.
@@ -170,9 +170,9 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     state, demanded = apply_failsafes(state, now)
     if state.ended:
         # A released vehicle in the air still matters to the others.
-        state, told = share_intent(state)
+        state, published = share_intent(state)
         state, shared = share_state(state) if may_be_armed(state) else (state, [])
-        return state, [*demanded, *told, *shared]
+        return state, [*demanded, *published, *shared]
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
@@ -197,11 +197,11 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
 
 def _tell_intent(state: AgentState) -> StepResult:
     """Send the intent when it is due, and check it for conflicts."""
-    state, told = share_intent(state)
-    if not told:
+    state, published = share_intent(state)
+    if not published:
         return state, []
-    state, foreseen = check_own_route(state)
-    return state, [*told, *foreseen]
+    state, conflicts = check_own_route(state)
+    return state, [*published, *conflicts]
 
 
 def _intents(state: AgentState, event: ev.Intents, now: float) -> StepResult:

@@ -42,8 +42,8 @@ def end_at_touchdown(state: AgentState) -> AgentState:
         return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
-        said = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{said}; landed{_away(state)}", pending=None)
+        cause = state.outcome or state.trouble
+        return replace(state, phase=phase, outcome=f"{cause}; landed{_away(state)}", pending=None)
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"

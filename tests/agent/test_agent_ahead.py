@@ -1,4 +1,4 @@
-"""Where a new plan of a fixed wing leaves the old one, and which corners it still flies to."""
+"""The splice point of a fixed wing's new plan, and the corners that it still flies to."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROUTE = tuple((3, col) for col in range(12))
 
 
 def flying(east_m: float, task=WING, **changes) -> AgentState:
-    """Over row 3, so far from the west edge, by a plan over ROUTE."""
+    """Return the state of a vehicle over row 3, at this distance from the west edge, on a plan over ROUTE."""
     state = begin(task, SCENARIO.prior)
     problem = first_problem(task, SCENARIO.prior)
     plan = first_flight(task, problem, first_route(task, SCENARIO.prior))
@@ -36,9 +36,9 @@ def flying(east_m: float, task=WING, **changes) -> AgentState:
 
 
 @pytest.mark.parametrize("took_s", [(), (0.4,), (4.5,), (0.4, 9.5, 0.4)])
-def test_a_new_plan_turns_off_where_the_vehicle_can_still_turn_when_it_has_it(took_s) -> None:
+def test_a_new_plan_of_a_fixed_wing_turns_off_ahead_of_the_end_of_the_swap(took_s) -> None:
     times = SwapTimes(took_s, took_s)
-    # At 15 m/s, and 17 m before a turn by 45 degrees; as long as its own swaps take, and 2 s at least.
+    # At 15 m/s, 17 m before a turn by 45°; for the duration of its own swaps, and at least 2 s.
     needs_m = 15.0 * max(2.0, times.expected_s) + 40.0 * math.tan(math.radians(22.5))
     for east_m in range(60, 160, 7):
         here: Cell = (3, east_m // 50)
@@ -48,11 +48,11 @@ def test_a_new_plan_turns_off_where_the_vehicle_can_still_turn_when_it_has_it(to
         assert needs_m <= away_m < needs_m + 50.0
 
 
-def test_near_its_goal_it_keeps_what_is_left() -> None:
+def test_a_fixed_wing_near_its_goal_keeps_its_route() -> None:
     assert kept_cells(flying(540.0), (3, 10)) == ((3, 10), (3, 11))
 
 
-def test_who_flies_no_route_keeps_nothing() -> None:
+def test_a_vehicle_without_a_route_keeps_only_its_cell() -> None:
     assert kept_cells(replace(flying(110.0), route=None), (3, 2)) == ((3, 2),)
 
 
@@ -61,12 +61,12 @@ def test_who_flies_no_route_keeps_nothing() -> None:
     [
         (110.0, [(3, 2), (3, 8)], [(3, 8)]),  # over it
         (140.0, [(3, 2), (3, 4), (7, 8)], [(3, 4), (7, 8)]),  # 85 m before the turn
-        (195.0, [(3, 3), (3, 4), (7, 8)], [(7, 8)]),  # in the turn by the time it knows
+        (195.0, [(3, 3), (3, 4), (7, 8)], [(7, 8)]),  # in the turn by the end of the swap
         (-60.0, [(3, 0), (3, 8)], [(3, 0), (3, 8)]),  # on its way in
         (560.0, [(3, 11)], [(3, 11)]),  # its goal is always flown to
     ],
 )
-def test_it_flies_to_no_corner_behind_it_or_too_near_to_turn_at(east_m, corners, expected) -> None:
+def test_a_fixed_wing_skips_corners_behind_it_or_too_near_to_turn_at(east_m, corners, expected) -> None:
     position = GRID.frame.to_geodetic(east_m, 175.0)
     assert list(corners_ahead(WING, corners, position)) == expected
     assert math.isclose(WING.turn_radius_m, 40.0)

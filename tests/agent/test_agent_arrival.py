@@ -1,4 +1,4 @@
-"""What an agent does to arrive with the others, told as stories."""
+"""Stories of agents that arrive simultaneously."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROW_M = GRID.centre_m((4, 4))[1]
 
 
 class Meets(Story):
-    """Vehicle 1 flies east along row 4, its goal cell begins at 400 m; vehicle 2 is to arrive with it."""
+    """Vehicle 1 flies east along row 4 to its goal cell, which begins at 400 m; vehicle 2 arrives with it."""
 
     def __init__(self, uav: int = 1, w: float = 0.5, **simultaneous: float) -> None:
         super().__init__(uav=uav, w=w, arrival_group=ArrivalGroup({1: 0, 2: 1}, **simultaneous))
@@ -40,16 +40,16 @@ def speeds(effects: list[ev.Effect]) -> list[float]:
     return [effect.speed_m_s for effect in effects if isinstance(effect, ev.SetSpeed)]
 
 
-def test_alone_it_flies_as_fast_as_it_can_and_tells_when_it_can_be_there() -> None:
+def test_a_single_vehicle_flies_at_full_speed_and_reports_its_earliest_arrival() -> None:
     story = Meets()
     (message,) = (e.message for e in story.at(100.0) if isinstance(e, ev.Publish))
     assert isinstance(message, StateShared)
-    # 300 m to the rim of its goal cell at 10 m/s, and it brakes for the landing in the cell.
+    # 300 m to the edge of its goal cell at 10 m/s; it brakes for the landing inside the cell.
     assert message.earliest_in_s == pytest.approx(30.0, abs=0.5)
     assert speeds(story.effects) == []
 
 
-def test_for_a_slower_one_it_slows_down() -> None:
+def test_a_vehicle_slows_down_for_a_slower_one() -> None:
     story = Meets()
     story.other(60.0)
     (speed_m_s,) = speeds(story.at(100.0))
@@ -57,13 +57,13 @@ def test_for_a_slower_one_it_slows_down() -> None:
     assert orders(story.effects) == []
 
 
-def test_one_that_is_faster_changes_nothing() -> None:
+def test_a_faster_vehicle_changes_nothing() -> None:
     story = Meets()
     story.other(20.0)
     assert speeds(story.at(100.0)) == []
 
 
-def test_when_the_other_becomes_slower_it_slows_down_more_but_not_with_every_message() -> None:
+def test_a_vehicle_follows_a_later_arrival_but_not_with_every_message() -> None:
     story = Meets()
     story.other(50.0)
     (first_m_s,) = speeds(story.at(100.0))
@@ -73,7 +73,7 @@ def test_when_the_other_becomes_slower_it_slows_down_more_but_not_with_every_mes
     assert second_m_s < first_m_s
 
 
-def test_for_one_that_has_given_up_nobody_waits() -> None:
+def test_a_vehicle_does_not_wait_for_one_that_has_given_up() -> None:
     story = Meets()
     story.other(60.0)
     story.at(100.0)
@@ -82,21 +82,21 @@ def test_for_one_that_has_given_up_nobody_waits() -> None:
     assert speeds(story.at(112.0, ground_speed_m_s=6.0)) == [10.0]
 
 
-def test_staggered_the_first_is_early_enough_for_the_next() -> None:
+def test_with_spacing_the_first_vehicle_is_early_enough_for_the_next() -> None:
     story = Meets(spacing_s=20.0)
     story.other(70.0)
     (speed_m_s,) = speeds(story.at(100.0))
     assert speed_m_s == pytest.approx(300.0 / 49.0, abs=0.15)
 
 
-def test_whoever_has_arrived_keeps_its_place_in_the_order() -> None:
+def test_an_arrived_vehicle_keeps_its_position_in_the_order() -> None:
     story = Meets(uav=2, spacing_s=20.0)
     story.other(-1.0, uav=1)
-    (speed_m_s,) = speeds(story.at(300.0))  # 10 s of way, due 20 s after the other
+    (speed_m_s,) = speeds(story.at(300.0))  # 10 s from its goal, due 20 s after the other
     assert speed_m_s < 7.0
 
 
-def test_a_new_plan_takes_back_its_speed_and_it_is_given_again() -> None:
+def test_the_speed_is_set_again_after_a_new_plan() -> None:
     story = Meets()
     story.other(60.0)
     story.at(100.0)
@@ -107,7 +107,7 @@ def test_a_new_plan_takes_back_its_speed_and_it_is_given_again() -> None:
     assert len(speeds(story.at(103.0, ground_speed_m_s=2.0))) == 1
 
 
-def test_a_speed_that_was_not_taken_is_given_again() -> None:
+def test_a_refused_speed_is_set_again() -> None:
     story = Meets()
     story.other(60.0)
     story.at(100.0)
@@ -115,7 +115,7 @@ def test_a_speed_that_was_not_taken_is_given_again() -> None:
     assert len(speeds(story.at(110.0))) == 1
 
 
-def test_full_speed_that_was_not_taken_is_given_again_too() -> None:
+def test_a_refused_full_speed_is_set_again() -> None:
     story = Meets()
     story.other(60.0)
     story.at(100.0)
@@ -126,15 +126,16 @@ def test_full_speed_that_was_not_taken_is_given_again_too() -> None:
     assert speeds(story.at(104.0)) == [10.0]
 
 
-# a way that takes its time
+# routes that use spare time
 
 
 def swapped(story: Meets) -> ev.SwapMission | None:
     return next((effect for effect in story.tick() if isinstance(effect, ev.SwapMission)), None)
 
 
-def test_one_that_is_early_takes_a_safer_way() -> None:
-    """With w = 0 it goes straight through; with the time that it has it goes round, and is still in time."""
+def test_an_early_vehicle_takes_a_safer_route() -> None:
+    """With w = 0 the vehicle flies straight; with spare time it flies around the hostile, and is still in
+    time."""
     story = Meets(w=0.0)
     story.hear((4, 5, True))
     assert swapped(story) is None
@@ -150,7 +151,7 @@ def test_one_that_is_early_takes_a_safer_way() -> None:
     assert earliest_in_s <= 70.0
 
 
-def test_one_that_may_not_fly_so_slowly_takes_a_longer_way() -> None:
+def test_an_early_vehicle_with_a_minimum_speed_takes_a_longer_route() -> None:
     story = Meets(slowest_m_s=8.0)
     story.other(70.0)
     story.at(60.0)
@@ -163,7 +164,7 @@ def test_one_that_may_not_fly_so_slowly_takes_a_longer_way() -> None:
     assert swapped(story) is None
 
 
-def test_one_that_is_a_little_early_only_flies_slower() -> None:
+def test_a_slightly_early_vehicle_only_flies_slower() -> None:
     story = Meets(w=0.0)
     story.hear((4, 5, True))
     story.tick()
@@ -172,7 +173,7 @@ def test_one_that_is_a_little_early_only_flies_slower() -> None:
     assert swapped(story) is None
 
 
-def test_one_that_has_become_the_last_takes_its_own_best_way_again() -> None:
+def test_a_vehicle_that_becomes_the_last_takes_its_best_route_again() -> None:
     story = Meets(w=0.0)
     story.hear((4, 5, True))
     story.tick()

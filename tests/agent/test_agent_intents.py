@@ -319,8 +319,8 @@ class Swarm:
                 _, uav, plan_id = heapq.heappop(self.swaps)
                 self.fold(uav, ev.MissionAccepted(plan_id))
             while self.mail and self.mail[0][0] <= self.now_s:
-                _, _, to, uav, said_s, intent = heapq.heappop(self.mail)
-                self.fold(to, ev.Intents(((uav, self.now_s - said_s, intent),)))
+                _, _, to, uav, sent_s, intent = heapq.heappop(self.mail)
+                self.fold(to, ev.Intents(((uav, self.now_s - sent_s, intent),)))
             for uav, story in self.stories.items():
                 self.position(uav)
                 if story.state.pending is None:

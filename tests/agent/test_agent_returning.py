@@ -348,7 +348,7 @@ def test_a_fixed_wing_does_not_hold_during_its_take_off(up_m: float, given: ev.F
 
 
 class Waits:
-    """As a member of a swarm; nothing more than who calls all back needs of it."""
+    """The part of a swarm member that a shutdown uses."""
 
     def __init__(self, story: Low) -> None:
         self.story, self.name, self.spec = story, "uav2", SimpleNamespace(sysid=2)
@@ -359,7 +359,7 @@ class Waits:
         return self.story.state
 
 
-class Nobody:
+class NoOtherProcess:
     """May go, for others are always on the way."""
 
     def may_return(self, place: VehiclePosition, now_s: float) -> bool:
@@ -372,7 +372,7 @@ class Nobody:
 def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     story = waiting()
     member: Any = Waits(story)
-    called = Shutdown([member], FlightSection(), lambda _text: None, Nobody())
+    called = Shutdown([member], FlightSection(), lambda _text: None, NoOtherProcess())
 
     async def scene() -> list[ev.FlightOrder]:
         leaving = asyncio.create_task(called.run())

@@ -1,4 +1,4 @@
-"""What an agent reckons for a vehicle that brakes to take up another plan, told as stories."""
+"""Stories of a vehicle that brakes to a stop before it starts another plan."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COSTS_S = 10.0 / (2.0 * 2.5) + 10.0 / (2.0 * 2.5)
 
 
 class Flies(Story):
-    """East along row 4 at 10 m/s; `brakes_m_s2` None: as one that just turns."""
+    """A flight east along row 4 at 10 m/s; `brakes_m_s2` None: the vehicle turns without a stop."""
 
     def __init__(self, brakes_m_s2: float | None, **changes: Any) -> None:
         super().__init__(**{"arrival_group": ArrivalGroup({1: 0, 2: 1}), **changes})
@@ -40,7 +40,7 @@ class Flies(Story):
         return self.over((4, 1), **{**here, **moves, **changes})
 
     def new_plan(self) -> list[ev.Effect]:
-        """It learns of a hostile ahead on its row."""
+        """Report a hostile ahead on its row."""
         self.hear((4, 6, True), observer=9)
         return self.tick()
 
@@ -55,7 +55,7 @@ def told(effects: list[ev.Effect]) -> IntentShared:
 
 
 def lands_in_s(intent: IntentShared) -> float:
-    """When it begins to come down at its goal."""
+    """Return the begin of its descent at the goal."""
     return next(a.in_s for a, b in pairwise(intent.points) if b.alt_amsl_m < a.alt_amsl_m)
 
 
@@ -70,12 +70,12 @@ def earliest_in_s(effects: list[ev.Effect]) -> float:
     return in_s
 
 
-def test_a_new_plan_is_told_by_as_much_later_as_taking_it_up_costs() -> None:
+def test_the_intent_of_a_new_plan_is_later_by_the_cost_of_the_stop() -> None:
     brakes, turns = told(Flies(2.5).new_plan()), told(Flies(None).new_plan())
     assert lands_in_s(brakes) == pytest.approx(lands_in_s(turns) + COSTS_S, abs=0.1)
 
 
-def test_until_it_has_the_plan_it_is_told_to_fly_on_and_then_to_brake_to_a_stop() -> None:
+def test_the_intent_before_a_swap_flies_on_and_then_brakes_to_a_stop() -> None:
     story = Flies(2.5)
     on_s = story.state.swap_times.likely_s
     path = flight(told(story.new_plan()))
@@ -86,7 +86,7 @@ def test_until_it_has_the_plan_it_is_told_to_fly_on_and_then_to_brake_to_a_stop(
 
 
 def later_s(*stories: Story) -> float:
-    """By how much later the first is told to land than the second, now."""
+    """Return the difference between the landing times in the intents of the two, now."""
     lands_s = []
     for story in stories:
         path = planned_flight(story.state)
@@ -96,14 +96,14 @@ def later_s(*stories: Story) -> float:
 
 
 def pair(**changes: Any) -> tuple[Flies, Flies]:
-    """One that brakes and one that does not, their new plan on its way to them."""
+    """Return a vehicle that brakes and one that does not, each with a pending plan."""
     stories = Flies(2.5, **changes), Flies(None, **changes)
     for story in stories:
         story.new_plan()
     return stories
 
 
-def test_as_long_as_the_plan_is_on_its_way_the_stop_is_ahead() -> None:
+def test_the_stop_stays_ahead_while_the_plan_is_pending() -> None:
     stories = pair()
     for east_m in (85.0, 95.0, 105.0):
         for story in stories:
@@ -111,7 +111,7 @@ def test_as_long_as_the_plan_is_on_its_way_the_stop_is_ahead() -> None:
         assert later_s(*stories) == pytest.approx(COSTS_S, abs=0.1)
 
 
-def test_who_brakes_for_it_is_told_to_go_on_braking_and_who_has_stopped_to_speed_up() -> None:
+def test_the_intent_of_a_braking_vehicle_goes_on_braking_and_of_a_stopped_one_speeds_up() -> None:
     stories = pair()
     for story in stories:
         story.at(85.0, 7.5)
@@ -123,7 +123,7 @@ def test_who_brakes_for_it_is_told_to_go_on_braking_and_who_has_stopped_to_speed
     assert later_s(*stories) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_plan_that_was_not_taken_up_costs_nothing_more() -> None:
+def test_a_failed_swap_costs_nothing_more() -> None:
     stories = pair()
     for story in stories:
         assert story.state.pending is not None
@@ -132,12 +132,12 @@ def test_a_plan_that_was_not_taken_up_costs_nothing_more() -> None:
     assert later_s(*stories) == 0.0
 
 
-def test_how_soon_it_could_be_there_has_it_too() -> None:
+def test_the_earliest_arrival_includes_the_stop() -> None:
     brakes, turns = (story.at(85.0) for story in pair())
     assert earliest_in_s(brakes) == pytest.approx(earliest_in_s(turns) + COSTS_S, abs=0.1)
 
 
-def test_who_holds_has_nothing_to_brake_for() -> None:
+def test_a_holding_vehicle_needs_no_stop() -> None:
     plans = []
     for story in pair():
         assert story.state.pending is not None
@@ -148,13 +148,13 @@ def test_who_holds_has_nothing_to_brake_for() -> None:
     assert plans[0] == plans[1]
 
 
-def test_who_stops_only_behind_its_goal_has_nothing_to_lose() -> None:
+def test_a_stop_behind_the_goal_costs_nothing() -> None:
     here, way = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
     stop = BrakingStop(on_s=8.0, on_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
     assert fly_with_stop(here, 30.0, way, 10.0, 10.0, stop) == fly_along(here, 30.0, way, 10.0, 10.0)
 
 
-def test_on_its_way_to_the_stop_it_is_told_to_turn_where_its_plan_does() -> None:
+def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
     here, way = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
     path = fly_with_stop(
         here, 30.0, way, 10.0, 10.0, BrakingStop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
@@ -166,7 +166,7 @@ def test_on_its_way_to_the_stop_it_is_told_to_turn_where_its_plan_does() -> None
 @pytest.mark.parametrize(
     ("autopilot", "vehicle_type", "brakes_m_s2"), [(3, 2, 2.5), (3, 1, None), (12, 2, None)]
 )
-def test_what_brakes_is_known_by_its_firmware(
+def test_the_deceleration_follows_from_the_firmware(
     autopilot: int, vehicle_type: int, brakes_m_s2: float | None
 ) -> None:
     """ArduPilot's copters and planes, PX4's copters."""
@@ -181,6 +181,6 @@ def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> No
     path = fly_with_stop(
         here, 30.0, way, 10.0, 10.0, BrakingStop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
     )
-    path = path.later(50_000.0)  # by the clock of a vehicle that has been on for long
+    path = path.later(50_000.0)  # by the clock of a vehicle that was booted long ago
     assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]
     assert path.times_s[-1] > 50_045.0

@@ -1,4 +1,4 @@
-"""When an agent changes its mission, and where the new plan leaves the old one, told as stories."""
+"""Stories of swaps: their times, and the splice point of the new plan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROW_M = GRID.centre_m((4, 4))[1]
 
 
 class Flies(Story):
-    """East along row 4 at 10 m/s, from cell (4, 0) to (4, 8); its swaps take `took_s`."""
+    """A flight east along row 4 at 10 m/s, from cell (4, 0) to (4, 8); its swaps take `took_s`."""
 
     def __init__(self, took_s: float | None = None, **changes: Any) -> None:
         super().__init__(**changes)
@@ -34,7 +34,7 @@ class Flies(Story):
         return self.over((4, 0), **{**told, **changes})
 
     def points(self, swap: ev.SwapMission) -> list[tuple[float, float]]:
-        """The waypoints of a plan, east and north [m]."""
+        """Return the waypoints of a plan, east and north [m]."""
         return [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in swap.plan.track]
 
 
@@ -43,17 +43,17 @@ def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
 
 
 def changed(story: Flies, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> ev.SwapMission:
-    """One swap from news to its end."""
+    """Run one swap, from an observation to its end."""
     story.hear(*cells, seq=seq)
     swap = story.swap()
     story(ev.MissionAccepted(swap.plan_id, took_s, 0.0))
     return swap
 
 
-# no oftener than it can follow
+# the spacing of swaps
 
 
-def test_it_is_given_no_other_plan_within_the_time_that_one_took_and_then_all_that_is_new_counts() -> None:
+def test_swaps_are_spaced_by_their_duration_and_the_next_plan_uses_all_observations() -> None:
     story = Flies()
     story.at(60.0)
     changed(story, 4.0, (4, 4, True))
@@ -69,7 +69,7 @@ def test_it_is_given_no_other_plan_within_the_time_that_one_took_and_then_all_th
     assert not {(3, 4), (4, 4), (5, 4)} & set(second.cells)
 
 
-def test_a_wall_that_comes_up_close_before_it_is_flown_round_at_once() -> None:
+def test_a_close_wall_is_avoided_at_once() -> None:
     story = Flies(max_exposure=0.5)
     story.at(60.0)
     first = changed(story, 4.0, (4, 6, True))
@@ -78,7 +78,7 @@ def test_a_wall_that_comes_up_close_before_it_is_flown_round_at_once() -> None:
     assert near not in story.swap().cells
 
 
-def test_a_clock_that_went_back_holds_no_plan_up() -> None:
+def test_a_clock_that_went_back_delays_no_plan() -> None:
     story = Flies()
     story.at(60.0, time_boot_s=500.0)
     changed(story, 4.0, (4, 4, True))
@@ -87,11 +87,11 @@ def test_a_clock_that_went_back_holds_no_plan_up() -> None:
     assert len(swaps(story.tick())) == 1
 
 
-# ahead of where it will be
+# the splice point
 
 
 @pytest.mark.parametrize("took_s", [0.4, 4.0, 8.0])
-def test_a_new_route_leaves_the_old_one_ahead_of_where_it_will_be(took_s: float) -> None:
+def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s: float) -> None:
     story = Flies(took_s)
     story.at(30.0)
     before = story.state.route
@@ -112,7 +112,7 @@ def _place(east_m: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("is_ahead", [True, False])
-def test_a_corner_of_the_old_route_before_that_is_kept_and_one_behind_is_not(is_ahead: bool) -> None:
+def test_corners_before_the_splice_point_are_kept_only_ahead_of_the_vehicle(is_ahead: bool) -> None:
     story = Story(entry=(0, 0), goals=((4, 8),)).launching()
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))
     assert story.state.route is not None
@@ -137,7 +137,7 @@ def _turns(cells: tuple[tuple[int, int], ...]) -> Any:
         yield i, (here[0] - a[0], here[1] - a[1]), here, (b[0] - here[0], b[1] - here[1])
 
 
-def test_where_its_old_way_leads_into_a_wall_before_that_it_is_left_at_once() -> None:
+def test_an_old_route_into_a_wall_is_left_at_once() -> None:
     story = Flies(8.0, max_exposure=0.5)
     story.at(80.0)
     story.hear((4, 3, True))
@@ -146,7 +146,7 @@ def test_where_its_old_way_leads_into_a_wall_before_that_it_is_left_at_once() ->
     assert (4, 3) not in swap.cells
 
 
-def test_before_it_could_be_on_another_route_it_is_at_its_goal_and_keeps_its_own() -> None:
+def test_a_vehicle_that_arrives_before_the_end_of_a_swap_keeps_its_route() -> None:
     story = Flies(8.0)
     story.at(330.0)
     story.hear((4, 8, True))
@@ -154,7 +154,7 @@ def test_before_it_could_be_on_another_route_it_is_at_its_goal_and_keeps_its_own
     assert not story.state.dirty
 
 
-def test_a_track_is_left_on_its_line_where_it_will_be() -> None:
+def test_the_splice_point_on_a_track_is_the_place_at_the_end_of_the_swap() -> None:
     story = Story(
         any_angle=ExposureMeasure.INTEGRAL,
         entry=(0, 0),
@@ -185,10 +185,10 @@ def test_a_track_is_left_on_its_line_where_it_will_be() -> None:
     assert abs(beside_m) < 0.1
 
 
-# what was measured
+# measured durations
 
 
-def test_how_long_its_own_swaps_took_counts_the_worst_of_the_last_three() -> None:
+def test_the_worst_of_the_last_three_swaps_is_expected() -> None:
     times = SwapTimes()
     assert (times.expected_s, times.stop_s) == (PRIOR_S, None)
     for took_s, stood_s in ((9.0, 4.0), (2.0, 0.0), (1.0, 0.1), (0.5, 0.0)):
@@ -201,14 +201,14 @@ def test_how_long_its_own_swaps_took_counts_the_worst_of_the_last_three() -> Non
     assert times.took_s[-1] == MOST_S
 
 
-def test_before_its_first_swap_the_upload_on_the_ground_tells_how_long_its_link_takes() -> None:
+def test_the_upload_on_the_ground_sets_the_expected_duration_of_the_first_swap() -> None:
     story = Story()
     story(ev.Ready())
     story(ev.MissionAccepted(story.swap().plan_id, 8.0))
     assert story.state.swap_times.expected_s == pytest.approx(10.5)
 
 
-def test_a_plan_that_came_too_late_is_made_anew_at_once_farther_ahead_and_is_no_failure() -> None:
+def test_a_late_plan_is_made_again_at_once_farther_ahead_and_is_no_failure() -> None:
     story = Flies(0.5)
     story.at(30.0)
     story.hear((4, 7, True))

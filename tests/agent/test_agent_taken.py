@@ -1,4 +1,4 @@
-"""Whose vehicle it is: a mode that its agent has not chosen is somebody's will; a person's order holds."""
+"""Ownership of a vehicle: a foreign mode is not overridden; an order of a person holds."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_mission_change_that_ended_in_hold_is_resumed() -> None:
     assert again.plan.from_hold
     assert not swap.plan.from_hold
     story(ev.MissionAccepted(again.plan_id))
-    assert ev.Release() in wait(story, 10, **HOLD), "it flies again, and somebody has it hold"
+    assert ev.Release() in wait(story, 10, **HOLD), "flies again, then another operator sets hold"
 
 
 def test_a_refused_return_is_not_repeated_against_a_pilots_hold() -> None:
@@ -72,7 +72,7 @@ def test_a_refused_return_is_repeated_while_it_flies_its_mission() -> None:
     again = [e for e in wait(story, 10) if isinstance(e, ev.Command)]
     assert first.by_person
     assert again
-    assert not again[0].by_person, "nobody orders it now: it goes out after a look"
+    assert not again[0].by_person, "repeated by the agent: sent after a look at the mode"
 
 
 @pytest.mark.parametrize("number", [1, None], ids=["operator", "this process"])

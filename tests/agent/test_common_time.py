@@ -1,4 +1,4 @@
-"""One arrival for many: the slowest sets it, and each finds its own speed."""
+"""The common arrival time: the slowest vehicle sets it, and each computes its own speed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_all_are_due_when_the_slowest_can_be_there() -> None:
     assert [due_s(group, uav, earliest_s) for uav in RANK] == [95.0, 95.0, 95.0]
 
 
-def test_staggered_ones_are_due_one_after_the_other() -> None:
+def test_with_spacing_vehicles_are_due_one_after_the_other() -> None:
     group, earliest_s = ArrivalGroup(RANK, spacing_s=10.0), {1: 60.0, 4: 95.0, 9: 80.0}
     assert [due_s(group, uav, earliest_s) for uav in RANK] == [85.0, 95.0, 105.0]
 
@@ -33,7 +33,7 @@ times = st.floats(-50.0, 500.0)
 
 
 @given(st.fixed_dictionaries(dict.fromkeys(RANK, times)), st.floats(0.0, 60.0))
-def test_nobody_is_due_before_it_can_be_there_and_somebody_just_then(
+def test_no_vehicle_is_due_before_its_earliest_arrival_and_one_exactly_then(
     earliest_s: dict[int, float], spacing_s: float
 ) -> None:
     group = ArrivalGroup(RANK, spacing_s)
@@ -42,7 +42,7 @@ def test_nobody_is_due_before_it_can_be_there_and_somebody_just_then(
 
 
 @given(times, times, times)
-def test_who_knows_more_of_them_is_never_due_earlier(a: float, b: float, c: float) -> None:
+def test_a_vehicle_that_knows_more_others_is_never_due_earlier(a: float, b: float, c: float) -> None:
     group = ArrivalGroup(RANK, 5.0)
     assert agreed_arrival_s(group, {1: a, 4: b}) <= agreed_arrival_s(group, {1: a, 4: b, 9: c})
 
@@ -52,11 +52,11 @@ def test_who_knows_more_of_them_is_never_due_earlier(a: float, b: float, c: floa
     [(100.0, 10.0), (200.0, 5.0), (50.0, 10.0), (1e6, LEAST_SHARE * 10.0)],
     ids=["just in time", "half as fast", "late anyhow", "slower than it flies"],
 )
-def test_the_speed_is_that_which_arrives_when_due(due: float, speed: float) -> None:
+def test_the_speed_meets_the_arrival_time(due: float, speed: float) -> None:
     assert speed_for(lambda m_s: 1000.0 / m_s, due, 10.0) == pytest.approx(speed, abs=1e-3)
 
 
 @pytest.mark.parametrize("most_m_s", [0.9, 1.5, 2.5, 4.0])
-def test_nobody_is_slowed_down_until_it_seems_to_stand(most_m_s: float) -> None:
+def test_the_least_speed_is_well_above_a_standstill(most_m_s: float) -> None:
     assert most_m_s >= least_m_s(most_m_s) >= 1.8 * STANDS_M_S
     assert speed_for(lambda m_s: 1000.0 / m_s, 1e6, most_m_s) == least_m_s(most_m_s)

@@ -1,4 +1,4 @@
-"""The landing of a fixed wing, as geometry: where its circle and its final are, and from which side."""
+"""The geometry of a fixed wing's landing: its circle, its final and its heading."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
     final_m = math.dist(found.final, found.touchdown)
     assert math.degrees(math.atan2(20.0, final_m)) == pytest.approx(glide_deg)
     assert all(math.dist(point, found.centre) == pytest.approx(radius_m) for point in found.circle())
-    # It leaves the circle flying as it lands: the last chord of the circle turns into that direction.
+    # The exit of the circle has the landing heading: the last chord of the circle turns into it.
     (e0, n0), (e1, n1) = found.circle()[-2:]
     turned = math.remainder(heading_rad - math.atan2(e1 - e0, n1 - n0), math.tau)
     assert turned == pytest.approx(math.copysign(math.pi / 16, found.radius_m), abs=1e-6)
@@ -82,7 +82,7 @@ def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
 
 
 @given(headings, st.booleans())
-def test_what_a_plan_says_of_an_approach_is_all_there_is_to_it(heading_rad: float, clockwise: bool) -> None:
+def test_a_pattern_survives_conversion_to_a_plan_and_back(heading_rad: float, clockwise: bool) -> None:
     found = landing_pattern((300.0, 400.0), heading_rad, WINGS, clockwise=clockwise)
     again = pattern_from(planned_approach(found, FRAME, 20.0), FRAME)
     assert again.radius_m == found.radius_m
@@ -90,17 +90,17 @@ def test_what_a_plan_says_of_an_approach_is_all_there_is_to_it(heading_rad: floa
         assert math.dist(mine, its) < 0.05
 
 
-def test_it_lands_along_its_way_where_nothing_speaks_against_that() -> None:
+def test_the_landing_heading_is_that_of_arrival_without_obstacles() -> None:
     assert chosen().heading_rad == pytest.approx(EAST)
 
 
-def test_it_lands_into_the_heading_that_is_asked_for() -> None:
+def test_a_configured_landing_heading_is_used() -> None:
     into_the_wind = replace(WINGS, landing_heading_deg=250.0)
     assert math.degrees(chosen(wings=into_the_wind).heading_rad) == pytest.approx(250.0)
 
 
 @given(st.floats(-math.pi, math.pi))
-def test_no_leg_leaves_the_fence_whichever_way_it_comes(heading_rad: float) -> None:
+def test_no_leg_leaves_the_fence_for_any_direction_of_arrival(heading_rad: float) -> None:
     fence = box(-420.0, -330.0, 180.0, 150.0)
     comes = Pose((0.0, 0.0), heading_rad)
     found = chosen(fence, comes=comes)
@@ -108,7 +108,7 @@ def test_no_leg_leaves_the_fence_whichever_way_it_comes(heading_rad: float) -> N
     assert all(contains(fence, point) for point in way)
 
 
-def test_of_all_that_are_inside_it_takes_the_least_exposed() -> None:
+def test_the_least_exposed_pattern_inside_the_fence_is_chosen() -> None:
     def east_is_seen(way: Sequence[PlanarPoint]) -> float:
         return sum(1.0 for east_m, _ in way if east_m > 100.0)
 
@@ -116,15 +116,15 @@ def test_of_all_that_are_inside_it_takes_the_least_exposed() -> None:
     assert max(east_m for east_m, _ in found.outline()) <= 100.0
 
 
-def test_without_room_it_says_how_much_is_needed() -> None:
-    with pytest.raises(NoApproach, match=r"a final of 190 m and a circle of 60 m would leave the fence"):
+def test_the_error_without_room_names_the_needed_lengths() -> None:
+    with pytest.raises(NoApproach, match=r"\b190 m\b.*\b60 m\b"):
         chosen(box(-100.0, -100.0, 100.0, 100.0))
     with pytest.raises(NoApproach):
         chosen(under=lambda way: math.inf)
 
 
 @given(headings, st.floats(-400.0, 400.0), st.floats(-400.0, 400.0), st.floats(20.0, 60.0))
-def test_the_way_to_the_circle_turns_no_tighter_than_it_can_and_comes_there(
+def test_the_path_to_the_circle_keeps_the_turn_radius_and_reaches_it(
     heading_rad: float, east_m: float, north_m: float, turn_radius_m: float
 ) -> None:
     there = landing_pattern((0.0, 0.0), NORTH, WINGS, clockwise=True)

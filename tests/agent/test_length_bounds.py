@@ -1,4 +1,4 @@
-"""From a time bound to a length: what is behind a vehicle, what lies between, what is kept free."""
+"""From a time bound to bounds on length: elapsed time, lead-in and margin."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_without_a_bound_every_length_is_good() -> None:
     )
 
 
-def test_before_the_take_off_the_climb_and_the_way_to_the_entry_are_counted() -> None:
+def test_the_climb_and_the_flight_to_the_entry_count_before_take_off() -> None:
     # 40 m at 2.5 m/s and 1.5 s to lift off, 85 m at 10 m/s from rest to rest: speeding up by 2.5 m/s² costs
     # 2 s, braking by 1.75 m/s² 20/7 s. Of 120 s that leaves 95.5 s less 1.5 and 4.857 s.
     on_ground = before_takeoff(AT_10_M_S, altitude_m=40.0)
@@ -37,7 +37,7 @@ def test_before_the_take_off_the_climb_and_the_way_to_the_entry_are_counted() ->
     assert on_ground.arrives_s(AT_10_M_S, left_m) == pytest.approx(120.0)
 
 
-def test_what_may_be_lost_is_not_counted_on_to_be_late_enough() -> None:
+def test_the_early_bound_counts_no_lost_time() -> None:
     between = TimeBound(10.0, 80.0, 120.0)
     plain, losing = LeadIn(60.0, 0.0, 0.0), LeadIn(60.0, 0.0, 0.0, lost_s=5.0)
     assert length_bounds(between, CELL_M, losing).min_cells == length_bounds(between, CELL_M, plain).min_cells
@@ -57,13 +57,11 @@ WAYS = [
 
 
 @pytest.mark.parametrize(("underway", "cells"), [way[1:] for way in WAYS], ids=[way[0] for way in WAYS])
-def test_in_flight_what_is_left_of_the_bound_is_what_is_left_of_the_length(
-    underway: LeadIn, cells: float
-) -> None:
+def test_the_remaining_time_bounds_the_remaining_length_in_flight(underway: LeadIn, cells: float) -> None:
     assert length_bounds(AT_10_M_S, CELL_M, underway) == LengthBounds(0.0, pytest.approx(cells))
 
 
-def test_a_vehicle_is_over_its_goal_cell_before_its_centre_and_must_not_be_so_too_early() -> None:
+def test_the_early_bound_counts_from_the_edge_of_the_goal_cell() -> None:
     between = TimeBound(speed_m_s=10.0, after_s=80.0, within_s=120.0)
     found = length_bounds(between, CELL_M, LeadIn(60.0, 0.0, 0.0))
     assert found == LengthBounds(pytest.approx(4.0 + HALF_DIAGONAL_CELLS), pytest.approx(12.0))
@@ -71,7 +69,7 @@ def test_a_vehicle_is_over_its_goal_cell_before_its_centre_and_must_not_be_so_to
     assert length_bounds(between, CELL_M, LeadIn(90.0, 0.0, 0.0)) == LengthBounds(0.0, pytest.approx(6.0))
 
 
-def test_a_window_shorter_than_a_cell_closes_but_never_turns_round() -> None:
+def test_bounds_shorter_than_a_cell_close_but_never_cross() -> None:
     found = length_bounds(TimeBound(10.0, after_s=119.0, within_s=120.0), CELL_M, LeadIn(60.0, 0.0, 0.0))
     assert found.min_cells == found.max_cells == pytest.approx(12.0)
 
@@ -80,7 +78,7 @@ MISSES = [(3.0, 1.0), (4.0, 0.0), (7.0, 0.0), (10.0, 0.0), (12.5, 2.5)]
 
 
 @pytest.mark.parametrize(("length", "missed"), MISSES)
-def test_how_far_a_length_is_out(length: float, missed: float) -> None:
+def test_the_distance_of_a_length_from_its_bounds(length: float, missed: float) -> None:
     assert LengthBounds(4.0, 10.0).misses_by(length) == pytest.approx(missed)
 
 
@@ -97,7 +95,7 @@ ends = st.floats(0.0, 500.0)
     speed_m_s=st.floats(0.5, 35.0),
     spare=st.one_of(st.floats(0.0, 50.0), st.just(0.0)),
 )
-def test_a_window_is_always_a_question_and_what_is_kept_free_only_narrows_it(
+def test_bounds_are_ordered_and_a_margin_only_narrows_them(
     after_s: float,
     lasts_s: float,
     elapsed_s: float,
@@ -113,5 +111,5 @@ def test_a_window_is_always_a_question_and_what_is_kept_free_only_narrows_it(
     narrower = found.less(spare)
     assert found.min_cells == narrower.min_cells <= narrower.max_cells <= found.max_cells
     if not math.isinf(found.max_cells) and found.max_cells > 0.0:
-        # Where something is left, its longest route takes exactly as long as is allowed.
+        # If any length is left, the longest route arrives exactly at the late bound.
         assert underway.arrives_s(arrival, found.max_cells * CELL_M) == pytest.approx(arrival.within_s)

@@ -30,24 +30,24 @@ class Params(Section):
 class TakenOverMemory:
     foreign_since_s: float | None = None
     orders: int = 0
-    said: str = ""
-    said_s: float | None = None
+    text: str = ""
+    text_s: float | None = None
     """time of that text; None: before the first evaluation"""
 
 
 def evaluate(
     _params: Params, memory: TakenOverMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[TakenOverMemory, Demand | None]:
-    vehicle, before = facts.vehicle, memory or TakenOverMemory(said=facts.vehicle.status_text)
+    vehicle, before = facts.vehicle, memory or TakenOverMemory(text=facts.vehicle.status_text)
     # A mode foreign before an order may be an intermediate one of that order.
     since_s = before.foreign_since_s if facts.orders == before.orders else None
     is_own = vehicle.mode_role in {"", *facts.own_roles}
-    new = vehicle.status_text != before.said
+    new = vehicle.status_text != before.text
     memory = TakenOverMemory(
         holds_since(since_s, not is_own, now),
         facts.orders,
         vehicle.status_text,
-        now if new else before.said_s,
+        now if new else before.text_s,
     )
     if facts.doing == "ground" and vehicle.armed:
         return memory, Demand(DemandKind.LET_GO, f"armed by another operator, in mode {vehicle.mode}")
@@ -63,7 +63,7 @@ def evaluate(
     if facts.doing == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
         return memory, None
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
-    recent = memory.said_s is not None and memory.said_s >= since_s - TEXT_BEFORE_S
+    recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S
     text = f" (vehicle reports: {vehicle.status_text})" if recent else ""
     return memory, Demand(
         DemandKind.LET_GO, f"in mode {vehicle.mode}, which this program has not ordered{text}"

@@ -86,13 +86,13 @@ def avoid_collisions(state: AgentState) -> StepResult:
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
         return replace(end_give_way(state), alarms=()), []
-    others = {uav: path for uav, heard in state.neighbours.items() if (path := predict(state, heard))}
+    others = {uav: path for uav, report in state.neighbours.items() if (path := predict(state, report))}
     now_s = state.vehicle.time_boot_s
     alarms = update_alarms(state.alarms, own, others, state.task.separation, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:
         state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
-    told: list[ev.Effect] = [
+    messages: list[ev.Effect] = [
         ev.NotifyOperator(f"{_alarm_text(alarm, now_s)}{_reaction(state, alarm)}") for alarm in new
     ]
     done: list[ev.Effect] = []
@@ -104,7 +104,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
         before_it = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
         asked = [alarm for alarm in (*new, *before_it) if _has_to_give_way(state, alarm.other)]
         state, done = _give_way(state, asked, others)
-    return state, [*told, *done]
+    return state, [*messages, *done]
 
 
 def end_give_way(state: AgentState) -> AgentState:
@@ -120,8 +120,8 @@ def end_give_way(state: AgentState) -> AgentState:
 
 def _has_to_give_way(state: AgentState, other: int) -> bool:
     """Return whether this vehicle gives way to another, by the table of the module."""
-    heard = state.neighbours.get(other)
-    may_too = heard is None or (heard.state.phase == Phase.FLYING and _hears(state, heard))
+    report = state.neighbours.get(other)
+    may_too = report is None or (report.state.phase == Phase.FLYING and _hears(state, report))
     return gives_way_to((True, state.task.uav), (may_too, other))
 
 
@@ -154,8 +154,8 @@ def _give_way(
     # A fixed wing would circle in hold, so it climbs.
     if rules.action == "hold" and not blocked and state.task.wings is None:
         # The route is planned again when it is clear; until then the vehicle has none.
-        now_s, n, heard = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
-        to = {alarm.other: heard[alarm.other] for alarm in asked if alarm.other in heard}
+        now_s, n, reports = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
+        to = {alarm.other: reports[alarm.other] for alarm in asked if alarm.other in reports}
         state = replace(state, gave_way_to=to, n_holds=n, holding_since_boot_s=now_s)
         return command(state, ev.FlightOrder.HOLD, interrupted_plan=state.route, route=None)
     return _climb(state, others), []
@@ -190,7 +190,7 @@ def ceiling_m(state: AgentState) -> float:
 def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
     """Resume the route, planned again from here, if it is clear; else hold on or try another height."""
     now_s = state.vehicle.time_boot_s
-    to = {uav: state.neighbours.get(uav, heard) for uav, heard in state.gave_way_to.items()}
+    to = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
     state = replace(state, gave_way_to=to)
     if now_s < state.resume_earliest_boot_s:
         return state, []
@@ -248,15 +248,15 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions of silent vehicles that it gave way to, as trajectories standing still."""
     now_s = state.vehicle.time_boot_s
     return {
-        uav: extrapolate(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for uav, heard in state.gave_way_to.items()
-        if MAX_REPORT_AGE_S < now_s - heard.at_s <= SILENT_S and heard.state.alt_rel_m >= AIRBORNE_M
+        uav: extrapolate(_place(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        for uav, report in state.gave_way_to.items()
+        if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
     }
 
 
 def _resume(state: AgentState, text: str) -> StepResult:
     # After a deferred plan, `route_deconfliction` reports when the new plan is clear.
-    told: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
+    messages: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
     state = replace(
         state,
         interrupted_plan=None,
@@ -266,7 +266,7 @@ def _resume(state: AgentState, text: str) -> StepResult:
         hold_is_own=True,
         dirty=True,
     )
-    return state, told
+    return state, messages
 
 
 def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
@@ -369,20 +369,20 @@ def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
     return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
-def predict(state: AgentState, heard: NeighbourReport) -> Trajectory | None:
+def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state is too
     old."""
-    told, now_s = heard.state, state.vehicle.time_boot_s
-    if not 0.0 <= now_s - heard.at_s <= MAX_REPORT_AGE_S or told.alt_rel_m < AIRBORNE_M:
+    reported, now_s = report.state, state.vehicle.time_boot_s
+    if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
         return None
-    for_s = now_s - heard.at_s + state.task.separation.look_ahead_s
-    return extrapolate(_place(state, told), told.velocity_m_s, heard.at_s, for_s)
+    for_s = now_s - report.at_s + state.task.separation.look_ahead_s
+    return extrapolate(_place(state, reported), reported.velocity_m_s, report.at_s, for_s)
 
 
-def _place(state: AgentState, told: StateShared) -> LocalPoint:
+def _place(state: AgentState, reported: StateShared) -> LocalPoint:
     """Return the position in another vehicle's state."""
-    east_m, north_m = state.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
-    return east_m, north_m, _up_m(state.vehicle, told)
+    east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
+    return east_m, north_m, _up_m(state.vehicle, reported)
 
 
 def _up_m(vehicle: VehicleState, other: StateShared) -> float:
@@ -410,8 +410,8 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):
         return "; cannot give way now [alarm-cannot-yield]"
-    heard = state.neighbours.get(alarm.other)
-    acknowledges = heard is None or heard.state.phase != Phase.FLYING or _hears(state, heard)
+    report = state.neighbours.get(alarm.other)
+    acknowledges = report is None or report.state.phase != Phase.FLYING or _hears(state, report)
     if acknowledges or gives_way_by_id(state.task.uav, alarm.other):
         return "; gives way [alarm-yields]"
     return f"; gives way: vehicle {alarm.other} does not acknowledge hearing this vehicle [alarm-not-heard]"

@@ -87,20 +87,20 @@ def may_change(state: AgentState) -> bool:
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
     frame, now_s = state.task.grid.frame, state.vehicle.time_boot_s
-    told = zip(flight.times_s[:MAX_POINTS], flight.points, strict=False)
+    announced = zip(flight.times_s[:MAX_POINTS], flight.points, strict=False)
     return tuple(
         IntentPoint(t - now_s, *frame.to_geodetic(east_m, north_m), up_m)
-        for t, (east_m, north_m, up_m) in told
+        for t, (east_m, north_m, up_m) in announced
         if t - now_s <= MAX_AHEAD_S
     )
 
 
 def _is_off_intent(state: AgentState) -> bool:
     """Return whether the vehicle is off the position that its last intent announced for now."""
-    told, here = state.own_intent, position_amsl(state)
-    if told is None or here is None:
-        return told is None and planned_flight(state) is not None
-    at = told.at(state.vehicle.time_boot_s)
+    intent, here = state.own_intent, position_amsl(state)
+    if intent is None or here is None:
+        return intent is None and planned_flight(state) is not None
+    at = intent.at(state.vehicle.time_boot_s)
     if at is None:
         return state.phase in IN_FLIGHT
     may_m = max(DRIFT_M, DRIFT_S * state.vehicle.ground_speed_m_s)
@@ -199,9 +199,9 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
                 return land_from([(*way[-1], here[2])], [0.0])
             if _climbs_on_the_spot(state, here, plan):
                 return climb_then_fly(here, height_of(plan), way, speed_m_s)
-            left = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
+            remaining = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
             begins_m_s = state.vehicle.ground_speed_m_s
-            return fly_with_stop(here, height_of(plan), left, speed_m_s, begins_m_s, stop_ahead(state))
+            return fly_with_stop(here, height_of(plan), remaining, speed_m_s, begins_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopping_point(state, here)
             return Trajectory((0.0, STANDS_S), (stop, stop))
@@ -223,11 +223,11 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
     if swap is None or state.interrupted_plan is not None:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
-        left = [
+        remaining = [
             point[:2]
             for point in track_ahead([(*at, 0.0) for at in waypoints_of(task, swap.plan)[:-1]], here)
         ]
-        return wing_trajectory.in_flight(task, swap.plan, here, left, speed_m_s)
+        return wing_trajectory.in_flight(task, swap.plan, here, remaining, speed_m_s)
     if state.phase is Phase.LANDING and vehicle.ground_speed_m_s > 0.0:
         heading_rad = math.atan2(vehicle.east_m_s, vehicle.north_m_s)
         return wing_trajectory.coming_down(task, swap.plan, here, heading_rad, speed_m_s)
@@ -257,22 +257,22 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             # collision avoidance. A vehicle that lands already, or is about to, has priority: its landing
             # counts.
             flight = until_landing(flight) if intent.may_change else flight
-            said_s, (away_m, up_m) = now_s - age_s, intent.around_m
+            sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # an honest sender announces no more
             kept[uav] = NeighbourIntent(
-                flight, Bounds.of(flight), intent.may_change, said_s, uncertainty, intent.on_ground
+                flight, Bounds.of(flight), intent.may_change, sent_s, uncertainty, intent.on_ground
             )
-    fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.said_s <= MAX_AGE_S}
+    fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
     return replace(state, intents=fresh), []
 
 
-def _received_flight(state: AgentState, intent: IntentShared, said_s: float) -> Trajectory | None:
+def _received_flight(state: AgentState, intent: IntentShared, sent_s: float) -> Trajectory | None:
     if len(intent.points) < 2:
         return None
     frame = state.task.grid.frame
     places = (frame.to_local(p.lat_deg, p.lon_deg) for p in intent.points)
     points = tuple((*place, p.alt_amsl_m) for place, p in zip(places, intent.points, strict=True))
     try:
-        return Trajectory(tuple(said_s + p.in_s for p in intent.points), points)
+        return Trajectory(tuple(sent_s + p.in_s for p in intent.points), points)
     except ValueError:  # too far away for the local frame, or times that do not increase
         return None

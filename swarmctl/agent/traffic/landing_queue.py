@@ -117,8 +117,8 @@ def land_unconfirmed(state: AgentState) -> StepResult:
 
 def _land_here(state: AgentState, text: str) -> StepResult:
     state, ordered = command(replace(end_give_way(state), route=state.interrupted_plan), ev.FlightOrder.LAND)
-    state, told = publish_intent(state, planned_flight(state))
-    return state, [ev.NotifyOperator(text), *ordered, *told]
+    state, published = publish_intent(state, planned_flight(state))
+    return state, [ev.NotifyOperator(text), *ordered, *published]
 
 
 def _is_urgent(state: AgentState) -> bool:
@@ -142,68 +142,70 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     if flight is None:
         return state, []
     others = _others(state)
-    below = {uav: told for uav, told in others.items() if _waits_for(state, here, uav, told)}
+    below = {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
     lands_s = landing_start_s(flight)
     # Until shortly before the descent only conflicts of the level flight count: for a conflict of the descent
     # the vehicle stops later, near its landing spot.
     until_s = lands_s if lands_s > now_s + STOPS_BEFORE_S else math.inf
-    met = [
+    clashes = [
         clash
         for clash in clashes_with(flight, below, state.task.separation.limits)
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(below[clash.other]))
     ]
-    if not met or _hold_would_block(state, here, others):
+    if not clashes or _hold_would_block(state, here, others):
         return state, []
-    counts, n = state.deconfliction, len(met)
+    counts, n = state.deconfliction, len(clashes)
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
     state, ordered = command(
         replace(state, n_holds=state.n_holds + 1, deconfliction=counts),
         ev.FlightOrder.HOLD,
         interrupted_plan=state.route,
-        gave_way_to={at.other: heard for at in met if (heard := state.neighbours.get(at.other)) is not None},
+        gave_way_to={
+            at.other: report for at in clashes if (report := state.neighbours.get(at.other)) is not None
+        },
         holding_since_boot_s=now_s,
         resume_earliest_boot_s=now_s + MIN_WAIT_S,
     )
-    state, told = publish_intent(state, planned_flight(state))
-    text = f"its descent would conflict with {describe_clashes(met, now_s)}; holds above its landing spot"
-    return state, [ev.NotifyOperator(f"{text} [landing-queue]"), *ordered, *told]
+    state, published = publish_intent(state, planned_flight(state))
+    text = f"its descent would conflict with {describe_clashes(clashes, now_s)}; holds above its landing spot"
+    return state, [ev.NotifyOperator(f"{text} [landing-queue]"), *ordered, *published]
 
 
-def _conflict_horizon_s(told: NeighbourIntent) -> float:
+def _conflict_horizon_s(intent: NeighbourIntent) -> float:
     """Return how soon a conflict has to be; later, a vehicle that can change its plan still gives way."""
-    return SEPARATES_WITHIN_S if told.may_change else WAITS_WITHIN_S
+    return SEPARATES_WITHIN_S if intent.may_change else WAITS_WITHIN_S
 
 
 def _others(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the trajectories of all others: intents, else extrapolated positions, and those of silent
     vehicles."""
-    told, vehicle = known_intents(state), state.vehicle
+    intents, vehicle = known_intents(state), state.vehicle
     home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
     paths = silent_neighbours(state)
-    paths |= {uav: path for uav, heard in state.neighbours.items() if (path := predict(state, heard))}
+    paths |= {uav: path for uav, report in state.neighbours.items() if (path := predict(state, report))}
     for uav, path in paths.items():
-        if uav in told:
+        if uav in intents:
             continue
         points = tuple((east_m, north_m, up_m + home_m) for east_m, north_m, up_m in path.points)
         flight = Trajectory(path.times_s, points)
-        told[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, said_s=path.times_s[0])
-    return told
+        intents[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
+    return intents
 
 
 def _below(state: AgentState, here: LocalPoint) -> dict[int, NeighbourIntent]:
-    return {uav: told for uav, told in _others(state).items() if _waits_for(state, here, uav, told)}
+    return {uav: intent for uav, intent in _others(state).items() if _waits_for(state, here, uav, intent)}
 
 
-def _height_now_m(state: AgentState, told: NeighbourIntent) -> float:
-    now_s, flight = state.vehicle.time_boot_s, told.flight
+def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
+    now_s, flight = state.vehicle.time_boot_s, intent.flight
     at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
     return flight.points[-1][2] if at is None else at[2]
 
 
-def _waits_for(state: AgentState, here: LocalPoint, uav: int, told: NeighbourIntent) -> bool:
+def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourIntent) -> bool:
     """Return whether this vehicle waits for another: it is higher, or at the same height has the higher
     id."""
-    above_m = here[2] - _height_now_m(state, told)
+    above_m = here[2] - _height_now_m(state, intent)
     return above_m > SAME_HEIGHT_M or (above_m >= -SAME_HEIGHT_M and state.task.uav > uav)
 
 
@@ -215,12 +217,12 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
     stands = Trajectory((now_s, now_s + STANDS_S), (stop, stop))
     # Vehicles above wait for this one.
     near = {
-        uav: told
-        for uav, told in others.items()
-        if _height_now_m(state, told) - stop[2] < limits.vertical_m + SAME_HEIGHT_M
+        uav: intent
+        for uav, intent in others.items()
+        if _height_now_m(state, intent) - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }
-    met = clashes_with(stands, near, limits)
-    return any(not near[at.other].may_change or at.at_s < now_s + SEPARATES_WITHIN_S for at in met)
+    clashes = clashes_with(stands, near, limits)
+    return any(not near[at.other].may_change or at.at_s < now_s + SEPARATES_WITHIN_S for at in clashes)
 
 
 # --- end of the wait
@@ -233,20 +235,20 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     stands = state.order_followed and state.vehicle.landed is not Landed.LANDING
     if not stands or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
         return state, []
-    to = {uav: state.neighbours.get(uav, heard) for uav, heard in state.gave_way_to.items()}
+    to = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
     # A landing vehicle that falls silent has landed.
-    to = {uav: heard for uav, heard in to.items() if heard.state.phase != Phase.LANDING}
+    to = {uav: report for uav, report in to.items() if report.state.phase != Phase.LANDING}
     state = replace(state, gave_way_to=to)
-    met = _descent_conflicts(state, _below(state, here))
-    if not met:
+    clashes = _descent_conflicts(state, _below(state, here))
+    if not clashes:
         state, ordered = _land(state)
-        state, told = publish_intent(state, planned_flight(state))
-        return state, [ev.NotifyOperator("its descent is clear; lands [descent-clear]"), *ordered, *told]
+        state, published = publish_intent(state, planned_flight(state))
+        return state, [ev.NotifyOperator("its descent is clear; lands [descent-clear]"), *ordered, *published]
     if now_s - state.holding_since_boot_s < REPORTS_AGAIN_S:
         return state, []
     text = f"has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; its descent conflicts with "
     return replace(state, holding_since_boot_s=now_s), [
-        ev.NotifyOperator(f"{text}{describe_clashes(met, now_s)}; continues to hold [landing-queue-long]")
+        ev.NotifyOperator(f"{text}{describe_clashes(clashes, now_s)}; continues to hold [landing-queue-long]")
     ]
 
 
@@ -266,8 +268,8 @@ def _descent_conflicts(state: AgentState, below: Mapping[int, NeighbourIntent]) 
         return ()
     limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_FOR_S
     for starts_s in STARTS_AFTER_S:
-        met = clashes_with(flight.later(starts_s), below, limits)
-        if soon := tuple(clash for clash in met if clash.at_s < until_s):
+        clashes = clashes_with(flight.later(starts_s), below, limits)
+        if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
             return soon
     return ()
 

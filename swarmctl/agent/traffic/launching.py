@@ -40,19 +40,19 @@ def launch_if_possible(state: AgentState) -> StepResult:
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
         # Another operator has the vehicle, or it is booting.
         return release_vehicle(state, f"in mode {state.vehicle.mode}, which this program has not ordered")
-    if met := _met(state, _waited_for(state)):
-        return _waits(state, _conflict_text(state, met))
-    told: list[ev.Effect] = []
+    if clashes := _route_clashes(state, _waited_for(state)):
+        return _waits(state, _conflict_text(state, clashes))
+    messages: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
-        told.append(ev.NotifyOperator("its first route is clear; launches [launch-clear]"))
-    if state.launch_ignored and (ignored := _met(state, known_intents(state))):
-        told.append(
+        messages.append(ev.NotifyOperator("its first route is clear; launches [launch-clear]"))
+    if state.launch_ignored and (ignored := _route_clashes(state, known_intents(state))):
+        messages.append(
             ev.NotifyOperator(
                 f"{_conflict_text(state, ignored)}; launches anyway, as ordered [launch-ignores]"
             )
         )
     state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, trouble="")
-    return state, [*told, *ordered]
+    return state, [*messages, *ordered]
 
 
 def launch_conflict(state: AgentState) -> str:
@@ -61,9 +61,9 @@ def launch_conflict(state: AgentState) -> str:
     Vehicles that are about to take off themselves are left out. Two that were ordered at one moment would
     otherwise wait for each other.
     """
-    others = {uav: told for uav, told in _waited_for(state).items() if not told.on_ground}
-    met = _met(state, others)
-    return _conflict_text(state, met) if met else ""
+    others = {uav: intent for uav, intent in _waited_for(state).items() if not intent.on_ground}
+    clashes = _route_clashes(state, others)
+    return _conflict_text(state, clashes) if clashes else ""
 
 
 def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
@@ -107,10 +107,10 @@ def _stands_by(state: AgentState) -> StepResult:
 
 def _waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the recent intents of the vehicles that the launch waits for."""
-    return {uav: told for uav, told in known_intents(state).items() if uav not in state.launch_ignored}
+    return {uav: intent for uav, intent in known_intents(state).items() if uav not in state.launch_ignored}
 
 
-def _met(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
+def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
     """Return the conflicts of its first route with `others`, for a take-off now or a little later."""
     start, route = state.vehicle.takeoff_lat_lon, state.route
     if start is None or route is None or not others:
@@ -119,11 +119,13 @@ def _met(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clas
     if flight is None:
         return ()
     flight, limits = until_landing(flight), state.task.separation.limits
-    return next((met for s in STARTS_AFTER_S if (met := clashes_with(flight.later(s), others, limits))), ())
+    return next(
+        (clashes for s in STARTS_AFTER_S if (clashes := clashes_with(flight.later(s), others, limits))), ()
+    )
 
 
-def _conflict_text(state: AgentState, met: tuple[Clash, ...]) -> str:
-    return f"its first route would conflict with {describe_clashes(met, state.vehicle.time_boot_s)}"
+def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
+    return f"its first route would conflict with {describe_clashes(clashes, state.vehicle.time_boot_s)}"
 
 
 def _waits(state: AgentState, why: str, *, again: bool = False) -> StepResult:
@@ -141,8 +143,8 @@ def _waits(state: AgentState, why: str, *, again: bool = False) -> StepResult:
 
 def _ignore_hint(state: AgentState) -> str:
     """Return the command that launches without waiting, for an operator who ordered the launch."""
-    met = _met(state, _waited_for(state)) if state.launch_is_operators else ()
+    clashes = _route_clashes(state, _waited_for(state)) if state.launch_is_operators else ()
     ignore = " ".join(
-        f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in met)})
+        f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in clashes)})
     )
-    return f" (`order launch --uav {state.task.uav} {ignore}` does not wait)" if met else ""
+    return f" (`order launch --uav {state.task.uav} {ignore}` does not wait)" if clashes else ""

@@ -22,10 +22,10 @@ def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
 
 def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> StepResult:
     now_s = state.vehicle.time_boot_s
-    heard = {uav: NeighbourReport(told, now_s - told.age_s) for uav, told in event.states}
+    reports = {uav: NeighbourReport(shared, now_s - shared.age_s) for uav, shared in event.states}
     kept = {
         uav: known for uav, known in state.neighbours.items() if 0.0 <= now_s - known.at_s <= MAX_REPORT_AGE_S
     }
-    new = {uav: known for uav, known in heard.items() if is_near(state, known.state)}
-    state = note_returning(note_arrival_times(state, event.states), heard)
+    new = {uav: known for uav, known in reports.items() if is_near(state, known.state)}
+    state = note_returning(note_arrival_times(state, event.states), reports)
     return replace(state, neighbours={**kept, **new}), []

@@ -81,9 +81,9 @@ def note_returning(state: AgentState, states: Mapping[int, NeighbourReport]) -> 
     now_s = state.vehicle.time_boot_s
     known = {**state.returning_neighbours, **states}
     kept = {
-        uav: heard
-        for uav, heard in known.items()
-        if heard.state.returns_to is not None and heard.at_s <= now_s
+        uav: report
+        for uav, report in known.items()
+        if report.state.returns_to is not None and report.at_s <= now_s
     }
     return state if kept == state.returning_neighbours else replace(state, returning_neighbours=kept)
 
@@ -153,9 +153,9 @@ def _n_behind_in_queue(state: AgentState) -> int:
     now_s = state.vehicle.time_boot_s
     return sum(
         uav > state.task.uav
-        and heard.state.phase == Phase.HOLDING
-        and now_s - heard.at_s <= MAX_WAITING_AGE_S
-        for uav, heard in state.returning_neighbours.items()
+        and report.state.phase == Phase.HOLDING
+        and now_s - report.at_s <= MAX_WAITING_AGE_S
+        for uav, report in state.returning_neighbours.items()
     )
 
 
@@ -166,7 +166,7 @@ def _settles(state: AgentState, since_s: float) -> StepResult:
         return replace(state, return_started_boot_s=None), []
     if urgent_return_reason(state):
         return state, []
-    lower = {uav: heard for uav, heard in state.returning_neighbours.items() if uav < state.task.uav}
+    lower = {uav: report for uav, report in state.returning_neighbours.items() if uav < state.task.uav}
     held = wait_to_return(replace(state, returning_neighbours=lower), state.return_deadline_boot_s)
     if held is None:
         return state, []
@@ -189,12 +189,12 @@ def is_return_path_clear(state: AgentState) -> bool:
         return True
     own = msgspec.structs.replace(own, is_returning=False)
     before = {}
-    for uav, heard in state.returning_neighbours.items():
-        place = place_from_state(heard.state, own)
+    for uav, report in state.returning_neighbours.items():
+        place = place_from_state(report.state, own)
         if place is None:
             continue
-        waits = heard.state.phase == Phase.HOLDING
-        first = waits and uav < state.task.uav and now_s - heard.at_s <= MAX_WAITING_AGE_S
-        if first or (not waits and may_be_returning(place, now_s - heard.at_s)):
+        waits = report.state.phase == Phase.HOLDING
+        first = waits and uav < state.task.uav and now_s - report.at_s <= MAX_WAITING_AGE_S
+        if first or (not waits and may_be_returning(place, now_s - report.at_s)):
             before[uav] = place
     return not before or schedule_for({**before, state.task.uav: own}).begins_s[state.task.uav] == 0.0

@@ -75,7 +75,7 @@ def clashes_of(
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the recent intents of other vehicles by system id."""
     now_s = state.vehicle.time_boot_s
-    return {uav: told for uav, told in state.intents.items() if 0.0 <= now_s - told.said_s <= MAX_AGE_S}
+    return {uav: intent for uav, intent in state.intents.items() if 0.0 <= now_s - intent.sent_s <= MAX_AGE_S}
 
 
 def _clashes_with_known(
@@ -87,8 +87,8 @@ def _clashes_with_known(
     limits, flight = state.task.separation.limits, until_landing(flight)
     near_s = flight.times_s[0] + (TIME_TOLERANCE_S if instead_of is None else SEPARATES_WITHIN_S)
 
-    def separates(told: NeighbourIntent) -> bool:
-        return _separates(flight, instead_of, told.flight, told.limits(limits))
+    def separates(intent: NeighbourIntent) -> bool:
+        return _separates(flight, instead_of, intent.flight, intent.limits(limits))
 
     found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
@@ -99,13 +99,15 @@ def clashes_with(
 ) -> tuple[Clash, ...]:
     """Return the clashes of a flight with others' intents, soonest first."""
     mine = Bounds.of(flight)
-    near = {uav: told for uav, told in others.items() if mine.is_within(told.bounds, _reach(told, limits))}
-    wider = {uav: told.limits(limits) for uav, told in near.items() if any(told.around_m)}
-    return find_clashes(flight, {uav: told.flight for uav, told in near.items()}, limits, wider=wider)
+    near = {
+        uav: intent for uav, intent in others.items() if mine.is_within(intent.bounds, _reach(intent, limits))
+    }
+    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.around_m)}
+    return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
 
 
-def _reach(told: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
-    kept = told.limits(limits) if any(told.around_m) else limits
+def _reach(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
+    kept = intent.limits(limits) if any(intent.around_m) else limits
     return TIME_TOLERANCE_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
 
 
@@ -141,8 +143,8 @@ def check_own_route(state: AgentState) -> StepResult:
             if state.predicted_conflicts
             else state
         ), []
-    state, met = _update_comparisons(state, state.own_intent)
-    found = [clash for clash in met if _gives_way(state, clash.other)]
+    state, clashes = _update_comparisons(state, state.own_intent)
+    found = [clash for clash in clashes if _gives_way(state, clash.other)]
     if not found and not state.predicted_conflicts:
         return state, []
     others = frozenset(clash.other for clash in found)
@@ -164,20 +166,22 @@ def check_own_route(state: AgentState) -> StepResult:
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
     """Return the clashes of the own flight. Only intents that changed are compared again."""
     before = {uav: at for uav, at in state.comparisons.items() if at.own is own}
-    told = known_intents(state)
-    new = {uav: it for uav, it in told.items() if uav not in before or before[uav].other is not it}
-    met = {clash.other: clash for clash in _clashes_with_known(state, own, new, None)} if new else {}
+    intents = known_intents(state)
+    new = {uav: it for uav, it in intents.items() if uav not in before or before[uav].other is not it}
+    clashes = {clash.other: clash for clash in _clashes_with_known(state, own, new, None)} if new else {}
     after = {
-        uav: FlightComparison(own, it, met.get(uav)) if uav in new else before[uav]
-        for uav, it in told.items()
+        uav: FlightComparison(own, it, clashes.get(uav)) if uav in new else before[uav]
+        for uav, it in intents.items()
     }
-    found = sorted((at.met for at in after.values() if at.met is not None), key=lambda c: (c.at_s, c.other))
+    found = sorted(
+        (at.clash for at in after.values() if at.clash is not None), key=lambda c: (c.at_s, c.other)
+    )
     return replace(state, comparisons=after), tuple(found)
 
 
 def _gives_way(state: AgentState, other: int) -> bool:
-    told = state.intents[other]
-    return gives_way_to((may_change(state), state.task.uav), (told.may_change, other))
+    intent = state.intents[other]
+    return gives_way_to((may_change(state), state.task.uav), (intent.may_change, other))
 
 
 # --- conflicts of a new plan
@@ -197,12 +201,12 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     if before.alarms and _changes_height(before, swap.plan):
         return _take(state, swap, flight)  # an evasive climb comes first
     old = None if before.route is None else planned_flight(before)
-    met = clashes_of(state, flight, old)
-    new = [clash for clash in met if clash.other not in before.predicted_conflicts | before.deferred_for]
+    clashes = clashes_of(state, flight, old)
+    new = [clash for clash in clashes if clash.other not in before.predicted_conflicts | before.deferred_for]
     counts = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
     state = replace(state, deconfliction=counts)
     resolved = before.predicted_conflicts - before.deferred_for
-    if not met:
+    if not clashes:
         state = replace(state, deconfliction=replace(counts, by_route=counts.by_route + len(resolved)))
         state, taken = _take(state, swap, flight)
         waited = before.route is None and before.deferred_for
@@ -215,16 +219,16 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         flight = flight_by_plan(before, plan)
         if clashes_of(state, flight, old):
             continue
-        resolved |= {clash.other for clash in met} - before.deferred_for
+        resolved |= {clash.other for clash in clashes} - before.deferred_for
         state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
-        others_text = describe_clashes(met, state.vehicle.time_boot_s)
+        others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
         text = (
             f"its new route would conflict with {others_text}; flies it at {height_m:.0f} m [height-change]"
         )
-        state, told = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
-        return state, [ev.NotifyOperator(text), *told]
-    return _defer(before, state, swap, met, now)
+        state, published = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
+        return state, [ev.NotifyOperator(text), *published]
+    return _defer(before, state, swap, clashes, now)
 
 
 def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
@@ -252,16 +256,16 @@ def _take(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) ->
         deferred_for=frozenset(),
         holding_since_boot_s=math.inf,
     )
-    state, told = publish_intent(state, flight)
-    return state, [swap, *told]
+    state, published = publish_intent(state, flight)
+    return state, [swap, *published]
 
 
 def _defer(
-    before: AgentState, state: AgentState, swap: ev.SwapMission, met: tuple[Clash, ...], now: float
+    before: AgentState, state: AgentState, swap: ev.SwapMission, clashes: tuple[Clash, ...], now: float
 ) -> StepResult:
     """Defer a plan: the vehicle keeps the present one, or holds."""
-    others = frozenset(clash.other for clash in met)
-    new = [clash for clash in met if clash.other not in before.deferred_for]
+    others = frozenset(clash.other for clash in clashes)
+    new = [clash for clash in clashes if clash.other not in before.deferred_for]
     state = replace(
         state,
         pending=None,
@@ -281,16 +285,16 @@ def _defer(
     if holds or not old:
         by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
         state = replace(state, deconfliction=replace(state.deconfliction, by_waiting=by_waiting))
-    told: list[ev.Effect] = []
+    messages: list[ev.Effect] = []
     if new:
         others_text = describe_clashes(new, state.vehicle.time_boot_s)
-        told.append(
+        messages.append(
             ev.NotifyOperator(f"its new route would conflict with {others_text} at every height; {does}")
         )
     if not holds:
-        return state, told
+        return state, messages
     state, ordered = _hold(state, before.route or swap)
-    return state, [*told, *ordered]
+    return state, [*messages, *ordered]
 
 
 def _may_hold(state: AgentState) -> bool:
@@ -317,8 +321,8 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
         holding_since_boot_s=min(state.holding_since_boot_s, now_s),
         predicted_conflicts=frozenset(),
     )
-    state, told = publish_intent(state, planned_flight(state))
-    return state, [*ordered, *told]
+    state, published = publish_intent(state, planned_flight(state))
+    return state, [*ordered, *published]
 
 
 # --- other heights
@@ -333,8 +337,8 @@ def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
     keeps_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
     tops_m = {
-        max(point[2] for point in told.flight.points) + told.around_m[1] - home_m
-        for told in state.intents.values()
+        max(point[2] for point in intent.flight.points) + intent.around_m[1] - home_m
+        for intent in state.intents.values()
     }
     wanted = {task.altitude_m, flown_m + keeps_m, *(top_m + keeps_m for top_m in tops_m)}
     most_m = ceiling_m(state)

@@ -52,7 +52,7 @@ class NeighbourIntent:
     bounds: Bounds
     may_change: bool
     """able to give way"""
-    said_s: float
+    sent_s: float
     around_m: tuple[float, float] = (0.0, 0.0)
     """uncertainty of the flight, horizontal and vertical [m]"""
     on_ground: bool = False
