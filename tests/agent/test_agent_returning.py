@@ -359,8 +359,8 @@ class Waits:
         return self.story.state
 
 
-class NoOtherProcess:
-    """May go, for others are always on the way."""
+class OthersInTheWay:
+    """Vehicles of other processes that always block the return."""
 
     def may_return(self, place: VehiclePosition, now_s: float) -> bool:
         return False
@@ -372,7 +372,7 @@ class NoOtherProcess:
 def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     story = waiting()
     member: Any = Waits(story)
-    called = Shutdown([member], FlightSection(), lambda _text: None, NoOtherProcess())
+    called = Shutdown([member], FlightSection(), lambda _text: None, OthersInTheWay())
 
     async def scene() -> list[ev.FlightOrder]:
         leaving = asyncio.create_task(called.run())

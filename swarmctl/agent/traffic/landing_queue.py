@@ -10,8 +10,8 @@ Vehicles with one goal arrive at different heights, but a landing descends throu
 | over the goal, higher | this one lands; the other waits |
 | over the goal, same height within 1 m | the lower system id; the other one waits |
 
-No vehicle waits for a higher one, so no two wait for each other. An urgent failsafe, a lost link and a height
-below 5 m end the waiting. A fixed wing does not wait: it cannot hover.
+No vehicle waits for a higher one, so no two wait for each other. Below 5 m no wait begins. An urgent failsafe
+prevents or ends a wait. During a lost link nothing is decided. A fixed wing does not wait: it cannot hover.
 """
 
 from __future__ import annotations
