@@ -11,7 +11,7 @@ from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 from swarmctl.config.communication import Communication, mesh_endpoints
-from swarmctl.security.participant import Keyring, load
+from swarmctl.security.participant import Keyring, load_keyring
 
 
 class Swarm(Protocol):
@@ -31,7 +31,7 @@ class NoNetwork(ValueError):
 def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
     """Return the keys of `uav3` or `operator`; None without communication.keys. Raises KeyringError."""
     folder = swarm.communication.keys
-    return None if folder is None else load(Path(folder), name, now)
+    return None if folder is None else load_keyring(Path(folder), name, now)
 
 
 def as_agent(
