@@ -1,4 +1,4 @@
-"""A payload that tells its vehicle's agent what it sees, once a second. Needs `pip install eclipse-zenoh`.
+"""A payload that reports its observations to its vehicle's agent, once a second. Needs `pip install eclipse-zenoh`.
 
 For a swarm with `sensor: {source: external}` and `communication: {listen: tcp/127.0.0.1:7447}`:
 python configs/detector.py tcp/127.0.0.1:7447 first-flight 3
@@ -12,7 +12,7 @@ import zenoh
 
 
 def look() -> list[list]:
-    """Replace this: [row, col, occupied] of each cell that was seen since the last time."""
+    """Return [row, col, occupied] of each cell observed since the last call. Replace this."""
     return [[4, 7, True], [4, 8, False]]
 
 
@@ -26,8 +26,8 @@ config.insert_json5("scouting/multicast/enabled", "false")
 try:
     session = zenoh.open(config)
 except zenoh.ZError as error:
-    why = str(error).split(" at /")[0]  # without the place in Zenoh's sources
-    sys.exit(f"nobody lets us in at {endpoint}: does the flight run, with that communication.listen? ({why})")
+    reason = str(error).split(" at /")[0]  # without the line of Zenoh's sources
+    sys.exit(f"no connection to {endpoint} ({reason}); start the flight with that communication.listen")
 with session:
     while True:
         if cells := look():
