@@ -17,7 +17,7 @@ from swarmctl.core.frames import StateShared
 ROW_M = GRID.centre_m((4, 4))[1]
 
 
-class Meets(Story):
+class ArrivalStory(Story):
     """Vehicle 1 flies east along row 4 to its goal cell, which begins at 400 m; vehicle 2 arrives with it."""
 
     def __init__(self, uav: int = 1, w: float = 0.5, **simultaneous: float) -> None:
@@ -26,8 +26,8 @@ class Meets(Story):
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
-        told = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 0), **{**told, **changes})
+        motion = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        return self.over((4, 0), **{**motion, **changes})
 
     def other(self, earliest_in_s: float | None, uav: int = 2) -> None:
         lat_deg, lon_deg = GRID.frame.to_geodetic(5000.0, ROW_M)
@@ -41,7 +41,7 @@ def speeds(effects: list[ev.Effect]) -> list[float]:
 
 
 def test_a_single_vehicle_flies_at_full_speed_and_reports_its_earliest_arrival() -> None:
-    story = Meets()
+    story = ArrivalStory()
     (message,) = (e.message for e in story.at(100.0) if isinstance(e, ev.Publish))
     assert isinstance(message, StateShared)
     # 300 m to the edge of its goal cell at 10 m/s; it brakes for the landing inside the cell.
@@ -50,7 +50,7 @@ def test_a_single_vehicle_flies_at_full_speed_and_reports_its_earliest_arrival()
 
 
 def test_a_vehicle_slows_down_for_a_slower_one() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(60.0)
     (speed_m_s,) = speeds(story.at(100.0))
     assert speed_m_s == pytest.approx(300.0 / 59.0, abs=0.15)
@@ -58,13 +58,13 @@ def test_a_vehicle_slows_down_for_a_slower_one() -> None:
 
 
 def test_a_faster_vehicle_changes_nothing() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(20.0)
     assert speeds(story.at(100.0)) == []
 
 
 def test_a_vehicle_follows_a_later_arrival_but_not_with_every_message() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(50.0)
     (first_m_s,) = speeds(story.at(100.0))
     story.other(60.0)
@@ -74,7 +74,7 @@ def test_a_vehicle_follows_a_later_arrival_but_not_with_every_message() -> None:
 
 
 def test_a_vehicle_does_not_wait_for_one_that_has_given_up() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(60.0)
     story.at(100.0)
     story.other(None)
@@ -83,21 +83,21 @@ def test_a_vehicle_does_not_wait_for_one_that_has_given_up() -> None:
 
 
 def test_with_spacing_the_first_vehicle_is_early_enough_for_the_next() -> None:
-    story = Meets(spacing_s=20.0)
+    story = ArrivalStory(spacing_s=20.0)
     story.other(70.0)
     (speed_m_s,) = speeds(story.at(100.0))
     assert speed_m_s == pytest.approx(300.0 / 49.0, abs=0.15)
 
 
 def test_an_arrived_vehicle_keeps_its_position_in_the_order() -> None:
-    story = Meets(uav=2, spacing_s=20.0)
+    story = ArrivalStory(uav=2, spacing_s=20.0)
     story.other(-1.0, uav=1)
     (speed_m_s,) = speeds(story.at(300.0))  # 10 s from its goal, due 20 s after the other
     assert speed_m_s < 7.0
 
 
 def test_the_speed_is_set_again_after_a_new_plan() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(60.0)
     story.at(100.0)
     story.hear((4, 4, True))
@@ -108,7 +108,7 @@ def test_the_speed_is_set_again_after_a_new_plan() -> None:
 
 
 def test_a_refused_speed_is_set_again() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(60.0)
     story.at(100.0)
     story(ev.SpeedFailed("no answer"))
@@ -116,7 +116,7 @@ def test_a_refused_speed_is_set_again() -> None:
 
 
 def test_a_refused_full_speed_is_set_again() -> None:
-    story = Meets()
+    story = ArrivalStory()
     story.other(60.0)
     story.at(100.0)
     story.other(None)
@@ -129,19 +129,19 @@ def test_a_refused_full_speed_is_set_again() -> None:
 # routes that use spare time
 
 
-def swapped(story: Meets) -> ev.SwapMission | None:
+def next_swap(story: ArrivalStory) -> ev.SwapMission | None:
     return next((effect for effect in story.tick() if isinstance(effect, ev.SwapMission)), None)
 
 
 def test_an_early_vehicle_takes_a_safer_route() -> None:
     """With w = 0 the vehicle flies straight; with spare time it flies around the hostile, and is still in
     time."""
-    story = Meets(w=0.0)
+    story = ArrivalStory(w=0.0)
     story.hear((4, 5, True))
-    assert swapped(story) is None
+    assert next_swap(story) is None
     story.other(70.0)
     story.at(60.0)
-    swap = swapped(story)
+    swap = next_swap(story)
     assert swap is not None
     assert (4, 5) not in swap.cells
     story.accept()
@@ -152,34 +152,34 @@ def test_an_early_vehicle_takes_a_safer_route() -> None:
 
 
 def test_an_early_vehicle_with_a_minimum_speed_takes_a_longer_route() -> None:
-    story = Meets(slowest_m_s=8.0)
+    story = ArrivalStory(slowest_m_s=8.0)
     story.other(70.0)
     story.at(60.0)
-    swap = swapped(story)
+    swap = next_swap(story)
     assert swap is not None
     # 68 s at 8 m/s at least, and at 10 m/s in time.
     assert 0.8 * 640.0 < 60.0 + swap.length_m < 700.0
     story.accept()
     story.state = replace(story.state, swapped_boot_s=-100.0)
-    assert swapped(story) is None
+    assert next_swap(story) is None
 
 
 def test_a_slightly_early_vehicle_only_flies_slower() -> None:
-    story = Meets(w=0.0)
+    story = ArrivalStory(w=0.0)
     story.hear((4, 5, True))
     story.tick()
     story.other(42.0)
     assert len(speeds(story.at(60.0))) == 1
-    assert swapped(story) is None
+    assert next_swap(story) is None
 
 
 def test_a_vehicle_that_becomes_the_last_takes_its_best_route_again() -> None:
-    story = Meets(w=0.0)
+    story = ArrivalStory(w=0.0)
     story.hear((4, 5, True))
     story.tick()
     story.other(70.0)
     story.at(60.0)
-    assert swapped(story) is not None
+    assert next_swap(story) is not None
     story.accept()
     story.other(10.0)
     story.at(62.0, time_boot_s=story.now + 10.0)

@@ -20,11 +20,11 @@ from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 ROW_M = GRID.centre_m((4, 4))[1]
-COSTS_S = 10.0 / (2.0 * 2.5) + 10.0 / (2.0 * 2.5)
+STOP_COST_S = 10.0 / (2.0 * 2.5) + 10.0 / (2.0 * 2.5)
 """braking by 2.5 m/s² from 10 m/s, and speeding up by as much"""
 
 
-class Flies(Story):
+class StopStory(Story):
     """A flight east along row 4 at 10 m/s; `brakes_m_s2` None: the vehicle turns without a stop."""
 
     def __init__(self, brakes_m_s2: float | None, **changes: Any) -> None:
@@ -44,12 +44,12 @@ class Flies(Story):
         self.hear((4, 6, True), observer=9)
         return self.tick()
 
-    def taken_up(self) -> None:
+    def accept_plan(self) -> None:
         assert self.state.pending is not None
         self(ev.MissionAccepted(self.state.pending.plan_id, 0.5, 0.0))
 
 
-def told(effects: list[ev.Effect]) -> IntentShared:
+def published_intent(effects: list[ev.Effect]) -> IntentShared:
     (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
     return intent
 
@@ -71,21 +71,21 @@ def earliest_in_s(effects: list[ev.Effect]) -> float:
 
 
 def test_the_intent_of_a_new_plan_is_later_by_the_cost_of_the_stop() -> None:
-    brakes, turns = told(Flies(2.5).new_plan()), told(Flies(None).new_plan())
-    assert lands_in_s(brakes) == pytest.approx(lands_in_s(turns) + COSTS_S, abs=0.1)
+    brakes, turns = published_intent(StopStory(2.5).new_plan()), published_intent(StopStory(None).new_plan())
+    assert lands_in_s(brakes) == pytest.approx(lands_in_s(turns) + STOP_COST_S, abs=0.1)
 
 
 def test_the_intent_before_a_swap_flies_on_and_then_brakes_to_a_stop() -> None:
-    story = Flies(2.5)
+    story = StopStory(2.5)
     on_s = story.state.swap_times.likely_s
-    path = flight(told(story.new_plan()))
+    path = flight(published_intent(story.new_plan()))
     at = path.times_s.index
     assert path.points[at(on_s)] == pytest.approx((75.0 + 10.0 * on_s, ROW_M, 330.0), abs=0.01)
     stop = path.points[at(on_s + 4.0)]
     assert stop == pytest.approx((75.0 + 10.0 * on_s + 20.0, ROW_M, 330.0), abs=0.01)
 
 
-def later_s(*stories: Story) -> float:
+def landing_delay_s(*stories: Story) -> float:
     """Return the difference between the landing times in the intents of the two, now."""
     lands_s = []
     for story in stories:
@@ -95,9 +95,9 @@ def later_s(*stories: Story) -> float:
     return lands_s[0] - lands_s[1]
 
 
-def pair(**changes: Any) -> tuple[Flies, Flies]:
+def pair(**changes: Any) -> tuple[StopStory, StopStory]:
     """Return a vehicle that brakes and one that does not, each with a pending plan."""
-    stories = Flies(2.5, **changes), Flies(None, **changes)
+    stories = StopStory(2.5, **changes), StopStory(None, **changes)
     for story in stories:
         story.new_plan()
     return stories
@@ -108,19 +108,19 @@ def test_the_stop_stays_ahead_while_the_plan_is_pending() -> None:
     for east_m in (85.0, 95.0, 105.0):
         for story in stories:
             story.at(east_m)
-        assert later_s(*stories) == pytest.approx(COSTS_S, abs=0.1)
+        assert landing_delay_s(*stories) == pytest.approx(STOP_COST_S, abs=0.1)
 
 
 def test_the_intent_of_a_braking_vehicle_goes_on_braking_and_of_a_stopped_one_speeds_up() -> None:
     stories = pair()
     for story in stories:
         story.at(85.0, 7.5)
-        story.taken_up()
+        story.accept_plan()
     # 3 s for 11.25 m, and 2 s lost by speeding up from a stop; 0.125 s from 7.5 m/s.
-    assert later_s(*stories) == pytest.approx(3.0 - 1.125 + 2.0 - 0.125, abs=0.1)
+    assert landing_delay_s(*stories) == pytest.approx(3.0 - 1.125 + 2.0 - 0.125, abs=0.1)
     for story in stories:
         story.at(98.0, 2.0, time_boot_s=story.state.swapped_boot_s + 3.1)
-    assert later_s(*stories) == pytest.approx(0.0, abs=1e-6)
+    assert landing_delay_s(*stories) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_failed_swap_costs_nothing_more() -> None:
@@ -129,12 +129,12 @@ def test_a_failed_swap_costs_nothing_more() -> None:
         assert story.state.pending is not None
         story(ev.MissionFailed(story.state.pending.plan_id, "old", "refused"))
         story.at(85.0)
-    assert later_s(*stories) == 0.0
+    assert landing_delay_s(*stories) == 0.0
 
 
 def test_the_earliest_arrival_includes_the_stop() -> None:
     brakes, turns = (story.at(85.0) for story in pair())
-    assert earliest_in_s(brakes) == pytest.approx(earliest_in_s(turns) + COSTS_S, abs=0.1)
+    assert earliest_in_s(brakes) == pytest.approx(earliest_in_s(turns) + STOP_COST_S, abs=0.1)
 
 
 def test_a_holding_vehicle_needs_no_stop() -> None:
@@ -144,20 +144,20 @@ def test_a_holding_vehicle_needs_no_stop() -> None:
         story(ev.MissionFailed(story.state.pending.plan_id, "hold", "not read back"))
         story.now += RETRY_AFTER_S
         story.at(85.0, 0.0, mode_role="hold")
-        plans.append(lands_in_s(told(story.tick())))
+        plans.append(lands_in_s(published_intent(story.tick())))
     assert plans[0] == plans[1]
 
 
 def test_a_stop_behind_the_goal_costs_nothing() -> None:
-    here, way = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
+    here, path = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
     stop = BrakingStop(on_s=8.0, on_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    assert fly_with_stop(here, 30.0, way, 10.0, 10.0, stop) == fly_along(here, 30.0, way, 10.0, 10.0)
+    assert fly_with_stop(here, 30.0, path, 10.0, 10.0, stop) == fly_along(here, 30.0, path, 10.0, 10.0)
 
 
 def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
-    here, way = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
+    here, path = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
     path = fly_with_stop(
-        here, 30.0, way, 10.0, 10.0, BrakingStop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
+        here, 30.0, path, 10.0, 10.0, BrakingStop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
     )
     assert path.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
     assert path.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
@@ -177,9 +177,9 @@ def test_the_deceleration_follows_from_the_firmware(
     "corner_m", [11.0 - 1e-13, 11.0, 11.0 + 1e-13, 31.0 - 1e-13, 31.0, 31.0 + 1e-13, 31.001]
 )
 def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> None:
-    here, way = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
+    here, path = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
     path = fly_with_stop(
-        here, 30.0, way, 10.0, 10.0, BrakingStop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
+        here, 30.0, path, 10.0, 10.0, BrakingStop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
     )
     path = path.later(50_000.0)  # by the clock of a vehicle that was booted long ago
     assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]

@@ -19,7 +19,7 @@ from swarmctl.core.threat import FiringStrength
 ROW_M = GRID.centre_m((4, 4))[1]
 
 
-class Flies(Story):
+class SwapStory(Story):
     """A flight east along row 4 at 10 m/s, from cell (4, 0) to (4, 8); its swaps take `took_s`."""
 
     def __init__(self, took_s: float | None = None, **changes: Any) -> None:
@@ -30,8 +30,8 @@ class Flies(Story):
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
-        told = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 0), **{**told, **changes})
+        motion = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        return self.over((4, 0), **{**motion, **changes})
 
     def points(self, swap: ev.SwapMission) -> list[tuple[float, float]]:
         """Return the waypoints of a plan, east and north [m]."""
@@ -42,7 +42,7 @@ def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
     return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
 
 
-def changed(story: Flies, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> ev.SwapMission:
+def run_swap(story: SwapStory, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> ev.SwapMission:
     """Run one swap, from an observation to its end."""
     story.hear(*cells, seq=seq)
     swap = story.swap()
@@ -54,9 +54,9 @@ def changed(story: Flies, took_s: float, *cells: tuple[int, int, bool], seq: int
 
 
 def test_swaps_are_spaced_by_their_duration_and_the_next_plan_uses_all_observations() -> None:
-    story = Flies()
+    story = SwapStory()
     story.at(60.0)
-    changed(story, 4.0, (4, 4, True))
+    run_swap(story, 4.0, (4, 4, True))
     accepted_s = story.state.vehicle.time_boot_s
     for seq, cell in enumerate(((3, 4, True), (5, 4, True)), start=2):
         story.hear(cell, seq=seq)
@@ -70,18 +70,18 @@ def test_swaps_are_spaced_by_their_duration_and_the_next_plan_uses_all_observati
 
 
 def test_a_close_wall_is_avoided_at_once() -> None:
-    story = Flies(max_exposure=0.5)
+    story = SwapStory(max_exposure=0.5)
     story.at(60.0)
-    first = changed(story, 4.0, (4, 6, True))
+    first = run_swap(story, 4.0, (4, 6, True))
     near = next(cell for cell in first.cells if cell[1] == 3)
     story.hear((*near, True), seq=2)
     assert near not in story.swap().cells
 
 
 def test_a_clock_that_went_back_delays_no_plan() -> None:
-    story = Flies()
+    story = SwapStory()
     story.at(60.0, time_boot_s=500.0)
-    changed(story, 4.0, (4, 4, True))
+    run_swap(story, 4.0, (4, 4, True))
     story.at(70.0, time_boot_s=3.0)
     story.hear((3, 4, True), (5, 4, True), seq=2)
     assert len(swaps(story.tick())) == 1
@@ -92,7 +92,7 @@ def test_a_clock_that_went_back_delays_no_plan() -> None:
 
 @pytest.mark.parametrize("took_s", [0.4, 4.0, 8.0])
 def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s: float) -> None:
-    story = Flies(took_s)
+    story = SwapStory(took_s)
     story.at(30.0)
     before = story.state.route
     assert before is not None
@@ -122,8 +122,8 @@ def test_corners_before_the_splice_point_are_kept_only_ahead_of_the_vehicle(is_a
     way, length = (-20.0 if is_ahead else 20.0), (rows**2 + cols**2) ** 0.5
     story.state = replace(story.state, swap_times=SwapTimes((2.5,), (0.0,)), progress=index)
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m + way * cols / length, north_m + way * rows / length)
-    told = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * cols / length, "north_m_s": 10.0 * rows / length}
-    story.over(corner, lat_deg=lat_deg, lon_deg=lon_deg, **told)
+    motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * cols / length, "north_m_s": 10.0 * rows / length}
+    story.over(corner, lat_deg=lat_deg, lon_deg=lon_deg, **motion)
     story.hear((*cells[-2], True))
     swap = story.swap()
     assert swap.plan.leaves_ahead
@@ -138,7 +138,7 @@ def _turns(cells: tuple[tuple[int, int], ...]) -> Any:
 
 
 def test_an_old_route_into_a_wall_is_left_at_once() -> None:
-    story = Flies(8.0, max_exposure=0.5)
+    story = SwapStory(8.0, max_exposure=0.5)
     story.at(80.0)
     story.hear((4, 3, True))
     swap = story.swap()
@@ -147,7 +147,7 @@ def test_an_old_route_into_a_wall_is_left_at_once() -> None:
 
 
 def test_a_vehicle_that_arrives_before_the_end_of_a_swap_keeps_its_route() -> None:
-    story = Flies(8.0)
+    story = SwapStory(8.0)
     story.at(330.0)
     story.hear((4, 8, True))
     assert swaps(story.tick()) == []
@@ -172,8 +172,8 @@ def test_the_splice_point_on_a_track_is_the_place_at_the_end_of_the_swap() -> No
     east, north = (e1 - e0) / length_m, (n1 - n0) / length_m
     lat_deg, lon_deg = GRID.frame.to_geodetic(e0 + 100.0 * east, n0 + 100.0 * north)
     story.state = replace(story.state, swap_times=SwapTimes((6.0,), (0.0,)))
-    told = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * east, "north_m_s": 10.0 * north}
-    story.over((0, 0), lat_deg=lat_deg, lon_deg=lon_deg, **told)
+    motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * east, "north_m_s": 10.0 * north}
+    story.over((0, 0), lat_deg=lat_deg, lon_deg=lon_deg, **motion)
     ahead = [cell for cell in flown.track.over if cell[1] in (6, 7)]
     story.hear(*((*cell, True) for cell in ahead))
     swap = story.swap()
@@ -209,7 +209,7 @@ def test_the_upload_on_the_ground_sets_the_expected_duration_of_the_first_swap()
 
 
 def test_a_late_plan_is_made_again_at_once_farther_ahead_and_is_no_failure() -> None:
-    story = Flies(0.5)
+    story = SwapStory(0.5)
     story.at(30.0)
     story.hear((4, 7, True))
     first = story.swap()

@@ -1,4 +1,4 @@
-"""Pulling lattice routes straight: never worse, the fewest legs, and turns that a fixed wing can fly."""
+"""Straightening of lattice routes: never worse, the fewest legs, and turns that a fixed wing can fly."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from swarmctl.core.route import ends_and_turns
 from swarmctl.planners import PLANNERS, Problem, Unreachable
 
 QUICK = settings(max_examples=examples(80), deadline=None, derandomize=True)
-BOTH = pytest.mark.parametrize("counting", list(ExposureMeasure))
+BOTH = pytest.mark.parametrize("measure", list(ExposureMeasure))
 DIJKSTRA = PLANNERS["dijkstra"]
 
 
@@ -55,13 +55,13 @@ def cases(draw: st.DrawFn, largest: int = 16) -> Case:
     return Case(p_s, route.cells, w)
 
 
-def measures(threat: ThreatMap, cells: list[Cell], counting: ExposureMeasure) -> np.ndarray:
+def measures(threat: ThreatMap, cells: list[Cell], measure: ExposureMeasure) -> np.ndarray:
     """Length and exposures of the straight legs between cells, one leg after the other."""
     points = [centre(cell) for cell in cells]
     under = crossed_cells(points)
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
     rows = [length, *threat.integral(under.cells, under.lengths)]
-    if counting is ExposureMeasure.ENTERED:
+    if measure is ExposureMeasure.ENTERED:
         rows += [*threat.entered(under.cells[1:])]
     return np.array(rows)
 
@@ -73,12 +73,12 @@ def indices(route: tuple[Cell, ...], track: Track) -> list[int]:
 @BOTH
 @given(case=cases())
 @QUICK
-def test_a_track_is_never_worse_than_its_route(counting: ExposureMeasure, case: Case) -> None:
-    track = pull_straight(case.threat, case.route, counting)
-    pulled = measures(case.threat, list(track.corners), counting)
-    assert (pulled <= measures(case.threat, list(case.route), counting) + 1e-7).all()
+def test_a_track_is_never_worse_than_its_route(measure: ExposureMeasure, case: Case) -> None:
+    track = pull_straight(case.threat, case.route, measure)
+    pulled = measures(case.threat, list(track.corners), measure)
+    assert (pulled <= measures(case.threat, list(case.route), measure) + 1e-7).all()
     assert track.length_cells == pytest.approx(pulled[0])
-    if counting is ExposureMeasure.ENTERED:
+    if measure is ExposureMeasure.ENTERED:
         assert track.exposure_sum <= exposure_sum(case.p_s, case.route) + 1e-7
         assert track.safety_factor >= safety_factor(case.p_s, case.route) - 1e-7
 
@@ -87,9 +87,9 @@ def test_a_track_is_never_worse_than_its_route(counting: ExposureMeasure, case: 
 @given(case=cases())
 @QUICK
 def test_a_track_keeps_its_ends_clear_of_walls_and_has_no_more_items(
-    counting: ExposureMeasure, case: Case
+    measure: ExposureMeasure, case: Case
 ) -> None:
-    track = pull_straight(case.threat, case.route, counting)
+    track = pull_straight(case.threat, case.route, measure)
     assert (track.corners[0], track.corners[-1]) == (case.route[0], case.route[-1])
     assert len(track.corners) <= len(ends_and_turns(case.route))
     assert indices(case.route, track) == sorted(indices(case.route, track))
@@ -103,8 +103,8 @@ def test_a_track_keeps_its_ends_clear_of_walls_and_has_no_more_items(
 @BOTH
 @given(case=cases(7))
 @QUICK
-def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(
-    counting: ExposureMeasure, case: Case
+def test_no_track_has_fewer_legs_or_as_many_and_a_shorter_length(
+    measure: ExposureMeasure, case: Case
 ) -> None:
     route, threat = case.route, case.threat
     assume(len(route) <= 9)
@@ -113,7 +113,7 @@ def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(
         a, b = route[i], route[j]
         if math.dist(a, b) == pytest.approx(length_cells(route[i : j + 1])):
             return True
-        leg, replaced = (measures(threat, list(c), counting) for c in ((a, b), route[i : j + 1]))
+        leg, replaced = (measures(threat, list(c), measure) for c in ((a, b), route[i : j + 1]))
         return bool((leg <= replaced + 1e-9).all()) and is_clear(threat, (centre(a), centre(b)))
 
     inner = range(1, len(route) - 1)
@@ -124,7 +124,7 @@ def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(
             if all(good(i, j) for i, j in itertools.pairwise(corners)):
                 length = sum(math.dist(route[i], route[j]) for i, j in itertools.pairwise(corners))
                 best = min(best, (len(corners), length))
-    track = pull_straight(threat, route, counting)
+    track = pull_straight(threat, route, measure)
     assert len(track.corners) == best[0]
     assert track.length_cells == pytest.approx(best[1])
 
@@ -132,18 +132,18 @@ def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(
 @BOTH
 @given(case=cases())
 @QUICK
-def test_a_track_that_was_pulled_is_pulled_no_further(counting: ExposureMeasure, case: Case) -> None:
-    once = pull_straight(case.threat, case.route, counting)
+def test_a_straightened_track_is_not_straightened_further(measure: ExposureMeasure, case: Case) -> None:
+    once = pull_straight(case.threat, case.route, measure)
     if all(
         len(ends_and_turns(case.route[i : j + 1])) <= 2
         for i, j in itertools.pairwise(indices(case.route, once))
     ):
-        again = pull_straight(case.threat, once.over, counting)  # the track is a lattice route itself
+        again = pull_straight(case.threat, once.over, measure)  # the track is a lattice route itself
         assert len(again.corners) == len(once.corners)
 
 
 @pytest.mark.parametrize(
-    ("counting", "corners"),
+    ("measure", "corners"),
     [
         (ExposureMeasure.INTEGRAL, ((0, 0), (1, 2))),
         (
@@ -152,26 +152,26 @@ def test_a_track_that_was_pulled_is_pulled_no_further(counting: ExposureMeasure,
         ),  # the straight line enters three cells, the route two
     ],
 )
-def test_a_knights_move_where_nothing_is_known(counting: ExposureMeasure, corners: tuple[Cell, ...]) -> None:
+def test_a_knights_move_over_unknown_cells(measure: ExposureMeasure, corners: tuple[Cell, ...]) -> None:
     threat = ThreatMap.of(np.full((2, 3), 0.13))
-    assert pull_straight(threat, [(0, 0), (0, 1), (1, 2)], counting).corners == corners
+    assert pull_straight(threat, [(0, 0), (0, 1), (1, 2)], measure).corners == corners
 
 
 @BOTH
-def test_a_knights_move_over_cells_known_to_be_clear(counting: ExposureMeasure) -> None:
-    track = pull_straight(ThreatMap.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], counting)
+def test_a_knights_move_over_cells_known_to_be_clear(measure: ExposureMeasure) -> None:
+    track = pull_straight(ThreatMap.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], measure)
     assert track == Track(
         ((0, 0), (1, 2)), ((0, 0), (0, 1), (1, 1), (1, 2)), (0, 1, 2, 2), math.sqrt(5), 0.0, 1.0
     )
 
 
 @BOTH
-def test_a_wall_beside_the_way_is_kept_clear_of(counting: ExposureMeasure) -> None:
+def test_a_track_keeps_clear_of_a_wall_beside_it(measure: ExposureMeasure) -> None:
     p_s = np.zeros((3, 5))
     p_s[1, 2] = math.inf
     route = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 4))
-    assert pull_straight(ThreatMap.of(np.zeros((3, 5))), route, counting).corners == ((0, 0), (1, 4))
-    track = pull_straight(ThreatMap.of(p_s), route, counting)
+    assert pull_straight(ThreatMap.of(np.zeros((3, 5))), route, measure).corners == ((0, 0), (1, 4))
+    track = pull_straight(ThreatMap.of(p_s), route, measure)
     assert track.corners[0:1] + track.corners[-1:] == ((0, 0), (1, 4))
     assert (1, 2) not in track.over
     assert len(track.corners) == 3
@@ -185,7 +185,7 @@ def test_routes_of_few_cells(route: list[Cell]) -> None:
     assert track.exposure_sum == pytest.approx(0.1 * (len(route) - 1))
 
 
-def test_a_start_where_nobody_may_fly_is_left() -> None:
+def test_a_track_leaves_a_start_cell_in_a_wall() -> None:
     p_s = np.zeros((4, 4))
     p_s[0, 0] = math.inf
     track = pull_straight(ThreatMap.of(p_s), [(0, 0), (0, 1), (1, 2), (1, 3)], ExposureMeasure.ENTERED)
@@ -193,7 +193,7 @@ def test_a_start_where_nobody_may_fly_is_left() -> None:
     assert track.exposure_sum == 0.0
 
 
-def test_a_long_route_is_pulled_as_well() -> None:
+def test_a_long_route_is_straightened() -> None:
     threat = ThreatMap.of(np.zeros((200, 400)))
     route = tuple((min(k // 2, 199), k) for k in range(400))
     assert pull_straight(threat, route, ExposureMeasure.ENTERED).corners == ((0, 0), (199, 399))
@@ -204,18 +204,18 @@ def test_a_long_route_is_pulled_as_well() -> None:
     )
 
 
-# --- what stands for what
+# --- cells of the route for cells under the track
 
 
 @BOTH
 @given(case=cases(), radius=st.sampled_from([0.0, 0.4]))
 @QUICK
 def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
-    counting: ExposureMeasure, case: Case, radius: float
+    measure: ExposureMeasure, case: Case, radius: float
 ) -> None:
     try:
         track = pull_straight(
-            case.threat, case.route, counting, radius_cells=radius, weights=Weights(0.5, 0.1)
+            case.threat, case.route, measure, radius_cells=radius, weights=Weights(0.5, 0.1)
         )
     except Unflyable:
         return
@@ -228,12 +228,12 @@ def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
             assert case.route[k] == cell
 
 
-def test_a_cell_that_is_not_under_a_track_has_none() -> None:
+def test_a_cell_beside_a_track_has_no_route_index() -> None:
     track = pull_straight(ThreatMap.of(np.zeros((3, 3))), [(0, 0), (0, 1), (0, 2)], ExposureMeasure.ENTERED)
     assert route_index_at(track, (2, 2)) is None
 
 
-# --- a vehicle under way
+# --- a vehicle in flight
 
 FIELD = np.zeros((4, 9))
 ROUTE = (*tuple((0, k) for k in range(6)), (1, 6), (2, 7), (3, 8))
@@ -247,14 +247,14 @@ assert TRACK.corners == ((0, 0), (3, 8))
         ({}, (0, 1), True),
         ({(1, 3): 0.3}, (0, 1), False),  # on the track ahead, not on the route
         ({(1, 3): 0.3}, (2, 5), True),  # behind
-        ({(0, 4): 0.3}, (0, 1), True),  # on the route alone: the track is the better for it
-        ({(3, 8): 0.6}, (0, 1), True),  # on both: the planner's affair
+        ({(0, 4): 0.3}, (0, 1), True),  # on the route alone, so the track is better
+        ({(3, 8): 0.6}, (0, 1), True),  # on both, so only the planner can help
         ({(1, 3): math.inf}, (0, 1), False),
         ({(1, 3): 0.3, (0, 4): 0.4}, (0, 1), True),  # the route is worse
         ({(0, 1): 0.9, (1, 3): 0.3}, (1, 1), False),  # it was, behind
     ],
 )
-def test_news_about_what_lies_ahead_ends_a_track(news: dict[Cell, float], over: Cell, holds: bool) -> None:
+def test_new_exposure_ahead_ends_a_track(news: dict[Cell, float], over: Cell, holds: bool) -> None:
     p_s = FIELD.copy()
     for cell, value in news.items():
         p_s[cell] = value
@@ -270,11 +270,13 @@ def test_news_about_what_lies_ahead_ends_a_track(news: dict[Cell, float], over: 
 @BOTH
 @given(case=cases())
 @QUICK
-def test_without_news_a_track_holds_everywhere_on_it(counting: ExposureMeasure, case: Case) -> None:
-    track = pull_straight(case.threat, case.route, counting)
+def test_a_track_stays_good_along_its_length_without_new_exposure(
+    measure: ExposureMeasure, case: Case
+) -> None:
+    track = pull_straight(case.threat, case.route, measure)
     for cell, index in zip(track.over, track.abreast, strict=True):
         assert still_holds(
-            case.threat, case.threat, counting, case.route, track, radius_cells=0.0, cell=cell, index=index
+            case.threat, case.threat, measure, case.route, track, radius_cells=0.0, cell=cell, index=index
         )
 
 
@@ -288,7 +290,7 @@ def test_without_news_a_track_holds_everywhere_on_it(counting: ExposureMeasure, 
         ((0.5, 0.05), (0, 1), None, True),
     ],
 )
-def test_whether_a_vehicle_goes_back_to_the_centre_of_its_cell(
+def test_a_vehicle_joins_a_track_directly_or_over_the_centre_of_its_cell(
     position: tuple[float, float], wall: Cell | None, dear: Cell | None, joins: bool
 ) -> None:
     p_s = np.full((3, 4), 0.1)
@@ -311,11 +313,11 @@ def turns(track: Track) -> list[tuple[tuple[float, float], ...]]:
 @given(case=cases(), radius=st.sampled_from([0.3, 0.8, 1.5, 4.0]))
 @QUICK
 def test_turns_are_as_wide_as_asked_and_clear_of_walls(
-    counting: ExposureMeasure, case: Case, radius: float
+    measure: ExposureMeasure, case: Case, radius: float
 ) -> None:
     try:
         track = pull_straight(
-            case.threat, case.route, counting, radius_cells=radius, weights=Weights(case.w, 0.13)
+            case.threat, case.route, measure, radius_cells=radius, weights=Weights(case.w, 0.13)
         )
     except Unflyable:
         return
@@ -328,7 +330,7 @@ def test_turns_are_as_wide_as_asked_and_clear_of_walls(
     assert not any(math.isinf(case.p_s[cell]) for cell in crossed_cells(flown).cells[1:])
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(flown))
     assert track.length_cells == pytest.approx(length)
-    # Menger's curvature: three neighbouring points on a track lie on no tighter circle, but for the joints.
+    # Menger's curvature: except at joints, three neighbouring points of a track lie on no tighter circle.
     for a, b, c in zip(flown, flown[1:], flown[2:], strict=False):
         assert (
             math.degrees(_turn(a, b, c))
@@ -341,7 +343,7 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
     return abs(math.atan2(ix * oy - iy * ox, ix * ox + iy * oy))
 
 
-def test_a_zigzag_that_cannot_be_flown_is_flown_straight_even_if_that_is_worse() -> None:
+def test_an_unflyable_zigzag_becomes_straight_even_at_a_loss() -> None:
     p_s = np.full((3, 9), 0.4)
     route = tuple((k % 2, k) for k in range(9))
     for cell in route:
@@ -353,7 +355,7 @@ def test_a_zigzag_that_cannot_be_flown_is_flown_straight_even_if_that_is_worse()
     assert wide.exposure_sum > exposure_sum(p_s, route)
 
 
-def test_what_cannot_be_flown_is_refused() -> None:
+def test_a_route_without_flyable_turns_is_refused() -> None:
     p_s = np.full((3, 3), math.inf)
     route = ((0, 0), (0, 1), (0, 2), (1, 2), (2, 2))
     for cell in route:
@@ -364,11 +366,11 @@ def test_what_cannot_be_flown_is_refused() -> None:
         (0, 2),
         (2, 2),
     )
-    with pytest.raises(Unflyable, match=r"5 cells from \(0, 0\) to \(2, 2\).*radius of 2.5 cells"):
+    with pytest.raises(Unflyable, match=r"\(0, 0\).*\(2, 2\).*\b2\.5\b"):
         pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=2.5)
 
 
-def test_an_arc_that_would_cut_over_a_dear_cell_is_not_flown() -> None:
+def test_an_arc_over_an_exposed_cell_is_avoided() -> None:
     p_s = np.full((7, 7), 0.1)
     route = (*((0, k) for k in range(7)), *((k, 6) for k in range(1, 7)))
     p_s[:, :] = 0.9
@@ -379,4 +381,4 @@ def test_an_arc_that_would_cut_over_a_dear_cell_is_not_flown() -> None:
     wide = pull_straight(
         ThreatMap.of(p_s), route, ExposureMeasure.ENTERED, radius_cells=5.0, weights=Weights(1.0, 0.1)
     )
-    assert wide.exposure_sum > 1.2  # it has no choice, and says so
+    assert wide.exposure_sum > 1.2  # the only flyable track, and its measured exposure

@@ -45,7 +45,7 @@ def test_eq_3_after_nine_cells_of_the_model(cell: Cell, p_s: float) -> None:
 
 @settings(max_examples=examples(30), deadline=None, derandomize=True)
 @given(st.integers(1, 6), st.integers(1, 6), st.data())
-def test_it_is_the_sum_of_eq_1_over_all_hostiles(rows: int, cols: int, data: st.DataObject) -> None:
+def test_exposure_is_the_sum_of_eq_1_over_all_hostiles(rows: int, cols: int, data: st.DataObject) -> None:
     all_cells = [(r, c) for r in range(rows) for c in range(cols)]
     hostiles = data.draw(st.sets(st.sampled_from(all_cells)))
     occupied = np.zeros((rows, cols))
@@ -76,7 +76,7 @@ def test_length_counts_a_diagonal_as_root_two() -> None:
     assert length_cells([(0, 0), (0, 1), (1, 2), (2, 2)]) == pytest.approx(2.0 + math.sqrt(2.0))
     assert length_cells([(3, 3)]) == 0.0
     for leap in [(0, 2), (0, 0), (2, 1), (2, 2)]:
-        with pytest.raises(ValueError, match="no step between neighbouring cells"):
+        with pytest.raises(ValueError, match=rf"\(0, 0\) to \({leap[0]}, {leap[1]}\)"):
             length_cells([(0, 0), leap])
 
 
@@ -97,7 +97,7 @@ def test_the_sum_of_exposures_is_no_probability() -> None:
 
 
 def test_the_safety_factor_is_not_the_survival() -> None:
-    # ERRATUM: neighbouring cells fear the same unknown hostile, which the product counts as many.
+    # ERRATUM: one unknown hostile threatens neighbouring cells, and the product counts it as several.
     crossing = [(10, col) for col in range(20)]
     p_s = exposure(PRIOR.occupancy(), STRENGTH)
     assert exposure_sum(p_s, crossing) == pytest.approx(2.5, abs=0.05)

@@ -1,4 +1,4 @@
-"""What looks say of cells: Eq. 4, its generalisation held against enumeration, and Eq. 4 as its limit."""
+"""Occupancy from looks: Eq. 4, its generalisation compared with enumeration, and Eq. 4 as its limit."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ERRING = SensorModel(0.1, 0.02)
 
 
 def enumerated(belief: Belief) -> NDArray[np.float64]:
-    """p_O by going through every set of cells that may hold the hostiles."""
+    """Return p_O by enumeration of all sets of cells that may hold the hostiles."""
     looks, hits = belief.looks.ravel().tolist(), belief.hits.ravel().tolist()
     miss, alarm = belief.sensor.p_miss, belief.sensor.p_false_alarm
     n_cells = len(looks)
@@ -59,13 +59,14 @@ counts = st.one_of(
 
 @QUICK
 @given(looked, rates, counts)
-def test_it_is_what_going_through_every_placement_gives(observations, sensor, count) -> None:
+def test_occupancy_equals_enumeration_of_all_placements(observations, sensor, count) -> None:
     belief = Belief.prior(ROWS, COLS, count, sensor).merge(observations)
     np.testing.assert_allclose(belief.occupancy(), enumerated(belief), rtol=1e-11, atol=1e-14)
 
 
-def test_on_twenty_by_twenty_cells_it_is_what_integers_give() -> None:
-    # (looks, hits): cells; a hit has chances 90 and 2 in a hundred (held, clear), a miss 10 and 98
+def test_occupancy_on_twenty_by_twenty_cells_equals_integer_arithmetic() -> None:
+    # (looks, hits): cells; a hit has a probability of 90 % (occupied) and 2 % (clear), a miss of 10 % and 98
+    # %
     groups = {(0, 0): 250, (1, 0): 90, (2, 0): 40, (1, 1): 9, (2, 1): 5, (3, 3): 4, (4, 1): 2}
     n = 24
 
@@ -105,9 +106,7 @@ def test_a_sensor_that_errs_one_way_settles_a_cell_the_other_way(
 
 @QUICK
 @given(looked, rates, counts, st.randoms(use_true_random=False))
-def test_what_is_believed_depends_on_the_set_of_observations_alone(
-    observations, sensor, count, random
-) -> None:
+def test_occupancy_depends_on_the_set_of_observations_alone(observations, sensor, count, random) -> None:
     at_once = Belief.prior(ROWS, COLS, count, sensor).merge(observations)
     shuffled = observations * 2
     random.shuffle(shuffled)
@@ -131,7 +130,7 @@ def test_eq_4_is_the_limit_of_both(n_hostiles: int, split: list[int]) -> None:
     np.testing.assert_allclose(bayes(point, PERFECT, classes), eq4(n_hostiles, classes), rtol=1e-12, atol=0.0)
 
 
-def test_eq_4_is_where_error_rates_and_doubt_of_the_number_lead_to() -> None:
+def test_occupancy_converges_to_eq_4_with_shrinking_errors_and_prior() -> None:
     around = tuple((r, c, (r, c) == (10, 10)) for r in (9, 10, 11) for c in (9, 10, 11))
     looked_once = [Observation(1, 1, 0.0, around)]
     paper = Belief.prior(20, 20, 24).merge(looked_once).occupancy()
@@ -154,7 +153,7 @@ def test_an_unknown_number_with_the_perfect_sensor() -> None:
 
 @pytest.mark.parametrize("p_cell", [1e-4, 0.06, 0.5, 0.97])
 def test_on_large_areas_independent_cells_stay_independent(p_cell: float) -> None:
-    # Each cell held with probability p, independently: then no cell says anything about another.
+    # Each cell is occupied with probability p, independently: no cell informs another.
     looks, hits = np.array([0, 1, 1, 3, 5, 8]), np.array([0, 0, 1, 1, 3, 0])
     classes = CellClasses(looks, hits, np.array([30_000, 6000, 2000, 1500, 450, 50]))
     odds = p_cell / (1.0 - p_cell) * 45.0**hits * (5.0 / 49.0) ** (looks - hits)
@@ -213,7 +212,9 @@ LARGE = [
 @pytest.mark.parametrize(
     ("size", "n_true", "count"), [row[1:] for row in LARGE], ids=[row[0] for row in LARGE]
 )
-def test_on_large_areas_it_adds_up_and_is_calibrated(size: int, n_true: int, count: HostileCount) -> None:
+def test_occupancy_on_large_areas_adds_up_and_is_calibrated(
+    size: int, n_true: int, count: HostileCount
+) -> None:
     rng = np.random.default_rng(size)
     truth = np.zeros(size * size, dtype=bool)
     truth[rng.choice(size * size, n_true, replace=False)] = True
@@ -227,7 +228,7 @@ def test_on_large_areas_it_adds_up_and_is_calibrated(size: int, n_true: int, cou
     assert ((p >= 0.0) & (p <= 1.0)).all()
     if count.is_number:
         assert p.sum() == pytest.approx(n_true, rel=1e-12)
-    # Of the cells believed to hold one with p in a band, a share of about p do.
+    # Of the cells with p_O in a band around p, a share of about p holds a hostile.
     for low, high in ((0.0, 0.01), (0.01, 0.5), (0.5, 1.0)):
         band = (p >= low) & (p < high)
         sigma = math.sqrt(float((p * (1.0 - p))[band].sum())) + 1e-9
@@ -261,7 +262,7 @@ FOUND_TOO_MANY = [
     [row[1:] for row in FOUND_TOO_MANY],
     ids=[r[0] for r in FOUND_TOO_MANY],
 )
-def test_more_found_than_can_be_is_a_fact_and_no_crash(
+def test_more_found_than_announced_keeps_probabilities_valid(
     count: HostileCount, sensor: SensorModel, n_looks: int, too_low: bool
 ) -> None:
     seen = tuple((0, col, True) for col in range(3))
@@ -273,7 +274,7 @@ def test_more_found_than_can_be_is_a_fact_and_no_crash(
     assert ((p >= 0.0) & (p <= 1.0)).all()
 
 
-def test_fewer_cells_left_than_hostiles_are_all_taken_for_held() -> None:
+def test_all_cells_are_occupied_if_fewer_are_left_than_hostiles() -> None:
     clear = tuple((0, col, False) for col in range(4))
     for count in (HostileCount.known(2), HostileCount.weighted({2: 1.0, 3: 1.0})):
         belief = Belief.prior(1, 5, count, PERFECT).merge([Observation(1, 1, 0.0, clear)])
@@ -294,8 +295,8 @@ def test_a_look_teaches_as_long_as_a_cell_is_not_certain() -> None:
 
 
 @pytest.mark.parametrize("rates", [(0.5, 0.5), (1.0, 0.0), (-0.1, 0.1), (0.1, -0.1), (float("nan"), 0.0)])
-def test_a_sensor_that_says_nothing_or_nonsense_is_refused(rates: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match="sum is below 1"):
+def test_a_sensor_without_information_is_refused(rates: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=f"{rates[0]} .*{rates[1]}"):
         SensorModel(*rates)
 
 

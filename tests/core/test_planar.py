@@ -1,4 +1,4 @@
-"""Fences on a plane, against what many points say."""
+"""Fences on a plane, compared with samples of many points."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def between(a, b, share):
 @given(st.lists(POINT, min_size=1, max_size=30), st.floats(1.0, 200.0), st.floats(0.0, 6.3))
 def test_every_point_is_inside_by_the_margin(points, margin_m, angle):
     fence = padded_hull(points, margin_m)
-    # A centimetre is given away where corners are left out.
+    # Corners within a centimetre of an edge are left out.
     reach_m = 0.98 * margin_m - 0.1
     for e, n in points:
         assert contains(fence, (e, n))
@@ -71,14 +71,14 @@ def test_a_leg_of_a_concave_fence(a, b, stays):
 
 @settings(deadline=None, derandomize=True)
 @given(POINT, POINT, st.lists(POINT, min_size=3, max_size=8), st.floats(0.0, 1.0))
-def test_of_a_leg_that_stays_inside_every_point_is(a, b, corners, share):
+def test_every_point_of_a_leg_that_stays_inside_is_inside(a, b, corners, share):
     hull = convex_hull(corners)
     assume(len(hull) >= 3)
     if stays_inside(hull, a, b):
         assert contains(hull, between(a, b, share))
 
 
-def test_no_sides_of_a_simple_polygon_meet_whichever_way_round_it_goes():
+def test_no_sides_of_a_simple_polygon_cross_in_either_orientation():
     for polygon in (SQUARE, HORSESHOE):
         assert crossing_sides(polygon) is None
         assert crossing_sides(polygon[::-1]) is None
@@ -86,7 +86,7 @@ def test_no_sides_of_a_simple_polygon_meet_whichever_way_round_it_goes():
 
 @settings(deadline=None, derandomize=True)
 @given(st.lists(POINT, min_size=4, max_size=12, unique=True), st.data())
-def test_of_a_convex_polygon_no_sides_meet_until_two_corners_change_places(points, data):
+def test_sides_of_a_convex_polygon_cross_after_two_corners_are_swapped(points, data):
     hull = list(convex_hull(points))
     assume(len(hull) >= 4)
     assert crossing_sides(hull) is None

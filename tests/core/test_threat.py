@@ -13,7 +13,7 @@ def test_eq_1_falls_from_the_middle_to_the_diagonals() -> None:
 
 
 @pytest.mark.parametrize("strengths", [(1.0, 0.5, 0.0), (0.6, 0.3, 0.1), (1e-3, 1e-4, 1e-5)])
-def test_strictly_decreasing_probabilities_are_taken(strengths: tuple[float, float, float]) -> None:
+def test_strictly_decreasing_probabilities_are_accepted(strengths: tuple[float, float, float]) -> None:
     assert FiringStrength(*strengths).kernel[1, 1] == strengths[0]
 
 
@@ -31,6 +31,6 @@ def test_strictly_decreasing_probabilities_are_taken(strengths: tuple[float, flo
         (0.0, 0.0, 0.0),
     ],
 )
-def test_all_others_are_refused_with_what_was_found(strengths: tuple[float, float, float]) -> None:
-    with pytest.raises(ValueError, match=f"direct {strengths[0]}.*decrease strictly"):
+def test_other_strengths_are_refused_with_their_value(strengths: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match=f"{strengths[0]}.*{strengths[1]}.*{strengths[2]}"):
         FiringStrength(*strengths)

@@ -1,4 +1,4 @@
-"""What a straight track passes over, held against exact arithmetic and against brute sampling."""
+"""The cells under a straight track, compared with exact arithmetic and with dense sampling."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ CELL = st.tuples(INDEX, INDEX)
 COORDINATE = st.floats(0.0, 12.999)
 
 
-def exactly_passed(a: Cell, b: Cell) -> list[tuple[Cell, Fraction]]:
-    """Cells and shares of the way between two centres, in rational arithmetic."""
+def exact_crossings(a: Cell, b: Cell) -> list[tuple[Cell, Fraction]]:
+    """Return cells and their shares of a leg between two centres, in rational arithmetic."""
     half = Fraction(1, 2)
     (y0, x0), (y1, x1) = ((a[0] + half, a[1] + half), (b[0] + half, b[1] + half))
     shares = {Fraction(0), Fraction(1)}
@@ -45,14 +45,14 @@ def test_between_centres_the_cells_and_ways_are_exact(a: Cell, b: Cell) -> None:
     if a == b:
         assert under.cells == (a,)
         return
-    exact = exactly_passed(a, b)
+    exact = exact_crossings(a, b)
     assert under.cells == tuple(cell for cell, _ in exact)
     length = math.dist(a, b)
     assert under.lengths == pytest.approx([float(share) * length for _, share in exact], abs=1e-12)
 
 
 @pytest.mark.parametrize("far", [9_999, 10_000])
-def test_corners_are_told_apart_on_the_longest_legs(far: int) -> None:
+def test_crossings_are_distinct_on_the_longest_legs(far: int) -> None:
     under = crossed_cells((centre((0, 0)), centre((far, far - 1))))
     crossings = {Fraction(2 * k + 1, 2 * n) for n in (far, far - 1) for k in range(n)}
     assert len(under.cells) == 1 + len(crossings)
@@ -100,7 +100,7 @@ def fields(draw: st.DrawFn) -> np.ndarray:
 
 @QUICK
 @given(fields())
-def test_all_legs_at_once_are_each_leg_alone(p_s: np.ndarray) -> None:
+def test_measures_of_many_legs_equal_those_of_single_legs(p_s: np.ndarray) -> None:
     threat = ThreatMap.of(p_s)
     cells = [(r, c) for r in range(p_s.shape[0]) for c in range(p_s.shape[1])]
     rng = np.random.default_rng(len(cells))
@@ -121,7 +121,7 @@ def test_all_legs_at_once_are_each_leg_alone(p_s: np.ndarray) -> None:
 
 @QUICK
 @given(fields(), st.integers(0, 2**32))
-def test_clear_is_away_from_every_wall(p_s: np.ndarray, seed: int) -> None:
+def test_a_clear_leg_keeps_away_from_every_wall(p_s: np.ndarray, seed: int) -> None:
     threat = ThreatMap.of(p_s)
     rows, cols = p_s.shape
     a, b = np.random.default_rng(seed).random((2, 2)) * (cols, rows)
@@ -149,7 +149,7 @@ def test_the_integral_is_that_of_many_samples() -> None:
     assert ThreatMap.of(p_s).integral(under.cells, under.lengths)[0] == pytest.approx(sampled, rel=1e-4)
 
 
-def test_who_is_in_a_wall_may_leave_it() -> None:
+def test_a_vehicle_in_a_wall_may_leave_it() -> None:
     p_s = np.zeros((3, 3))
     p_s[0, 0] = p_s[2, 2] = math.inf
     assert is_clear(ThreatMap.of(p_s), (centre((0, 0)), centre((0, 2))))

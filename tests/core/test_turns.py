@@ -1,4 +1,4 @@
-"""Arcs for corners."""
+"""Arcs at the corners of a track."""
 
 from __future__ import annotations
 

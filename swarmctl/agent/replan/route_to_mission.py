@@ -139,8 +139,8 @@ def mission_for(
         return replace(plan, track=(*lead_waypoints, *plan.track), leaves_ahead=leaves_ahead)
 
     def may_clip(cell: Cell) -> bool:
-        # DEVIATION: a vehicle past the centre of its cell would fly back to it for a diagonal turn. It cuts the
-        # corner instead if the cell under the shortcut is no worse than the two cells of the step.
+        # DEVIATION: a vehicle past the centre of its cell would fly back to it for a diagonal turn. It cuts
+        # the corner instead if the cell under the shortcut is no worse than the two cells of the step.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
     plan = flight_plan(

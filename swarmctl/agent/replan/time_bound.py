@@ -187,8 +187,8 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: Join
         greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, joining))
     nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, joining))
     lost = _in_cells(task, route_lost_s(task, nearest.cells, joining))
-    text = f"no route, with the loss at its turns, is at most {latest_cells:.2f} cells long: the nearest one "
-    text += f"has {nearest.length_cells:.2f} cells and loses {lost:.2f}; allow a later arrival or a higher speed"
+    text = f"no route is at most {latest_cells:.2f} cells long with the loss at its turns: the nearest one "
+    text += f"has {nearest.length_cells:.2f} and loses {lost:.2f}; allow a later arrival or a higher speed"
     raise BoundTooTight(text, nearest)
 
 
