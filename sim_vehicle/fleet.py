@@ -40,7 +40,7 @@ TICKS_PER_DECISION = 2
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Where everything really is, one entry a vehicle in the scenario's order."""
+    """The true state, one entry per vehicle in the scenario's order."""
 
     sysid: npt.NDArray[np.int64]
     lat_deg: Floats
@@ -58,7 +58,7 @@ class Truth:
 
 @dataclass
 class Counters:
-    """What came in from ground stations."""
+    """Counts of the input from ground stations."""
 
     bytes_in: int = 0
     messages_in: int = 0
@@ -69,16 +69,16 @@ class Counters:
 class Fleet:
     """All vehicles of a scenario under one simulated clock that starts at 0.
 
-    Physics and telemetry advance in fixed ticks of 0.05 s, however often `step` is called, so equal inputs at
-    equal times give equal bytes of each vehicle; their order among each other is equal for equal steps.
+    Physics and telemetry advance in fixed ticks of 0.05 s, independent of the calls of `step`. Equal inputs
+    at equal times give equal bytes of each vehicle. The order among vehicles is equal for equal steps.
     """
 
     def __init__(
         self, scenario: Scenario, *, ready_s: float | None = None, trusted_links: Collection[int] = ()
     ) -> None:
-        """`ready_s`: from boot to a position estimate [s], 0 is at once; None: the scenario's or autopilot's.
+        """`ready_s`: time from boot to a position estimate [s]; None: that of the scenario or autopilot.
 
-        `trusted_links` need no signatures from vehicles that have a key, as an autopilot's USB needs none.
+        On `trusted_links`, vehicles with a key accept unsigned messages, as on an autopilot's USB.
         """
         specs = scenario.vehicles
         area = scenario.area
@@ -121,7 +121,7 @@ class Fleet:
             self._by_link.setdefault(link, []).append(vehicle)
         self._alarm_s = np.zeros(len(specs))
         self._wires = Wires([vehicle.signing for vehicle in self.vehicles], self.links, trusted_links)
-        self._ready: Frames = []  # what has got through before somebody took it
+        self._ready: Frames = []  # frames ready to be returned
         self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
         if area is not None and scenario.firing_strength is not None:
@@ -138,7 +138,7 @@ class Fleet:
                 vehicle.update_parameter_faults(name)
 
     def boots(self) -> tuple[int, ...]:
-        """How often each vehicle has booted."""
+        """Return the number of boots of each vehicle."""
         return tuple(vehicle.boots for vehicle in self.vehicles)
 
     def receive(
@@ -150,11 +150,11 @@ class Fleet:
         link: int = 0,
         reach: Collection[int] | None = None,
     ) -> Frames:
-        """Take bytes of one ground station at `now` [s] and return (vehicle, bytes) to send.
+        """Process bytes of one ground station at `now` [s]; return (vehicle, bytes) to send.
 
-        Bytes of one stream may be cut anywhere; `peer` tells streams apart where there are several, and
-        `link` which vehicles hear it, `reach` which of those if not all. The simulation is brought up to
-        `now` first, and what that sends is returned as well.
+        Bytes of a stream can be cut anywhere. `peer` tells several streams apart, `link` selects the vehicles
+        on a link, `reach` some of those. The simulation first advances to `now`; the result includes its
+        output.
         """
         self._advance(now)
         self.counters.bytes_in += len(data)
@@ -183,7 +183,7 @@ class Fleet:
                 self._hand_over(vehicle, message, now)
 
     def _hand_over(self, vehicle: Autopilot, message: Any, now: float) -> None:
-        """A message has come through to a vehicle."""
+        """Deliver a message to a vehicle, if its signature permits."""
         if not self._wires.accepts(vehicle.index, message, now):
             return
         vehicle.receive(message, now)
@@ -193,31 +193,31 @@ class Fleet:
             self._wires.note_key(vehicle.index)
 
     def forget_peer(self, peer: Hashable, *, link: int = 0) -> None:
-        """A stream ended; what it left half-sent is dropped."""
+        """Forget an ended stream with its incomplete message."""
         self._parsers.pop((link, peer), None)
 
     @property
     def waiting_bytes(self) -> int:
-        """What is kept of messages that have not come whole yet, of all streams."""
+        """Number of bytes of incomplete messages of all streams."""
         return sum(parser.waiting_bytes for parser in self._parsers.values())
 
     def step(self, now: float) -> Frames:
-        """Run physics and streams up to `now` [s since the fleet started]; (vehicle, bytes) to send."""
+        """Run physics and streams up to `now` [s since the start]; return (vehicle, bytes) to send."""
         self._advance(now)
         return self._take(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault, `spec.at_s` after `now` [s]; FaultError if it names a vehicle that is not there."""
+        """Begin a fault, `spec.at_s` after `now` [s]; FaultError if it names an unknown vehicle."""
         self._advance(now)
         self._collect(now)
         self._schedule.inject(spec, now)
 
     def faults_on(self, index: int) -> tuple[str, ...]:
-        """Names of the faults that a vehicle has now."""
+        """Return the names of a vehicle's present faults."""
         return self._schedule.names(index)
 
     def truth(self) -> Truth:
-        """For tests, checks and displays; no vehicle or ground station sees it."""
+        """Return the true state for tests, checks and displays; no vehicle or ground station sees it."""
         dynamics = self.world.dynamics
         lat_deg, lon_deg = self.world.geodetic()
         return Truth(
@@ -263,7 +263,7 @@ class Fleet:
         self._outbox.stream(self._streams, now)
 
     def _decide(self, now: float) -> None:
-        """Let every vehicle decide that something has happened to, or whose alarm rings."""
+        """Run the decisions of vehicles with an event or a due alarm."""
         due = (self._alarm_s <= now + EPSILON_S) | self.world.events
         for index in np.flatnonzero(due).tolist():
             vehicle = self.vehicles[index]
@@ -272,7 +272,7 @@ class Fleet:
             self._alarm_s[index] = vehicle.alarm_s
 
     def _record(self, now: float) -> None:
-        """Tell the flight logs that are due how their vehicles are."""
+        """Sample the vehicles whose flight logs are due."""
         due = [vehicle.index for vehicle in self.vehicles if vehicle.storage.recorder.due(now)]
         if due:
             view = View(self.world, self.status, np.array(due), now)
@@ -296,18 +296,18 @@ class Fleet:
         self._schedule.replace(index, key, specs, now)
 
     def _arrive(self, now: float) -> None:
-        """Hand over what has come through spoilt wires to vehicles by `now` [s]."""
+        """Deliver the messages that have passed impaired links by `now` [s]."""
         for due_s, index, message in self._wires.arrivals_at_vehicles(now):
             if message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN_"):
                 self._hand_over(self.vehicles[index], message, due_s)
                 self._collect(due_s)
 
     def _collect(self, now: float) -> None:
-        """Sign and send on its way what vehicles have said by `now` [s]."""
+        """Sign and send the vehicles' messages up to `now` [s]."""
         self._ready += self._wires.send(self._outbox.take(), now)
 
     def _take(self, now: float) -> Frames:
-        """What arrives at ground stations by `now` [s]."""
+        """Return the frames that reach ground stations by `now` [s]."""
         if self._wires.unimpaired and not self._ready:
             return self._outbox.take()
         self._arrive(now)
@@ -316,7 +316,7 @@ class Fleet:
         return frames
 
     def _fire(self, now: float) -> None:
-        """Each vehicle in the air that has entered another cell is fired at."""
+        """Fire at each airborne vehicle that has entered another cell."""
         if self._threats is None:
             return
         dynamics = self.world.dynamics

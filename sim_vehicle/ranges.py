@@ -1,10 +1,10 @@
-"""Numbers as people write them: `1-3, 7`."""
+"""Ranges of numbers as text: `1-3, 7`."""
 
 from collections.abc import Iterable
 
 
 def ranges(numbers: Iterable[int]) -> str:
-    """1, 2, 3, 7 in any order -> `1-3, 7`."""
+    """Return 1, 2, 3, 7 in any order as `1-3, 7`."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:

@@ -1,4 +1,4 @@
-"""Everything that can go wrong, each fault in its own file; imports the channel and the afflictions only."""
+"""Faults: one file and one registry line each; they import the channel and injected faults only."""
 
 from sim_vehicle.faults import (
     absent_ack,
@@ -29,7 +29,7 @@ from sim_vehicle.faults.base import Fault
 FAULTS: dict[str, Fault] = {
     fault.name: fault
     for fault in (
-        # the wire
+        # the link
         packet_loss.FAULT,
         burst_loss.FAULT,
         delay.FAULT,

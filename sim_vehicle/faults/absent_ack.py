@@ -7,11 +7,11 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
-    rate: Share = Field(default=1.0, description="share of the acknowledgements that does not come")
+    rate: Share = Field(default=1.0, description="share of the acknowledgements lost")
 
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return target.apply(FaultEffect(ack_loss=params.rate), now)
 
 
-FAULT = Fault("absent_ack", "COMMAND_ACK and MISSION_ACK do not come", Params, begin)
+FAULT = Fault("absent_ack", "COMMAND_ACK and MISSION_ACK are lost", Params, begin)

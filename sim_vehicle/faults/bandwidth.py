@@ -1,4 +1,4 @@
-"""A thin line: so many bytes a second, and a buffer before it that can run over."""
+"""A link with a limited byte rate and a finite buffer."""
 
 from typing import Annotated
 
@@ -10,17 +10,15 @@ from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
-    rate_bytes_s: Annotated[float, Field(ge=10)] = Field(
-        default=5000.0, description="bytes a second, each way"
-    )
+    rate_bytes_s: Annotated[float, Field(ge=10)] = Field(default=5000.0, description="rate of each direction")
     buffer_bytes: Annotated[int, Field(ge=300)] = Field(
-        default=2048, description="bytes that may wait; what finds it full is lost"
+        default=2048, description="buffer size; frames that find it full are lost"
     )
     direction: LinkDirections = DIRECTION
 
 
 class Bandwidth:
-    """Sends one frame after the other at a rate; drops those that find the buffer full."""
+    """Limiter that sends frames at a rate and drops those that find the buffer full."""
 
     in_order = True
 
@@ -44,4 +42,4 @@ def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, stage)
 
 
-FAULT = Fault("bandwidth", "a cap on bytes a second, with a finite buffer", Params, begin)
+FAULT = Fault("bandwidth", "a limited byte rate, with a finite buffer", Params, begin)

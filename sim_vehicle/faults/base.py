@@ -1,4 +1,4 @@
-"""What a fault is: its parameters, and a function that begins it on a vehicle and returns what ends it."""
+"""The shape of a fault: its parameters, and a function that begins it and returns one that ends it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from sim_vehicle.vehicle.injected_faults import FaultEffect, InjectedFaults
 from sim_vehicle.wire.channel import Channel, Direction, Stage
 
-EndFault = Callable[[float], None]  # called with the time of the end [s]
+EndFault = Callable[[float], None]  # called with the end time [s]
 LinkDirections = Literal["both", "to_vehicle", "from_vehicle"]
 Share = Annotated[float, Field(ge=0, le=1)]
-DIRECTION: Any = Field(default="both", description="which direction it is in")
+DIRECTION: Any = Field(default="both", description="affected direction")
 
 
 class FaultParams(BaseModel):
@@ -26,11 +26,11 @@ class FaultParams(BaseModel):
 class FaultTarget:
     """One vehicle as a fault sees it.
 
-    channel: its wire, made when it is first asked for.
-    afflictions: what is wrong with the vehicle itself.
-    generator: makes randomness of one's own.
-    reboot: restarts the autopilot at a time [s], silent for so long [s].
-    every_tick: has a function called with the time [s] on each tick, until the function returned is called.
+    channel: its link, created on the first call.
+    injected_faults: effects on the vehicle itself.
+    generator: makes a random generator for the fault.
+    reboot: restarts the autopilot at a time [s] with a silence [s].
+    every_tick: calls a function with the time [s] on each tick, until the returned function is called.
     """
 
     channel: Callable[[], Channel]
@@ -40,7 +40,7 @@ class FaultTarget:
     every_tick: Callable[[Callable[[float], None]], Callable[[], None]]
 
     def disturb(self, way: LinkDirections, make_stage: Callable[[np.random.Generator], Stage]) -> EndFault:
-        """Put a stage of its own into each direction that `way` names; returns what takes them out."""
+        """Add a stage to each direction that `way` names; return a function that removes them."""
         channel = self.channel()
         removals = [
             channel.add(direction, make_stage(self.generator()))
@@ -55,7 +55,7 @@ class FaultTarget:
         return end
 
     def apply(self, effect: FaultEffect, now: float) -> EndFault:
-        """Have an effect on the vehicle itself from `now` [s]; returns what ends it."""
+        """Apply an effect to the vehicle itself from `now` [s]; return a function that ends it."""
         return self.injected_faults.begin(effect, now)
 
 
@@ -64,7 +64,7 @@ BeginFault = Callable[[FaultTarget, Any, float], EndFault]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One kind of fault: `begin(target, params, now)` starts it at `now` [s] and returns what ends it."""
+    """One kind of fault: `begin(target, params, now)` starts it at `now` [s] and returns its end function."""
 
     name: str
     summary: str  # one line

@@ -1,4 +1,4 @@
-"""The battery gives less voltage than its charge should, or has less charge than it had."""
+"""The battery has a lower voltage than its charge gives, or a lower charge."""
 
 from typing import Annotated
 
@@ -9,12 +9,14 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
-    sag_v: Annotated[float, Field(ge=0, le=60)] = Field(default=1.5, description="voltage that is missing")
-    at_most: Share = Field(default=1.0, description="share of the full charge that is left at most")
+    sag_v: Annotated[float, Field(ge=0, le=60)] = Field(default=1.5, description="missing voltage")
+    at_most: Share = Field(
+        default=1.0, description="upper limit of the charge, as a share of the full charge"
+    )
 
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return target.apply(FaultEffect(battery_sag_v=params.sag_v, battery_at_most=params.at_most), now)
 
 
-FAULT = Fault("battery_sag", "the battery's voltage drops, or its charge", Params, begin)
+FAULT = Fault("battery_sag", "the battery's voltage or charge drops", Params, begin)

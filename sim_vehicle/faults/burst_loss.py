@@ -1,4 +1,4 @@
-"""Frames get lost in bursts: the two-state chain of Gilbert and Elliott."""
+"""Frames are lost in bursts: the two-state chain of Gilbert and Elliott."""
 
 from typing import Annotated, Self
 
@@ -18,59 +18,59 @@ from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
-    rate: Share = Field(default=0.1, description="share of the frames that is lost in the long run")
+    rate: Share = Field(default=0.1, description="share of the frames lost in the long run")
     burst_frames: Annotated[float, Field(ge=1)] = Field(
         default=5.0, description="mean length of a bad spell, in frames"
     )
-    bad_loss: Share = Field(default=1.0, description="share that is lost during a bad spell")
-    good_loss: Share = Field(default=0.0, description="share that is lost between bad spells")
+    bad_loss: Share = Field(default=1.0, description="share lost in a bad spell")
+    good_loss: Share = Field(default=0.0, description="share lost between bad spells")
     direction: LinkDirections = DIRECTION
 
     @model_validator(mode="after")
-    def _there_is_such_a_chain(self) -> Self:
+    def _check_chain(self) -> Self:
         if not self.good_loss <= self.rate <= self.bad_loss or self.good_loss == self.bad_loss:
             raise ValueError(
                 f"rate {self.rate:g} must lie between good_loss {self.good_loss:g} and bad_loss "
-                f"{self.bad_loss:g}, and these must differ"
+                f"{self.bad_loss:g}, which must differ"
             )
         share = self.bad_share
         if share >= 1 or share / (1 - share) > self.burst_frames:
             raise ValueError(
-                f"rate {self.rate:g} asks for more than bad spells of {self.burst_frames:g} frames give; "
+                f"rate {self.rate:g} is too high for bad spells of {self.burst_frames:g} frames; "
                 f"raise burst_frames or lower rate"
             )
         return self
 
     @property
     def bad_share(self) -> float:
-        """Share of the frames that meets a bad spell."""
+        """Share of the frames in bad spells."""
         return (self.rate - self.good_loss) / (self.bad_loss - self.good_loss)
 
     @property
     def leave_bad(self) -> float:
-        """Probability, at each frame, that a bad spell ends."""
+        """Probability at each frame that a bad spell ends."""
         return 1.0 / self.burst_frames
 
     @property
     def enter_bad(self) -> float:
-        """Probability, at each frame, that a bad spell begins; makes `bad_share` the stationary share."""
+        """Probability at each frame that a bad spell begins; `bad_share` is then the stationary share."""
         return self.leave_bad * self.bad_share / (1.0 - self.bad_share)
 
 
 class BurstLoss:
-    """The chain; it begins in its stationary distribution."""
+    """The chain of Gilbert and Elliott, started in its stationary distribution."""
 
     in_order = True
 
     def __init__(self, params: Params, rng: np.random.Generator) -> None:
         self._rng = rng
         self._loss = (params.good_loss, params.bad_loss)
-        self._turn = (params.enter_bad, params.leave_bad)
+        self._switch = (params.enter_bad, params.leave_bad)
         self._bad = bool(rng.random() < params.bad_share)
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         lost = self._rng.random() < self._loss[self._bad]
-        if self._rng.random() < self._turn[self._bad]:
+        if self._rng.random() < self._switch[self._bad]:
             self._bad = not self._bad
         return [] if lost else [(frame, due_s)]
 

@@ -11,7 +11,7 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 class Params(FaultParams):
     # A crystal is off by some 20 ppm, an oscillator without one by some 10 000.
     drift_ppm: Annotated[float, Field(ge=-500_000, le=500_000)] = Field(
-        default=1000.0, description="by how much it is fast (negative: slow), in millionths"
+        default=1000.0, description="drift of the clock, positive if fast"
     )
 
 

@@ -1,4 +1,4 @@
-"""Bits flip on the way; the receiver's checksum has to notice."""
+"""Bits flip in transit; the receiver's checksum has to detect it."""
 
 from typing import Annotated
 
@@ -18,14 +18,16 @@ from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
-    rate: Share = Field(default=0.1, description="share of the frames that is spoilt")
-    # The checksum of MAVLink notices any three flipped bits for certain, of more nearly all.
-    bits: Annotated[int, Field(ge=1, le=64)] = Field(default=3, description="most bits that flip in a frame")
+    rate: Share = Field(default=0.1, description="share of the frames corrupted")
+    # MAVLink's checksum detects up to three flipped bits for certain, and nearly all larger errors.
+    bits: Annotated[int, Field(ge=1, le=64)] = Field(
+        default=3, description="largest number of flipped bits in a frame"
+    )
     direction: LinkDirections = DIRECTION
 
 
 class Corruption:
-    """Flips 1 to `bits` different bits in a share of the frames."""
+    """Flip of 1 to `bits` different bits in a share of the frames."""
 
     in_order = True
 
@@ -46,4 +48,4 @@ def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Corruption(params.rate, params.bits, rng))
 
 
-FAULT = Fault("corruption", "bits flip on the way", Params, begin)
+FAULT = Fault("corruption", "bits flip in transit", Params, begin)

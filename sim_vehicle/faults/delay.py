@@ -1,4 +1,4 @@
-"""Frames come later than they should, in their order."""
+"""Frames are late, in their order."""
 
 import math
 from typing import Annotated, Self
@@ -13,19 +13,19 @@ Seconds = Annotated[float, Field(ge=0, le=60)]
 
 
 class Params(FaultParams):
-    delay_s: Seconds = Field(default=0.5, description="mean delay each way")
-    jitter_s: Seconds = Field(default=0.0, description="the delay varies by as much either way")
+    delay_s: Seconds = Field(default=0.5, description="mean delay in each direction")
+    jitter_s: Seconds = Field(default=0.0, description="largest deviation from the mean delay")
     direction: LinkDirections = DIRECTION
 
     @model_validator(mode="after")
-    def _no_time_travel(self) -> Self:
+    def _check_jitter(self) -> Self:
         if self.jitter_s > self.delay_s:
             raise ValueError(f"jitter_s {self.jitter_s:g} must not exceed delay_s {self.delay_s:g}")
         return self
 
 
 class Delay:
-    """Holds each frame for delay_s, give or take jitter_s (uniform); none overtakes another."""
+    """Delay of each frame by delay_s plus or minus jitter_s (uniform); no frame overtakes another."""
 
     in_order = True
 
@@ -43,4 +43,4 @@ def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Delay(params.delay_s, params.jitter_s, rng))
 
 
-FAULT = Fault("delay", "frames come late, with jitter", Params, begin)
+FAULT = Fault("delay", "frames arrive late, with jitter", Params, begin)

@@ -1,4 +1,4 @@
-"""Frames come twice."""
+"""Frames arrive twice."""
 
 from typing import Annotated
 
@@ -18,15 +18,15 @@ from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
-    rate: Share = Field(default=0.1, description="share of the frames that comes twice")
+    rate: Share = Field(default=0.1, description="share of the frames duplicated")
     gap_s: Annotated[float, Field(ge=0, le=60)] = Field(
-        default=0.0, description="time from a frame to its copy; others may come between"
+        default=0.0, description="time from a frame to its copy; other frames can arrive between"
     )
     direction: LinkDirections = DIRECTION
 
 
 class Duplication:
-    """Copies a share of the frames."""
+    """Copier of a share of the frames."""
 
     def __init__(self, rate: float, gap_s: float, rng: np.random.Generator) -> None:
         self._rate, self._gap_s, self._rng = rate, gap_s, rng
@@ -41,4 +41,4 @@ def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Duplication(params.rate, params.gap_s, rng))
 
 
-FAULT = Fault("duplication", "frames come twice", Params, begin)
+FAULT = Fault("duplication", "frames arrive twice", Params, begin)

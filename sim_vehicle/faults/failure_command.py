@@ -1,4 +1,4 @@
-"""MAV_CMD_INJECT_FAILURE: which fault a unit and a type of failure are."""
+"""MAV_CMD_INJECT_FAILURE: the fault for each unit and type of failure."""
 
 from collections.abc import Callable, Hashable, Sequence
 
@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.spec import FaultSpec
 
-# (key, faults, now): ends what runs under the key, begins these.
+# (key, faults, now): ends the faults under the key and begins these.
 Replace = Callable[[Hashable, Sequence[FaultSpec], float], None]
 
 ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
@@ -20,8 +20,8 @@ DELAYED = int(mavlink.FAILURE_TYPE_DELAYED)
 INTERMITTENT = int(mavlink.FAILURE_TYPE_INTERMITTENT)
 MOTOR = int(mavlink.FAILURE_UNIT_SYSTEM_MOTOR)
 MOTORS = 4
-EMPTY = 0.04  # share of the charge: below every threshold, and still enough to land
-# Nobody could be heard calling the link back, so it comes back by itself; the acknowledgement still gets out.
+EMPTY = 0.04  # share of the charge below every threshold, but enough to land
+# A ground station cannot end this fault, so it ends by itself; it begins after the acknowledgement.
 LINK_OFF_S = 30.0
 LINK_OFF_AFTER_S = 0.3
 
@@ -38,7 +38,7 @@ _FAULTS: dict[int, dict[int, FaultSpec]] = {
     mavlink.FAILURE_UNIT_SENSOR_AIRSPEED: _unhealthy("airspeed", OFF, WRONG),
     mavlink.FAILURE_UNIT_SENSOR_GPS: {
         OFF: FaultSpec(fault="gps_loss"),
-        STUCK: FaultSpec(fault="gps_loss"),  # an estimator drops a receiver that repeats itself
+        STUCK: FaultSpec(fault="gps_loss"),  # an estimator rejects a receiver that repeats itself
         WRONG: FaultSpec(fault="gps_glitch", params={"east_m": 100.0}),
     },
     mavlink.FAILURE_UNIT_SYSTEM_BATTERY: {
@@ -57,14 +57,14 @@ _FAULTS: dict[int, dict[int, FaultSpec]] = {
 
 
 def inject_failure(unit: float, kind: float, instance: float, replace: Replace, now: float) -> int:
-    """Carry out the command's parameters 1 to 3 at `now` [s]; MAV_RESULT.
+    """Carry out the command's parameters 1 to 3 at `now` [s]; return its MAV_RESULT.
 
-    Instance 0 is all of a unit. There is one of each but the motors, so that another instance is unsupported.
-    FAILURE_TYPE_OK ends what this command began.
+    Instance 0 means all instances of a unit. Only motors have several; other instances are unsupported.
+    FAILURE_TYPE_OK ends the faults of this command.
     """
     try:
         unit, kind, instance = round(unit), round(kind), round(instance)
-    except (ValueError, OverflowError):  # no number, or not a finite one
+    except (ValueError, OverflowError):  # NaN or infinity
         return UNSUPPORTED
     count = MOTORS if unit == MOTOR else 1
     if unit not in _FAULTS or not 0 <= instance <= count:

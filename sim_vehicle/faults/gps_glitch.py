@@ -1,4 +1,4 @@
-"""The GPS receiver is sure of a wrong place: at once, or walking off as when somebody spoofs it."""
+"""The GPS receiver reports a wrong position, by a jump or by a ramp as in spoofing."""
 
 from typing import Annotated
 
@@ -15,7 +15,7 @@ class Params(FaultParams):
     north_m: Offset = Field(default=0.0, description="error northward")
     up_m: Offset = Field(default=0.0, description="error upward")
     ramp_s: Annotated[float, Field(ge=0)] = Field(
-        default=0.0, description="time over which the error grows to that; 0: it jumps"
+        default=0.0, description="time over which the error grows; 0: it jumps"
     )
 
 
@@ -47,4 +47,4 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return end
 
 
-FAULT = Fault("gps_glitch", "the GPS reports a place that is off, by a jump or by a ramp", Params, begin)
+FAULT = Fault("gps_glitch", "the GPS reports a wrong position, by a jump or by a ramp", Params, begin)

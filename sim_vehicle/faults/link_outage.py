@@ -1,4 +1,4 @@
-"""Nothing gets through."""
+"""No frame passes in either direction."""
 
 from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
 from sim_vehicle.wire.channel import TimedFrames
@@ -9,7 +9,7 @@ class Params(FaultParams):
 
 
 class Silence:
-    """Loses every frame."""
+    """Loss of every frame."""
 
     in_order = True
 
@@ -21,4 +21,4 @@ def begin(target: FaultTarget, _params: Params, _now: float) -> EndFault:
     return target.disturb("both", lambda _rng: Silence())
 
 
-FAULT = Fault("link_outage", "nothing gets through either way", Params, begin)
+FAULT = Fault("link_outage", "no frame passes in either direction", Params, begin)

@@ -11,7 +11,7 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect, MissionRefusal
 
 
 class Result(Enum):
-    """What an upload ends with: MAV_MISSION_RESULT."""
+    """Result of a refused upload (MAV_MISSION_RESULT)."""
 
     ERROR = "error"
     UNSUPPORTED_FRAME = "unsupported_frame"
@@ -28,9 +28,9 @@ class Result(Enum):
 
 
 class Params(FaultParams):
-    result: Result = Field(default=Result.ERROR, description="the MAV_MISSION_RESULT")
+    result: Result = Field(default=Result.ERROR, description="MAV_MISSION_RESULT of the refusal")
     at_item: Annotated[int, Field(ge=0)] | None = Field(
-        default=None, description="refused when this item comes; none: when the upload is announced"
+        default=None, description="item at which the upload is refused; none: at MISSION_COUNT"
     )
 
 

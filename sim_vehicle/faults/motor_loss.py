@@ -9,7 +9,7 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
-    motors: Annotated[int, Field(ge=1, le=4)] = Field(default=1, description="how many motors stop")
+    motors: Annotated[int, Field(ge=1, le=4)] = Field(default=1, description="number of lost motors")
 
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:

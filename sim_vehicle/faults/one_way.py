@@ -10,7 +10,7 @@ from sim_vehicle.faults.link_outage import Silence
 
 class Params(FaultParams):
     dead: Literal["to_vehicle", "from_vehicle"] = Field(
-        default="to_vehicle", description="the direction in which nothing gets through"
+        default="to_vehicle", description="direction in which no frame passes"
     )
 
 

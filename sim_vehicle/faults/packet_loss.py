@@ -1,4 +1,4 @@
-"""Frames get lost, each for itself."""
+"""Frames are lost independently of each other."""
 
 import numpy as np
 from pydantic import Field
@@ -16,12 +16,12 @@ from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
-    rate: Share = Field(default=0.1, description="share of the frames that is lost")
+    rate: Share = Field(default=0.1, description="share of the frames lost")
     direction: LinkDirections = DIRECTION
 
 
 class Loss:
-    """Loses a share of the frames."""
+    """Loss of a share of the frames."""
 
     in_order = True
 

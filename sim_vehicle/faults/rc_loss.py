@@ -1,4 +1,4 @@
-"""The pilot's remote control is not heard."""
+"""The remote control is lost."""
 
 from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
 from sim_vehicle.vehicle.injected_faults import FaultEffect

@@ -18,15 +18,13 @@ from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
-    rate: Share = Field(default=0.1, description="share of the frames that is held back")
-    hold_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        default=0.2, description="longest time that a frame is held back"
-    )
+    rate: Share = Field(default=0.1, description="share of the frames delayed")
+    hold_s: Annotated[float, Field(gt=0, le=60)] = Field(default=0.2, description="longest delay of a frame")
     direction: LinkDirections = DIRECTION
 
 
 class Reordering:
-    """Holds a share of the frames for up to hold_s (uniform); later ones overtake them."""
+    """Delay of a share of the frames by up to hold_s (uniform); later frames overtake them."""
 
     in_order = False
 

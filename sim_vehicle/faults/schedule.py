@@ -1,4 +1,4 @@
-"""Begins and ends faults at their times."""
+"""The schedule that begins and ends faults at their times."""
 
 import heapq
 import itertools
@@ -18,12 +18,12 @@ from sim_vehicle.ranges import ranges
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel
 
-RANDOMNESS = 0xFA17  # keeps the faults' randomness apart from that of the vehicles
+SPAWN_KEY = 0xFA17  # separates the faults' randomness from that of the vehicles
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleAccess:
-    """What the fleet gives of a vehicle: its channel (made on demand), its afflictions, and its reboot."""
+    """Access to one vehicle of the fleet: its channel (created on demand), its faults, and its reboot."""
 
     channel: Callable[[], Channel]
     injected_faults: InjectedFaults
@@ -55,9 +55,9 @@ class Schedule:
 
     Parameters
     ----------
-    specs: what is to happen; FaultError if one names a vehicle that is not there.
-    sysids: system ids by vehicle index; a system id may occur on several links.
-    patient: the vehicle of an index.
+    specs: planned faults; FaultError if one names an unknown vehicle.
+    sysids: system ids by vehicle index; a system id can occur on several links.
+    access: returns the access to the vehicle of an index.
     seed: of the scenario.
     """
 
@@ -80,13 +80,13 @@ class Schedule:
 
     @property
     def next_due_s(self) -> float:
-        """When something has to be done next [s]; inf: never."""
+        """Time of the next change [s]; inf: none."""
         if self._tickers:
             return -math.inf
         return self._events[0][0] if self._events else math.inf
 
     def tick(self, now: float) -> None:
-        """Begin and end what is due at `now` [s], in the order of time."""
+        """Begin and end the faults due at `now` [s], in the order of time."""
         while self._events and self._events[0][0] <= now + EPSILON_S:
             due_s, _, act = heapq.heappop(self._events)
             act(due_s)
@@ -94,12 +94,12 @@ class Schedule:
             grow(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault `at_s` after `now` [s]; FaultError if it names a vehicle that is not there."""
+        """Begin a fault `at_s` after `now` [s]; FaultError if it names an unknown vehicle."""
         self._plan(spec, self._indices(spec), now + spec.at_s)
         self.tick(now)
 
     def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
-        """End what was begun on one vehicle under this key, and begin these instead (none: all is well)."""
+        """End the faults begun on one vehicle under this key, and begin others instead."""
         for fault in self._replaceable.pop((index, key), ()):
             fault.end(now)
         if specs:
@@ -109,7 +109,7 @@ class Schedule:
         self.tick(now)
 
     def names(self, index: int) -> tuple[str, ...]:
-        """What is wrong with a vehicle now."""
+        """Return the names of a vehicle's present faults."""
         return tuple(fault.spec.fault for fault in self._planned if fault.index == index and fault.runs)
 
     def _indices(self, spec: FaultSpec) -> list[int]:
@@ -118,11 +118,13 @@ class Schedule:
         missing = sorted(set(spec.vehicles) - set(self._sysids))
         if missing:
             here = ranges(self._sysids)
-            raise FaultError(f"fault {spec.fault}: there is no vehicle {missing[0]}; system ids here: {here}")
+            raise FaultError(
+                f"fault {spec.fault}: unknown vehicle {missing[0]}; system ids: {here} [fault-vehicle]"
+            )
         return [index for index, sysid in enumerate(self._sysids) if sysid in spec.vehicles]
 
     def _plan(self, spec: FaultSpec, indices: Sequence[int], at_s: float) -> list[_PlannedFault]:
-        """Set the times of one fault on some vehicles."""
+        """Schedule one fault on several vehicles."""
         planned = [_PlannedFault(index, spec) for index in indices]
         for fault in planned:
             self._at(at_s, partial(self._begin, fault))
@@ -154,7 +156,7 @@ class Schedule:
         count = self._generators_made[index]
         self._generators_made[index] += 1
         return np.random.default_rng(
-            np.random.SeedSequence(entropy=self._seed, spawn_key=(RANDOMNESS, index, count))
+            np.random.SeedSequence(entropy=self._seed, spawn_key=(SPAWN_KEY, index, count))
         )
 
     def _every_tick(self, grow: Callable[[float], None]) -> Callable[[], None]:

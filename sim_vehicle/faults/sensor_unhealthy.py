@@ -10,7 +10,7 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Sensor(Enum):
-    """What can be unhealthy; each is a bit of SYS_STATUS."""
+    """Sensors with a health bit in SYS_STATUS."""
 
     GYRO = "gyro"
     ACCEL = "accel"
@@ -39,11 +39,11 @@ BITS = {
 
 
 class Params(FaultParams):
-    sensor: Sensor = Field(default=Sensor.MAG, description="which one")
+    sensor: Sensor = Field(default=Sensor.MAG, description="affected sensor")
 
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return target.apply(FaultEffect(unhealthy_sensors=BITS[params.sensor]), now)
 
 
-FAULT = Fault("sensor_unhealthy", "a sensor's health bit goes, and with it readiness to arm", Params, begin)
+FAULT = Fault("sensor_unhealthy", "a sensor is unhealthy, so the vehicle cannot be armed", Params, begin)

@@ -1,8 +1,8 @@
-"""A bad pair of SiK radios: one slow frequency for both directions, bursts of loss, and reports of their own.
+"""A bad pair of SiK radios: one slow frequency for both directions, bursts of loss, RADIO_STATUS.
 
-After each heartbeat that a radio sends on, it puts a RADIO_STATUS into what it hands to its own side, as
-system '3', component 'D'. The two radios take turns in speaking, so that a frame waits for a turn, for those
-before it, and for its own time in the air.
+After each heartbeat that a radio transmits, it adds a RADIO_STATUS for its own side, as system '3', component
+'D'. The two radios transmit in turns: a frame waits for a turn, for earlier frames, and for its own
+transmission.
 """
 
 from collections import deque
@@ -20,29 +20,29 @@ from sim_vehicle.wire.channel import Channel, Direction, TimedFrames
 
 RADIO_SYSTEM, RADIO_COMPONENT = ord("3"), ord("D")
 PACKET_OVERHEAD_BYTES = 16  # preamble, synchronisation, header, trailer and checksum in the air
-SIGNAL_SPREAD = 4.0  # of the reported signal strength from report to report
+SIGNAL_SPREAD = 4.0  # standard deviation of the reported signal strength
 
 
 class Params(FaultParams):
     air_rate_bit_s: Annotated[float, Field(ge=2000, le=250_000)] = Field(
         default=57_600.0, description="bits a second in the air, both directions together"
     )
-    rate: Share = Field(default=0.12, description="share of the frames that is lost")
+    rate: Share = Field(default=0.12, description="share of the frames lost")
     burst_frames: Annotated[float, Field(ge=1)] = Field(
         default=4.0, description="mean length of a burst of losses, in frames"
     )
-    spoilt: Share = Field(default=0.005, description="share of the frames that comes with flipped bits")
+    spoilt: Share = Field(default=0.005, description="share of the frames with flipped bits")
     turn_s: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.06, description="longest wait for the radio's turn to speak"
+        default=0.06, description="longest wait for a turn to transmit"
     )
     buffer_bytes: Annotated[int, Field(ge=300)] = Field(
-        default=2048, description="bytes that may wait in a radio; what finds it full is lost"
+        default=2048, description="buffer of a radio; frames that find it full are lost"
     )
     rssi: Annotated[int, Field(ge=0, le=254)] = Field(default=75, description="reported signal strength, raw")
     noise: Annotated[int, Field(ge=0, le=254)] = Field(default=50, description="reported noise, raw")
 
     @model_validator(mode="after")
-    def _bursts_can_be(self) -> Self:
+    def _check_bursts(self) -> Self:
         self.bursts()
         return self
 
@@ -55,16 +55,11 @@ class _Air:
 
     def __init__(self) -> None:
         self.free_s = 0.0
-        self.speaker: Radio | None = None
+        self.transmitter: Radio | None = None
 
 
 class Radio:
-    """The radio that takes frames of one direction from its side and sends them through the air.
-
-    Parameters
-    ----------
-    to_own_side: hands a frame of its own to its side at a time [s].
-    """
+    """The radio that transmits the frames of one direction."""
 
     in_order = True
 
@@ -72,11 +67,11 @@ class Radio:
         self._params, self._air, self._channel, self._way, self._rng = params, air, channel, way, rng
         self._loss = BurstLoss(params.bursts(), rng)
         self._corruption = Corruption(params.spoilt, 3, rng)
-        self._waiting: deque[tuple[float, int]] = deque()  # when a frame has been sent, its length
+        self._waiting: deque[tuple[float, int]] = deque()  # end of the transmission [s], length
         self._waiting_bytes = 0
         self._codec = mavlink.MAVLink(None, srcSystem=RADIO_SYSTEM, srcComponent=RADIO_COMPONENT)
         self.other: Radio | None = None
-        self.lost = 0  # of the frames it sent
+        self.lost = 0  # number of its frames lost in the air
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         self._empty_buffer(due_s)
@@ -84,7 +79,7 @@ class Radio:
             self._report(due_s)
         if self._waiting_bytes + len(frame) > self._params.buffer_bytes:
             return []
-        sent_s = self._speak(len(frame), due_s)
+        sent_s = self._transmit(len(frame), due_s)
         self._waiting.append((sent_s, len(frame)))
         self._waiting_bytes += len(frame)
         arrived = self._loss(frame, sent_s)
@@ -97,27 +92,27 @@ class Radio:
         while self._waiting and self._waiting[0][0] <= now:
             self._waiting_bytes -= self._waiting.popleft()[1]
 
-    def _speak(self, length: int, due_s: float) -> float:
-        """Take the air for one frame; returns when it has been sent [s]."""
+    def _transmit(self, length: int, due_s: float) -> float:
+        """Transmit one frame; return the end of the transmission [s]."""
         air = self._air
         start_s = max(due_s, air.free_s)
-        if air.speaker is not self or start_s > air.free_s:  # a new turn
+        if air.transmitter is not self or start_s > air.free_s:  # a new turn
             start_s += self._params.turn_s * self._rng.random()
-        air.speaker = self
+        air.transmitter = self
         air.free_s = start_s + 8.0 * (length + PACKET_OVERHEAD_BYTES) / self._params.air_rate_bit_s
         return air.free_s
 
     def _report(self, now: float) -> None:
         params = self._params
         free = 1.0 - self._waiting_bytes / params.buffer_bytes
-        heard_wrong = 0 if self.other is None else self.other.lost
+        lost_by_other = 0 if self.other is None else self.other.lost
         report = mavlink.MAVLink_radio_status_message(
             self._raw(params.rssi),
             self._raw(params.rssi),
             round(100 * max(free, 0.0)),
             self._raw(params.noise),
             self._raw(params.noise),
-            heard_wrong & 0xFFFF,
+            lost_by_other & 0xFFFF,
             0,
         )
         back = next(way for way in Direction if way is not self._way)
@@ -150,5 +145,8 @@ def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
 
 
 FAULT = Fault(
-    "sik_radio", "a bad SiK radio: slow, shared, in turns, bursts of loss, RADIO_STATUS", Params, begin
+    "sik_radio",
+    "a bad SiK radio: slow, shared by both directions, bursts of loss, RADIO_STATUS",
+    Params,
+    begin,
 )

@@ -1,4 +1,4 @@
-"""Which fault, on whom, when: from the command line, from a scenario file, or made in code."""
+"""Fault specifications: kind, vehicles and times, from the command line, a scenario file or code."""
 
 import difflib
 from dataclasses import dataclass
@@ -15,23 +15,23 @@ SystemId = Annotated[int, Field(ge=1, le=255)]
 RESERVED = {
     "at": "start [s]",
     "for": "duration [s]",
-    "sysid": "system ids: 3, or 1+4, or 2-6; all if left out",
+    "sysid": "system ids: 3, or 1+4, or 2-6; all by default",
 }
-ALIKE = 0.7  # how near a word is that may have been meant: less would take `at` for `rate`
+SIMILARITY = 0.7  # similarity of a suggestion; a lower value suggests `at` for `rate`
 RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
 # The longest suffixes first: `_bytes_s` ends in `_s` too.
 UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
 
 
 class FaultError(ValueError):
-    """A fault that cannot be; the text says which, what was found, and what is allowed."""
+    """An invalid fault; the text says which, the value found, and the allowed values."""
 
 
 class FaultSpec(BaseModel):
     """One fault of a scenario.
 
-    params: of the fault, checked against it; vehicles: system ids, all where it is None; at_s: when it begins
-    [s since the start, or since it is injected]; for_s: how long it lasts [s], to the end where it is None.
+    params: of the fault, checked against it; vehicles: system ids, None for all; at_s: start [s], from the
+    start of the simulation or from the injection; for_s: duration [s], None for no end.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -43,16 +43,16 @@ class FaultSpec(BaseModel):
     for_s: Annotated[float, Field(gt=0)] | None = None
 
     @model_validator(mode="after")
-    def _fault_is_known_and_takes_these(self) -> Self:
+    def _check_fault(self) -> Self:
         self.parameters()
         return self
 
     def parameters(self) -> FaultParams:
-        """The parameters, checked and with their defaults."""
+        """Return the parameters, checked and with their defaults."""
         return _parameters(self.fault, self.params)
 
     def __str__(self) -> str:
-        """The text that `parse_fault` makes this of."""
+        """Return the text that `parse_fault` reads."""
         pairs = {key: _text(value) for key, value in self.params.items()}
         if self.at_s:
             pairs["at"] = f"{self.at_s:g}"
@@ -65,16 +65,18 @@ class FaultSpec(BaseModel):
 
 
 def parse_fault(text: str) -> FaultSpec:
-    """`NAME[:key=value,...]` -> FaultSpec, or FaultError; at, for and sysid are keys of every fault."""
+    """Parse `NAME[:key=value,...]`; at, for and sysid are keys of every fault. FaultError if invalid."""
     name, _, rest = text.strip().partition(":")
     _check_name(name)
     given: dict[str, str] = {}
     for pair in filter(None, (part.strip() for part in rest.split(","))):
         key, equals, value = (part.strip() for part in pair.partition("="))
         if not equals or not value:
-            raise FaultError(f"fault {name}: {pair!r} is no key=value; allowed: {_allowed(name)}")
+            raise FaultError(
+                f"fault {name}: {pair!r}: expected key=value; allowed: {_allowed(name)} [fault-syntax]"
+            )
         if key in given:
-            raise FaultError(f"fault {name}: {key} is given twice")
+            raise FaultError(f"fault {name}: {key} is given twice; keep one [fault-syntax]")
         given[key] = value
     reserved = {key: given.pop(key, None) for key in RESERVED}
     try:
@@ -91,7 +93,7 @@ def parse_fault(text: str) -> FaultSpec:
 
 @dataclass(frozen=True, slots=True)
 class ParameterHelp:
-    """One parameter of a fault; `unit` is empty where it has none."""
+    """One parameter of a fault; `unit` is empty for a number without a unit."""
 
     name: str
     unit: str
@@ -102,7 +104,7 @@ class ParameterHelp:
 
 @dataclass(frozen=True, slots=True)
 class FaultHelp:
-    """One fault: name, one line, parameters."""
+    """One fault: name, summary, parameters."""
 
     name: str
     summary: str
@@ -110,7 +112,7 @@ class FaultHelp:
 
 
 def describe() -> list[FaultHelp]:
-    """Every fault there is, in the registry's order."""
+    """Return all faults in the registry's order."""
     return [
         FaultHelp(fault.name, fault.summary, tuple(_parameter_help(fault.params)))
         for fault in FAULTS.values()
@@ -118,8 +120,8 @@ def describe() -> list[FaultHelp]:
 
 
 def help_text() -> str:
-    """What `--fault help` prints."""
-    lines = ["--fault NAME[:key=value,...], more than once where there are more; for every fault:"]
+    """Return the text of `--fault help`."""
+    lines = ["--fault NAME[:key=value,...], once for each fault; keys of every fault:"]
     lines += [f"    {key:<14} {meaning}" for key, meaning in RESERVED.items()]
     for fault in describe():
         lines.append(f"{fault.name}: {fault.summary}")
@@ -134,9 +136,9 @@ def _parameters(name: str, params: dict[str, Any]) -> FaultParams:
     model = FAULTS[name].params
     unknown = [key for key in params if key not in model.model_fields]
     if unknown:
+        near = _suggestion(unknown[0], [*model.model_fields, *RESERVED])
         raise FaultError(
-            f"fault {name}: it has no {unknown[0]!r}{_meant(unknown[0], [*model.model_fields, *RESERVED])}; "
-            f"allowed: {_allowed(name)}"
+            f"fault {name}: unknown key {unknown[0]!r}{near}; allowed: {_allowed(name)} [fault-key]"
         )
     try:
         return model.model_validate(params)
@@ -147,14 +149,14 @@ def _parameters(name: str, params: dict[str, Any]) -> FaultParams:
 def _check_name(name: str) -> None:
     if name not in FAULTS:
         raise FaultError(
-            f"fault {name or repr(name)}: there is none of that name{_meant(name, list(FAULTS))}; "
-            f"there are: {', '.join(sorted(FAULTS))}"
+            f"fault {name or repr(name)}: unknown fault{_suggestion(name, list(FAULTS))}; "
+            f"known: {', '.join(sorted(FAULTS))} [fault-name]"
         )
 
 
-def _meant(word: str, words: list[str]) -> str:
-    close = difflib.get_close_matches(word, words, n=1, cutoff=ALIKE)
-    return f" (meant: {close[0]}?)" if close else ""
+def _suggestion(word: str, words: list[str]) -> str:
+    close = difflib.get_close_matches(word, words, n=1, cutoff=SIMILARITY)
+    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def _first_finding(name: str, error: ValidationError) -> str:
@@ -163,13 +165,14 @@ def _first_finding(name: str, error: ValidationError) -> str:
     if text.startswith("fault "):
         return text
     if not finding["loc"]:
-        return f"fault {name}: {text}"
+        return f"fault {name}: {text} [fault-value]"
     names = {"at_s": "at", "for_s": "for", "vehicles": "sysid"}
     key = names.get(str(finding["loc"][0]), str(finding["loc"][0]))
     expected = RANGES.get(key) or next(
         (p.allowed for p in _parameter_help(FAULTS[name].params) if p.name == key), ""
     )
-    return f"fault {name}: {key}={_text(finding['input'])}: expected {expected}; allowed: {_allowed(name)}"
+    value = _text(finding["input"])
+    return f"fault {name}: {key}={value}: expected {expected}; allowed: {_allowed(name)} [fault-value]"
 
 
 def _allowed(name: str) -> str:
@@ -182,7 +185,7 @@ def _seconds(name: str, key: str, text: str) -> float:
         return float(text)
     except ValueError as error:
         raise FaultError(
-            f"fault {name}: {key}={text} is no time in seconds; give for example {key}=30"
+            f"fault {name}: {key}={text}: expected a time in seconds, for example {key}=30 [fault-value]"
         ) from error
 
 
@@ -193,9 +196,13 @@ def _sysids(name: str, text: str) -> list[int]:
         try:
             low, high = int(first), int(last if dash else first)
         except ValueError as error:
-            raise FaultError(f"fault {name}: sysid={text}: give {RESERVED['sysid']}") from error
+            raise FaultError(
+                f"fault {name}: sysid={text}: expected {RESERVED['sysid']} [fault-value]"
+            ) from error
         if not 1 <= low <= high <= 255:
-            raise FaultError(f"fault {name}: sysid={text}: system ids are 1 to 255, from low to high")
+            raise FaultError(
+                f"fault {name}: sysid={text}: expected system ids from 1 to 255, low to high [fault-value]"
+            )
         sysids += range(low, high + 1)
     return sysids
 

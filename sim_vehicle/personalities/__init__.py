@@ -1,4 +1,4 @@
-"""What differs between autopilots, one package each, as data where it can be."""
+"""Personalities: the differences between autopilots, one package each, as data if possible."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ PERSONALITIES: dict[str, Mapping[str, Personality]] = {"ardupilot": ARDUPILOT, "
 
 
 def personality_of(name: str, kind: str) -> Personality:
-    """The personality of an autopilot for an airframe (`copter`, `plane`); KeyError otherwise."""
+    """Return the personality of an autopilot for an airframe (`copter`, `plane`); KeyError if unknown."""
     return PERSONALITIES[name][kind]
 
 

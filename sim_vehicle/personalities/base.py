@@ -1,7 +1,6 @@
-"""The shape of a personality, which is all that differs between autopilots, and the vehicle as it sees it.
+"""The shape of a personality, the only difference between autopilots, and the vehicle as it sees it.
 
-Parameter names are known to personalities alone: each reads its own parameters, in the autopilot's units, into
-`FlightParameters` in SI units.
+Only personalities know parameter names: each converts its own parameters to `FlightParameters` in SI units.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -164,71 +163,71 @@ class Personality:
     parameters_byte_wise: bool  # integers travel as their bytes (PX4), else as floats (ArduPilot)
     system_id_parameter: str
     flight_parameters: Callable[[Parameters], FlightParameters]
-    commands: Mapping[int, CommandHandler]  # in place of, or beside, the common ones
+    commands: Mapping[int, CommandHandler]  # replacements of, and additions to, the common handlers
     arm_refused: int  # MAV_RESULT
     disarm_refused: int  # MAV_RESULT in flight
     is_addressed: Callable[
         [int, Any], bool
-    ]  # own system id, a message to that or to all: whether it is taken
+    ]  # own system id, message to that system or to all -> True if the message is processed
     acknowledges_set_mode: bool  # the SET_MODE message
     home_item: bool  # item 0 of a mission is home
     empty_mission_total: int  # MISSION_CURRENT.total with no mission
     reports_mission_state: bool  # else mission_state is 0 always
-    texts: Mapping[
-        str, tuple[int, str]
-    ]  # what is said when: key -> (MAV_SEVERITY, template); others are silent
+    texts: Mapping[str, tuple[int, str]]  # event -> (MAV_SEVERITY, template); other events have no text
     streams: Mapping[int, tuple[int, ...]]  # MAV_DATA_STREAM -> message ids
-    default_rates_hz: Mapping[int, float]  # message id -> rate that flows without being asked for
+    default_rates_hz: Mapping[int, float]  # message id -> default rate
     unsupported_messages: frozenset[int]  # messages of telemetry.STREAMS that this autopilot does not send
-    one_shot_messages: Mapping[int, OneShotMessage]  # more that can be requested
-    store_item: Callable[[Item], Item | int]  # kept item, or MAV_MISSION_RESULT
+    one_shot_messages: Mapping[int, OneShotMessage]  # additional messages on request
+    store_item: Callable[[Item], Item | int]  # stored item, or MAV_MISSION_RESULT
     max_mission_items: int
     transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol
-    refusals: Callable[[Vehicle, float], list[str]]  # why it would not arm now
-    ready_s: float  # from boot to a position estimate
-    storage: Callable[[Vehicle, LogLimits], Any]  # its logs and files
-    banner: tuple[str, ...]  # its name and version first
-    targets: Callable[[Vehicle], tuple[bool, bool]]  # whether its mode has a global and a local target
-    # what only one of them does
-    parameter_bits: Mapping[str, int] = field(default_factory=dict)  # of integers, where these are not 32
-    mission: Callable[[Vehicle], Mission] | None = None  # None: the one with home as item 0
-    mission_ends_in: Behaviour | None = None  # the mode that follows a mission in the air
-    rereads_mode_switch: bool = True  # soon after a boot, which undoes a mode set before
-    active_when_armed: bool = False  # MAV_STATE of an armed vehicle on the ground
-    fence_limits_latch: bool = False  # which of them count is taken up when the fence is enabled, not later
-    force_arms: bool = (
-        True  # a forced arming by a ground station skips the checks, but for `mandatory_refusals`
-    )
-    mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []  # as `refusals`
-    landing_disarms: bool = True  # at once; else after Tuning.disarm_landed_s
-    lands_amid_mission: bool = False  # and stays armed then, for what comes next
-    supports_signing: bool = False  # knows MAVLink 2 signing; else signatures are not looked at
-    disarm_restores_mode: bool = False  # the last mode that may be armed in follows a flight
-    answers_ping: bool = False  # PING to nobody in particular
+    refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming now
+    ready_s: float  # time from boot to a position estimate
+    storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
+    banner: tuple[str, ...]  # name and version first
+    # (global target, local target) reported in the present mode
+    targets: Callable[[Vehicle], tuple[bool, bool]]
+    # features of one autopilot only
+    parameter_bits: Mapping[str, int] = field(default_factory=dict)  # of integers other than 32 bits
+    mission: Callable[[Vehicle], Mission] | None = None  # None: a mission with home as item 0
+    mission_ends_in: Behaviour | None = None  # mode after a mission in the air
+    rereads_mode_switch: bool = True  # shortly after a boot, which undoes an earlier mode change
+    active_when_armed: bool = False  # MAV_STATE_ACTIVE already when armed on the ground
+    fence_limits_latch: bool = False  # the limits in force are those at the enabling of the fence
+    force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
+    # reasons against a forced arming
+    mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
+    landing_disarms: bool = True  # at once; else after FlightParameters.disarm_landed_s
+    lands_amid_mission: bool = False  # a landing inside a mission leaves the vehicle armed
+    supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
+    disarm_restores_mode: bool = False  # the last armable mode follows a flight
+    answers_ping: bool = False  # answers PING without a target
     home_is_local: bool = False  # HOME_POSITION has local coordinates, too
-    home_with_position: bool = False  # set once the position estimate is there, not before
-    origin_moves: bool = False  # wherever SET_GPS_GLOBAL_ORIGIN says; else only while there is none
-    flight_counter: str | None = None  # the parameter that a disarming counts up
-    failsafe_disarms: bool = False  # one that would act in the air stops the motors on the ground
-    failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)  # where Behaviour does not say
-    start_landing: Callable[[Vehicle, float], bool] | None = None  # where no mode lands; False: it cannot
-    # What of the mission is flown in the mode that returns, and above which altitude [m above mean sea level]
-    # that is begun; None: it returns to home or a rally point.
+    home_with_position: bool = False  # home is set with the position estimate, not before
+    origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; else it only sets a missing one
+    flight_counter: str | None = None  # name of the parameter that counts flights
+    failsafe_disarms: bool = False  # a failsafe stops the motors on the ground
+    # modes of actions without a Behaviour
+    failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)
+    # for vehicles without a landing mode; False if the landing cannot start
+    start_landing: Callable[[Vehicle, float], bool] | None = None
+    # Items of the mission flown in a return, and the altitude to climb to first [m above mean sea
+    # level]; None: return to home or a rally point.
     return_by_mission: Callable[[Vehicle], tuple[Sequence[Item], float] | None] = lambda _vehicle: None
-    battery_latches: bool = False  # is looked at while armed only, and a level stays until the next boot
-    body_yaw_relative: bool = False  # a set-point's yaw in a frame of the body; else it is from north
-    gps_fix_type: int = 6  # GPS_FIX_TYPE that its own simulator reports
-    gps_present_in_use: bool = False  # SYS_STATUS calls it present while the estimator uses it; else always
+    battery_latches: bool = False  # checked while armed only; a level stays until the next boot
+    body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
+    gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
+    gps_present_in_use: bool = False  # SYS_STATUS reports GPS present only while the estimator uses it
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
-        """The mode in which a vehicle does this by itself; KeyError where there is none."""
+        """Return the mode for a behaviour of the vehicle itself; KeyError without one."""
         mode = self.find_mode(behaviour)
         if mode is None:
             raise KeyError(behaviour)
         return mode
 
     def find_mode(self, behaviour: Behaviour) -> Mode | None:
-        """The mode in which a vehicle does this by itself, if there is one."""
+        """Return the mode for a behaviour of the vehicle itself, None without one."""
         for mode in self.modes.values():
             asks = mode.setpoints_only or mode.needs_pilot or not mode.selectable
             if mode.behaviour is behaviour and not asks:

@@ -1,1 +1,1 @@
-"""The physical side of the fleet, as arrays over all vehicles, and one vehicle's handle on them. Pure."""
+"""Physics of the fleet as arrays over all vehicles, and `Body`, one vehicle's access to them. Pure."""

@@ -1,12 +1,12 @@
-"""One vehicle's airframe and battery, as its autopilot sees and steers them."""
+"""One vehicle's airframe and battery, as its autopilot reads and steers them."""
 
 import math
 
 from sim_vehicle.physics.motion import YAW_RATE_RAD_S, MotionOrder
 from sim_vehicle.physics.world import World
 
-SHORTEST_LEG_M = 2.0  # along which a copter faces
-# lowest and highest limits that the equations stand
+SHORTEST_LEG_M = 2.0  # shortest leg that sets a copter's heading
+# Limits of the values that the equations of motion support.
 SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
 YAW_RATES_RAD_S = (math.radians(1.0), YAW_RATE_RAD_S)
 BANKS_RAD = (math.radians(5.0), math.radians(75.0))
@@ -15,13 +15,13 @@ STALLS_M_S = (2.0, 50.0)
 CAPACITIES_MAH, VOLTAGES_V = (1.0, 1e6), (1.0, 1000.0)
 
 
-def _sound(*numbers: float) -> bool:
-    """Whether these are numbers to fly by; an order with others is none."""
+def _finite(*numbers: float) -> bool:
+    """Return True for finite numbers; commands with others are ignored."""
     return all(map(math.isfinite, numbers))
 
 
 class Body:
-    """One vehicle's handle on the world; places are east, north, up above mean sea level [m]."""
+    """One vehicle's access to the world; positions are east, north, up above mean sea level [m]."""
 
     def __init__(self, world: World, index: int) -> None:
         self._world = world
@@ -58,12 +58,12 @@ class Body:
 
     @property
     def heading_rad(self) -> float:
-        """Clockwise from north, in [0, 2 pi)."""
+        """Heading clockwise from north, in [0, 2 pi) [rad]."""
         return float(self._motion.attitude[2, self._index]) % (2 * math.pi)
 
     @property
     def attitude_rad(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw."""
+        """Roll, pitch and yaw [rad]."""
         roll, pitch, yaw = self._motion.attitude[:, self._index].tolist()
         return roll, pitch, yaw
 
@@ -73,22 +73,22 @@ class Body:
 
     @property
     def armed(self) -> bool:
-        """Whether its motors run, or may: what everything else calls armed."""
+        """True if the motors are armed."""
         return bool(self._motion.armed[self._index])
 
     @property
     def reached(self) -> bool:
-        """Whether the present target has been reached since it was given."""
+        """True once the present target has been reached."""
         return bool(self._motion.reached[self._index])
 
     @property
     def crashed(self) -> bool:
-        """Whether it hit the ground too hard ever to fly again."""
+        """True after a ground contact hard enough to break the airframe."""
         return bool(self._motion.crashed[self._index])
 
     @property
     def position_ok(self) -> bool:
-        """Whether the position is one to navigate by."""
+        """True with a position estimate good enough for navigation."""
         return bool(self._world.position_ok[self._index])
 
     @property
@@ -114,23 +114,23 @@ class Body:
 
     @property
     def battery_remaining(self) -> float:
-        """Share left, in [0, 1]."""
+        """Remaining share of the charge, in [0, 1]."""
         return float(self._world.batteries.remaining[self._index])
 
     def take_touchdown_m_s(self) -> float:
-        """Speed of a ground contact since the last call, 0 if there was none."""
+        """Return the speed of a ground contact since the last call [m/s], 0 without one."""
         speed = float(self._motion.touchdown_m_s[self._index])
         self._motion.touchdown_m_s[self._index] = 0.0
         return speed
 
     def take_events(self) -> bool:
-        """Whether something to act upon has happened since the last call."""
+        """Return True if an event happened since the last call."""
         happened = bool(self._motion.events[self._index])
         self._motion.events[self._index] = False
         return happened
 
     def locate(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """East and north [m] of a place [deg]; where we are, if the map does not reach it (the antipode)."""
+        """Return east and north [m] of a position [deg], the present ones if it is off the map (antipode)."""
         east_m, north_m = self._world.frame.point_to_local(lat_deg, lon_deg)
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             east_m, north_m, _ = self.position_m
@@ -152,12 +152,12 @@ class Body:
         self._motion.order[self._index] = MotionOrder.GROUNDED
 
     def fly_to(self, east_m: float, north_m: float, up_m: float, pass_speed_m_s: float = 0.0) -> None:
-        """Fly the straight leg from the target flown until now (if that was reached) or from here.
+        """Fly a straight leg from the previous target (if reached) or from the present position.
 
-        A copter stays there, unless it may pass at a speed [m/s]; a plane flies on past it in any case.
+        A copter stops at the end unless it can pass at a speed [m/s]; a plane always flies past it.
         """
         i, motion = self._index, self._motion
-        if not _sound(east_m, north_m, up_m):
+        if not _finite(east_m, north_m, up_m):
             return
         continues = (
             bool(motion.reached[i]) and motion.order[i] == MotionOrder.POSITION and motion.circle_m[i] == 0
@@ -170,9 +170,9 @@ class Body:
         self._begin(MotionOrder.POSITION)
 
     def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:
-        """Circle around a place, clockwise if the radius [m] is positive; None or 0: the usual one."""
+        """Circle around a point, clockwise for a positive radius [m]; None or 0: the loiter radius."""
         i, motion = self._index, self._motion
-        if not _sound(east_m, north_m, up_m):
+        if not _finite(east_m, north_m, up_m):
             return
         if not radius_m or not math.isfinite(radius_m):
             radius_m = float(motion.loiter_radius_m[i])
@@ -181,8 +181,8 @@ class Body:
         self._begin(MotionOrder.POSITION)
 
     def land_at(self, east_m: float, north_m: float) -> None:
-        """A plane's landing: down a straight slope from here to touch the ground at a place."""
-        if not _sound(east_m, north_m):
+        """Land a plane: descend on a straight slope from here to touch the ground at a point."""
+        if not _finite(east_m, north_m):
             return
         i, motion = self._index, self._motion
         here_east_m, here_north_m, up_m = self.position_m
@@ -193,7 +193,7 @@ class Body:
         self._begin(MotionOrder.GLIDE)
 
     def stop(self) -> None:
-        """Brake and hold the place and altitude where that ends; a plane circles here."""
+        """Brake and hold the position and altitude reached; a plane circles here."""
         i, motion = self._index, self._motion
         east, north, up = self.position_m
         velocity = self.velocity_m_s
@@ -216,7 +216,7 @@ class Body:
         i, motion = self._index, self._motion
         east, north, up = velocity_m_s
         speed = math.hypot(east, north)
-        if not _sound(speed, up):
+        if not _finite(speed, up):
             return
         within = min(1.0, float(motion.speed_m_s[i]) / max(speed, 1e-9))
         motion.wanted_velocity[:, i] = (east * within, north * within)
@@ -237,9 +237,9 @@ class Body:
         yaw_rad: float | None = None,
         yaw_rate_rad_s: float | None = None,
     ) -> None:
-        """Lean a copter so that its thrust accelerates it east, north [m/s2], whatever the air does to it."""
+        """Tilt a copter so that its thrust accelerates it east, north [m/s2]; drag is not compensated."""
         i, motion = self._index, self._motion
-        if not _sound(*acceleration_m_s2, climb_m_s):
+        if not _finite(*acceleration_m_s2, climb_m_s):
             return
         motion.wanted_tilt[:, i] = acceleration_m_s2
         motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(climb_m_s, float(motion.climb_m_s[i])))
@@ -249,13 +249,13 @@ class Body:
         self._turn(yaw_rad, yaw_rate_rad_s)
 
     def move_vertically(self, rate_m_s: float) -> None:
-        """Climb (positive) or sink at a rate over the target's place; a plane along its leg or circle."""
-        if _sound(rate_m_s):
+        """Climb (positive) or sink at a rate [m/s] over the target; a plane along its leg or circle."""
+        if _finite(rate_m_s):
             self._motion.order[self._index] = MotionOrder.RATE
             self._motion.rate_m_s[self._index] = rate_m_s
 
     def face(self, heading_rad: float | None, rate_rad_s: float | None = None) -> None:
-        """Turn a copter to a heading (None: along its legs, as by default), at a rate at most [rad/s]."""
+        """Turn a copter to a heading (None, the default: along its legs), at most at a rate [rad/s]."""
         i, motion = self._index, self._motion
         motion.wanted_yaw_rate_rad_s[i] = 0.0
         motion.yaw_rate_limit_rad_s[i] = math.inf
@@ -283,7 +283,7 @@ class Body:
         bank_limit_deg: float | None = None,
         stall_m_s: float | None = None,
     ) -> None:
-        """Set the limits that are given, as near as the equations stand; a plane's speed is its airspeed."""
+        """Set the given limits within the supported range; a plane's speed is its airspeed."""
         i, motion = self._index, self._motion
         bank_limit_rad = None if bank_limit_deg is None else math.radians(bank_limit_deg)
         yaw_rate_rad_s = None if yaw_rate_deg_s is None else math.radians(yaw_rate_deg_s)
@@ -305,7 +305,7 @@ class Body:
                 array[i] = max(lowest, min(value, highest))
 
     def corner_speed_m_s(self, turn_rad: float) -> float:
-        """Speed at which a corner can be flown within the waypoint radius under the acceleration limit."""
+        """Return the speed for a corner within the waypoint radius and the acceleration limit [m/s]."""
         i, motion = self._index, self._motion
         speed = float(motion.speed_m_s[i])
         widening = 1.0 / max(math.cos(min(turn_rad, math.pi - 1e-6) / 2), 1e-6) - 1.0
@@ -315,14 +315,14 @@ class Body:
         return min(speed, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * turn_radius_m))
 
     def set_gps_fix(self, fix_type: int) -> None:
-        """GPS_FIX_TYPE of its receiver at its best."""
+        """Set the best GPS_FIX_TYPE of the receiver."""
         gps = self._world.gps
         gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
 
     def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
-        """What the battery holds when full, and its voltage then, at rest; as there are batteries.
+        """Set the capacity of the battery and its full voltage at rest, within the supported range.
 
-        A capacity of 0 is one that nobody knows: the battery stays as it is.
+        A capacity of 0 means unknown: the battery stays as it is.
         """
         i, batteries = self._index, self._world.batteries
         if capacity_mah > 0:
@@ -330,9 +330,9 @@ class Body:
         batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
-        """The steady wind here, as strong as there is any on earth, and where it comes from.
+        """Set the steady wind at this vehicle, up to STRONGEST_WIND_M_S, and its origin direction.
 
-        None: the scenario's.
+        None: the scenario's wind.
         """
         if speed_m_s is not None:
             speed_m_s = min(speed_m_s, STRONGEST_WIND_M_S)
@@ -363,7 +363,7 @@ class Body:
         i, motion = self._index, self._motion
         if yaw_rad is not None:
             self.face(yaw_rad)
-        elif yaw_rate_rad_s is not None and _sound(yaw_rate_rad_s):
+        elif yaw_rate_rad_s is not None and _finite(yaw_rate_rad_s):
             self.face(self.heading_rad)
             limit = float(motion.yaw_rate_max_rad_s[i])
             motion.wanted_yaw_rate_rad_s[i] = max(-limit, min(yaw_rate_rad_s, limit))

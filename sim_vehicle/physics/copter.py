@@ -1,9 +1,9 @@
-"""How copters fly: arrays over those of the fleet, kinematic and honest about limits.
+"""Copter flight: arrays over the copters of the fleet, kinematic with honest limits.
 
-A copter follows the straight leg to its target by pursuing a point ahead of it on the leg, its horizontal and
-vertical accelerations are bounded, and it brakes in time to pass the target at the speed it is allowed there
-(0 to stop). It leans to accelerate and against the drag of the air, as far as it may: a stronger wind takes
-it along. Its autopilot makes up for the wind it knows; a gust it feels first.
+A copter follows the straight leg to its target by pursuing a point ahead of it on the leg. Its horizontal and
+vertical accelerations are bounded, and it brakes in time to pass the target at the allowed speed (0 to stop).
+It tilts to accelerate and against the drag of the air, up to a limit; a stronger wind carries it away. Its
+autopilot compensates the wind it knows and reacts to gusts late.
 """
 
 import numpy as np
@@ -21,21 +21,21 @@ from sim_vehicle.physics.motion import (
 )
 
 TERMINAL_FALL_M_S = 15.0
-BRAKING_SHARE = 0.7  # of the acceleration limit is planned for braking, the rest corrects the path
-POSITION_GAIN_HZ = 2.0  # speed per metre close to a stopping point, where the square root would chatter
+BRAKING_SHARE = 0.7  # share of the acceleration limit planned for braking; the rest corrects the path
+POSITION_GAIN_HZ = 2.0  # speed per metre near a stopping point, where the square root would chatter
 DRAG_PER_M = 0.016  # deceleration by the air per square of the airspeed
 TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
-TILT_TIME_S = 0.15  # in which the attitude follows
+TILT_TIME_S = 0.15  # time constant of the attitude
 SPIN_RAD_S = TURN_RAD  # with one motor lost
 SPINNING_LIMIT_M_S2 = 0.5
-LIMPING_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # two motors of four lift that much less than the weight
+MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # lift missing to the weight with two motors of four
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
 HOVER_THROTTLE = 0.35
 IDLE_W = 16.0
 
 
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
-    """Velocities and attitudes of the copters `i` after `dt_s` [s]."""
+    """Advance velocities and attitudes of the copters `i` by `dt_s` [s]."""
     order = m.acting[i]
     thrusts = m.airborne[i] & (order != MotionOrder.FALL)
     climb_error_m = m.target[2][i] - m.estimate[2][i]
@@ -65,7 +65,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
 def _horizontal_acceleration(
     m: Motion, i: Selection, order: Ints, climb_error_m: Floats, dt_s: float
 ) -> Floats:
-    """(2, n) [m/s2] toward the velocity that is wanted, within the limit."""
+    """Return the acceleration toward the required velocity within the limit, (2, n) [m/s2]."""
     wanted = _pursuit(m, i, order, climb_error_m)
     moves = order == MotionOrder.VELOCITY
     if np.count_nonzero(moves):
@@ -79,7 +79,7 @@ def _horizontal_acceleration(
 
 
 def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Floats:
-    """(2, n) velocity [m/s] along the leg, slow enough to stop or to pass at its end."""
+    """Return the velocity along the leg, slow enough to stop or to pass at its end, (2, n) [m/s]."""
     here = m.estimate[:2, i]
     to_target = m.target[:2, i] - here
     distance = np.hypot(to_target[0], to_target[1])
@@ -104,10 +104,10 @@ def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Flo
 
 
 def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -> Floats:
-    """Vertical speed after the step, (n,) [m/s]."""
+    """Return the vertical speed after the step, (n,) [m/s]."""
     limit = m.vertical_acceleration_limit_m_s2[i]
     if m.any_motor_lost:
-        limit = np.where(m.motors_lost[i] == 1, LIMPING_SINK_M_S2, limit)
+        limit = np.where(m.motors_lost[i] == 1, MOTOR_LOST_SINK_M_S2, limit)
     size = np.abs(error_m)
     wanted = np.minimum(np.sqrt((2 * BRAKING_SHARE) * limit * size), POSITION_GAIN_HZ * size)
     wanted = np.where(error_m > 0, np.minimum(wanted, m.climb_m_s[i]), -np.minimum(wanted, m.descent_m_s[i]))
@@ -121,7 +121,7 @@ def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -
 
 
 def _turn(m: Motion, i: Selection, tilt: Floats, lift: Floats, dt_s: float) -> None:
-    """Yaw toward the wanted heading; roll and pitch put the thrust where it is needed."""
+    """Turn toward the required heading; roll and pitch direct the thrust."""
     yaw = m.attitude[2][i]
     airborne = m.airborne[i]
     if np.count_nonzero(m.wanted_yaw_rate_rad_s):
@@ -143,7 +143,7 @@ def _turn(m: Motion, i: Selection, tilt: Floats, lift: Floats, dt_s: float) -> N
 
 
 def load_w(m: Motion, i: Selection) -> Floats:
-    """Electrical power of the motors, (n,) [W]: the downwash, the climb, and the drag of the air."""
+    """Return the electrical power of the motors, (n,) [W]: downwash, climb and drag."""
     thrust, air = m.thrust[i], m.airspeed_m_s[i]
     climb = np.maximum(m.velocity[2][i], -1.0)
     work = MASS_KG * (GRAVITY_M_S2 * climb + DRAG_PER_M * air**3) / EFFICIENCY
@@ -152,12 +152,12 @@ def load_w(m: Motion, i: Selection) -> Floats:
 
 
 def throttle(m: Motion, i: Selection) -> Floats:
-    """Share of the full throttle, (n,)."""
+    """Return the share of the full throttle, (n,)."""
     return np.minimum(HOVER_THROTTLE * m.thrust[i], 1.0) * m.airborne[i]
 
 
 def lifts_off(m: Motion) -> Bools:
-    """Copters on the ground that are told to climb and can, (n,)."""
+    """Return the copters on the ground that are commanded to climb and can, (n,)."""
     up = (m.order == MotionOrder.POSITION) & (m.target[2] > m.ground_m + 0.1)
     up |= (
         (m.order == MotionOrder.RATE) | (m.order == MotionOrder.VELOCITY) | (m.order == MotionOrder.TILT)

@@ -1,7 +1,8 @@
-"""How the airframes move: arrays over the whole fleet, one fixed time step, no Python per vehicle.
+"""Motion of the airframes: arrays over the whole fleet, one fixed time step, no Python per vehicle.
 
-`copter` and `plane` turn orders into velocities; here is what they share: what failures leave of the orders,
-leaving and touching the ground, arriving. The ground is flat at the altitude of each vehicle's start.
+`copter` and `plane` turn orders into velocities. This module has their common part: the effect of failures on
+orders, take-off, touchdown, and arrival at targets. The ground is flat at the altitude of each vehicle's
+start.
 """
 
 import numpy as np
@@ -12,10 +13,10 @@ from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Motion, MotionOrder,
 from sim_vehicle.physics.wind import Wind, WindSettings
 
 CRASH_M_S = 5.0  # a harder contact breaks the airframe
-LIMPING_SINK_M_S = 8.0  # of a copter with one motor less, in the end
-PASSING_RADII = 3.0  # a target that is flown through may be missed by a little at speed
-ALTITUDE_REACHED_M = 5.0  # of a plane that circles
-CIRCLE_REACHED_SHARE = 0.25  # outside the circle
+MOTOR_LOST_SINK_M_S = 8.0  # final sink rate of a copter with one lost motor
+PASSING_RADII = 3.0  # tolerance in waypoint radii for targets flown through at speed
+ALTITUDE_REACHED_M = 5.0  # altitude tolerance of a circling plane
+CIRCLE_REACHED_SHARE = 0.25  # share of the radius outside the circle that still counts
 
 
 class Dynamics(Motion):
@@ -23,8 +24,8 @@ class Dynamics(Motion):
 
     Parameters
     ----------
-    planes: (n,) who is a fixed wing; nobody, if not given.
-    wind: calm, if not given.
+    planes: (n,) True for fixed wings; all copters by default.
+    wind: calm by default.
     """
 
     def __init__(self, position_m: Floats, *, planes: Bools | None = None, wind: Wind | None = None) -> None:
@@ -66,11 +67,11 @@ class Dynamics(Motion):
         self.acceleration /= dt_s
 
     def _put_orders_in_force(self) -> None:
-        """An order is only carried out as far as the airframe still can.
+        """Restrict orders to the abilities of damaged airframes.
 
-        A copter with an empty battery, or with two motors less, falls. With one less of four it gives up its
-        heading to stay level, and the motor across has to slow down: the other two do not carry the weight,
-        so it sinks the faster the longer, and only from a few metres it comes down whole.
+        A copter with an empty battery, or with two lost motors, falls. With one lost motor of four it gives
+        up its heading to stay level, and the opposite motor slows down. The other two do not carry the
+        weight, so the copter sinks ever faster; only from a few metres it lands without a crash.
         """
         self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
         if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
@@ -85,7 +86,7 @@ class Dynamics(Motion):
         sinks = steered & (self.motors_lost == 1)
         self.acting, self.acting_rate_m_s = self.order.copy(), self.rate_m_s.copy()
         self.acting[sinks] = MotionOrder.RATE
-        self.acting_rate_m_s[sinks] = -LIMPING_SINK_M_S
+        self.acting_rate_m_s[sinks] = -MOTOR_LOST_SINK_M_S
         self.acting[steered & (self.exhausted | (self.motors_lost > 1))] = MotionOrder.FALL
 
     def _lift_off(self) -> None:
@@ -109,7 +110,7 @@ class Dynamics(Motion):
         self.attitude_rate[:, touches] = 0.0
         self.airspeed_m_s[touches & ~self.planes] = 0.0
         self.thrust[touches & ~self.planes] = 0.0
-        # It stays down until it is told to fly again, whatever took it down.
+        # A landed vehicle stays down until the next order to fly.
         self.order[touches & ~self.planes] = MotionOrder.GROUNDED
 
     def _note_reached(self) -> None:
@@ -165,7 +166,7 @@ class Dynamics(Motion):
 
     @property
     def specific_force_m_s2(self) -> Floats:
-        """What an accelerometer feels, forward, right and down, (n, 3) [m/s2]; at rest 0, 0, -g."""
+        """Specific force (accelerometer) forward, right, down, (n, 3) [m/s2]; at rest 0, 0, -g."""
         if "force" not in self._derived:
             roll, pitch, yaw = self.attitude
             east, north, up = self.acceleration
@@ -180,5 +181,5 @@ class Dynamics(Motion):
 
     @property
     def heading_rad(self) -> Floats:
-        """Clockwise from north, (n,) in [0, 2 pi)."""
+        """Heading clockwise from north, (n,) in [0, 2 pi) [rad]."""
         return np.asarray(self.attitude[2] % (2 * np.pi))

@@ -1,9 +1,8 @@
-"""How far the autopilots' estimates are off, as arrays: a filter over GPS and inertia, kept as its error.
+"""Position estimates of the autopilots as arrays: a filter over GPS and inertia, stored as its error.
 
-The filter is linear in what it estimates, and so its error does not depend on how the vehicle moves: it is
-carried by itself, and the estimate is the truth plus it. A measurement that disagrees too much is not
-believed; if that goes on, the filter starts anew from it, as the autopilots' own do. Height comes from the
-barometer.
+The filter is linear, so its error does not depend on the motion: the error is propagated alone, and the
+estimate is the truth plus the error. A measurement that disagrees too much is rejected. If rejection lasts,
+the filter restarts from the measurement, as those of the autopilots do. Height comes from the barometer.
 """
 
 import math
@@ -14,11 +13,11 @@ import numpy.typing as npt
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import DRIFT_TIME_S, Gps
 
-POSITION_GAIN, VELOCITY_GAIN = 0.05, 0.1  # of a sample
-GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # disagreement that is believed, and by how much more without a sample
-RESET_AFTER_S = 7.0  # of disbelief
+POSITION_GAIN, VELOCITY_GAIN = 0.05, 0.1  # per sample
+GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # accepted disagreement, and its growth without a sample
+RESET_AFTER_S = 7.0  # of rejection
 LOST_AFTER_S = 8.0
-ACCELERATION_BIAS_M_S2 = 0.03  # of the inertial sensor, felt while nothing corrects it
+ACCELERATION_BIAS_M_S2 = 0.03  # of the inertial sensor; effective without GPS
 FASTEST_ERROR_M_S = 5.0
 
 
@@ -27,7 +26,7 @@ class Estimator:
 
     Parameters
     ----------
-    bias: (2, n) standard normal draws, one sensor a vehicle.
+    bias: (2, n) standard normal draws, one sensor per vehicle.
     height_m: standard deviation of the barometer's drift [m].
     """
 
@@ -36,24 +35,24 @@ class Estimator:
         self._error, self._velocity_error = error, velocity_error
         self._bias = bias * ACCELERATION_BIAS_M_S2
         self._height_m = height_m
-        self.unaided_s = np.zeros(n)  # since a measurement was believed
+        self.unaided_s = np.zeros(n)  # time since the last accepted measurement
         self.lost_after_s = np.full(n, LOST_AFTER_S)
         self.position_ok: npt.NDArray[np.bool_] = np.ones(n, dtype=bool)
         self._any_unaided = False
 
     def begin(self, gps: Gps) -> None:
-        """Agree with the first measurement."""
+        """Start at the first measurement."""
         self._error[:2] = gps.error[:2]
 
     def predict(self, dt_s: float) -> None:
-        """Inertia alone for `dt_s` [s]."""
+        """Propagate by inertia alone for `dt_s` [s]."""
         if self._any_unaided:
             grown = self._velocity_error[:2] + self._bias * (dt_s * (self.unaided_s > 0))
             self._velocity_error[:2] = grown.clip(-FASTEST_ERROR_M_S, FASTEST_ERROR_M_S)
         self._error[:2] += self._velocity_error[:2] * dt_s
 
     def correct(self, dt_s: float, gps: Gps, height_draws: Floats | None) -> None:
-        """Take a GPS sample `dt_s` [s] after the last; height_draws (n,), None if the barometer is exact."""
+        """Process a GPS sample `dt_s` [s] after the last; height_draws (n,), None for an exact barometer."""
         innovation = gps.error[:2] - self._error[:2]
         believed = np.hypot(innovation[0], innovation[1]) <= GATE_M + GATE_GROWTH_M_S * self.unaided_s
         believed &= ~gps.lost

@@ -1,4 +1,4 @@
-"""Geodetic coordinates to local metres and back, for whole arrays at once."""
+"""Conversion between geodetic coordinates and local metres, for whole arrays at once."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ _RADIUS_M, _ECCENTRICITY_SQUARED = 6_378_137.0, 6.694379990141e-3  # WGS84
 
 @dataclass(frozen=True, slots=True)
 class GeodeticPosition:
-    """Latitude, longitude [deg], altitude above mean sea level [m]."""
+    """A position: latitude, longitude [deg], altitude above mean sea level [m]."""
 
     lat_deg: float
     lon_deg: float
@@ -21,7 +21,7 @@ class GeodeticPosition:
 
 
 def metres_per_degree(lat_deg: float) -> tuple[float, float]:
-    """Length of a degree of latitude and of longitude [m] at a latitude [deg] of the WGS84 ellipsoid."""
+    """Return the length of a degree of latitude and longitude [m] at a latitude [deg] (WGS84)."""
     squared = 1.0 - _ECCENTRICITY_SQUARED * math.sin(math.radians(lat_deg)) ** 2
     meridional_m = _RADIUS_M * (1.0 - _ECCENTRICITY_SQUARED) / squared**1.5
     normal_m = _RADIUS_M / math.sqrt(squared)
@@ -35,21 +35,21 @@ class LocalFrame:
         self._projection = Proj(proj="aeqd", lat_0=origin_lat_deg, lon_0=origin_lon_deg, datum="WGS84")
 
     def to_local(self, lat_deg: Floats, lon_deg: Floats) -> tuple[Floats, Floats]:
-        """(n,), (n,) [deg] -> east, north (n,), (n,) [m]."""
+        """Convert latitude, longitude (n,), (n,) [deg] to east, north (n,), (n,) [m]."""
         east_m, north_m = self._projection(lon_deg, lat_deg)
         return np.asarray(east_m), np.asarray(north_m)
 
     def to_geodetic(self, east_m: Floats, north_m: Floats) -> tuple[Floats, Floats]:
-        """(n,), (n,) [m] -> latitude, longitude (n,), (n,) [deg]."""
+        """Convert east, north (n,), (n,) [m] to latitude, longitude (n,), (n,) [deg]."""
         lon_deg, lat_deg = self._projection(east_m, north_m, inverse=True)
         return np.asarray(lat_deg), np.asarray(lon_deg)
 
     def point_to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """One point [deg] -> east, north [m]."""
+        """Convert one point [deg] to east, north [m]."""
         east_m, north_m = self._projection(lon_deg, lat_deg)
         return float(east_m), float(north_m)
 
     def point_to_geodetic(self, east_m: float, north_m: float) -> tuple[float, float]:
-        """One point [m] -> latitude, longitude [deg]."""
+        """Convert one point [m] to latitude, longitude [deg]."""
         lon_deg, lat_deg = self._projection(east_m, north_m, inverse=True)
         return float(lat_deg), float(lon_deg)

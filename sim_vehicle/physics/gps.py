@@ -1,4 +1,4 @@
-"""What the satellite receivers of the fleet say: the truth, white noise, slow drift, and what faults add."""
+"""Satellite receivers of the fleet: the truth, white noise, slow drift, and the offsets of faults."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ import numpy.typing as npt
 
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
 
-NO_FIX, FIX = 1, 6  # GPS_FIX_TYPE; a fix is as good as the autopilots' own simulators report it
+NO_FIX, FIX = 1, 6  # GPS_FIX_TYPE; the fix type that the autopilots' own simulators report
 SATELLITES = 10
 HDOP = 1.21
 DRIFT_TIME_S = 60.0  # after which drift has decayed to 1/e
-VERTICAL_SHARE = 1.6  # vertical errors are larger than horizontal ones by this
+VERTICAL_SHARE = 1.6  # ratio of vertical to horizontal errors
 SPEED_NOISE_PER_S = 0.25  # noise of the velocity, as a share of the position's, per second
-DRAWS = 9  # of each vehicle and sample
+DRAWS = 9  # per vehicle and sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class GpsSettings:
 
 
 class Gps:
-    """n receivers; arrays of (3, n) are east, north, up, and `_m` seen a row a vehicle (n, 3)."""
+    """The receivers of n vehicles; arrays (3, n) are east, north, up; names in `_m` are views (n, 3)."""
 
     def __init__(self, settings: GpsSettings, frame: LocalFrame, truth: Floats) -> None:
         n = truth.shape[1]
@@ -34,7 +34,7 @@ class Gps:
         axes = np.array([1.0, 1.0, VERTICAL_SHARE])[:, None]
         self._noise_m, self._drift_m = settings.noise_m * axes, settings.drift_m * axes
         self.lost: npt.NDArray[np.bool_] = np.zeros(n, dtype=bool)
-        self.offset_m = np.zeros((n, 3))  # of a receiver that is sure of a wrong place
+        self.offset_m = np.zeros((n, 3))  # false offset of a receiver
         self.best_fix_type = np.full(n, FIX)
         self.fix_type = np.full(n, FIX)
         self.satellites = np.full(n, SATELLITES)
@@ -47,12 +47,12 @@ class Gps:
         self._geodetic: tuple[Floats, Floats] | None = None
 
     def begin(self, draws: Floats) -> None:
-        """Start somewhere in the drift: draws (DRAWS, n)."""
+        """Start at a random drift: draws (DRAWS, n)."""
         self._drift[:] = draws[3:6] * self._drift_m
         self.error[:] = self._drift
 
     def sample(self, dt_s: float, truth: Floats, draws: Floats | None) -> None:
-        """Measure `dt_s` [s] after the last time: truth (3, n); draws (DRAWS, n), None if it is exact."""
+        """Measure `dt_s` [s] after the last sample: truth (3, n); draws (DRAWS, n), None without errors."""
         np.copyto(self.error, self.offset_m.T)
         if draws is not None:
             kept = math.exp(-dt_s / DRIFT_TIME_S)
@@ -67,7 +67,7 @@ class Gps:
         self._geodetic = None
 
     def geodetic(self) -> tuple[Floats, Floats]:
-        """Latitude and longitude of the latest measurements, (n,), (n,) [deg]."""
+        """Return latitude and longitude of the latest measurements, (n,), (n,) [deg]."""
         if self._geodetic is None:
             self._geodetic = self._frame.to_geodetic(self._position[0], self._position[1])
         return self._geodetic

@@ -1,8 +1,8 @@
-"""The state of motion of the whole fleet: what it is doing, what it may do, and what it has been told to do.
+"""State of motion of the whole fleet: positions, limits and orders.
 
-Arrays of (3, n) have east, north, up (above mean sea level) as rows, so that a step runs along contiguous
-memory; the same memory seen a row a vehicle, (n, 3), has its unit in the name. A vehicle navigates by its
-estimate: the truth plus the errors.
+Arrays (3, n) have east, north, up (above mean sea level) as rows, so that a step uses contiguous memory. The
+view (n, 3) of the same memory has its unit in the name. A vehicle navigates by its estimate: the truth plus
+the errors.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from sim_vehicle.physics.wind import Wind
 
 Bools = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.int64]
-Selection = slice | npt.NDArray[np.intp]  # of vehicles: all, or some by index
+Selection = slice | npt.NDArray[np.intp]  # vehicles: all, or some by index
 
 GRAVITY_M_S2 = 9.80665
 YAW_RATE_RAD_S = np.deg2rad(90.0)
@@ -21,15 +21,15 @@ TURN_RAD = 2.0 * np.pi
 
 
 class MotionOrder:
-    """What a vehicle is told to do; plain numbers, as arrays compare with an enum's members slowly."""
+    """Order of an autopilot to its airframe; plain numbers, as arrays compare slowly with enum members."""
 
     GROUNDED = 0  # motors off or idling, on the ground
-    POSITION = 1  # to the target: a copter stays there; a plane flies on past it, or circles around it
-    RATE = 2  # climb or sink at a rate: a copter over the target's place, a plane along its leg or circle
+    POSITION = 1  # to the target: a copter stays there; a plane flies past it, or circles around it
+    RATE = 2  # climb or sink at a rate: a copter over the target, a plane along its leg or circle
     VELOCITY = 3  # move at a velocity; a plane flies in its direction
-    GLIDE = 4  # a plane: down along the leg, to touch the ground at the target
+    GLIDE = 4  # a plane: descend along the leg, to touch the ground at the target
     FALL = 5  # no thrust
-    TILT = 6  # a copter: accelerate as a lean does, climb at a rate
+    TILT = 6  # a copter: accelerate by its tilt, climb at a rate
 
 
 class Motion:
@@ -39,11 +39,11 @@ class Motion:
         n = len(position_m)
         self.wind = wind
         self.planes = planes
-        self.events: Bools = np.zeros(n, dtype=bool)  # something happened that an autopilot acts upon
+        self.events: Bools = np.zeros(n, dtype=bool)  # an event for the autopilot
         self._begin_state(position_m)
         self._begin_orders(n)
         self._begin_limits(n)
-        # What is in force in the present step: the orders, unless a failure does not let it.
+        # Orders in force in the present step, after the effect of failures.
         self.acting = self.order
         self.acting_rate_m_s = self.rate_m_s
 
@@ -53,25 +53,25 @@ class Motion:
         self.velocity = np.zeros((3, n))
         self.acceleration = np.zeros((3, n))
         self.attitude = np.zeros((3, n))  # roll, pitch, yaw; yaw clockwise from north, in (-pi, pi]
-        self.attitude_rate = np.zeros((3, n))  # of these angles
+        self.attitude_rate = np.zeros((3, n))  # rates of these angles
         self.airspeed_m_s = np.zeros(n)
-        self.thrust = np.zeros(n)  # of a copter, in weights; of a plane, its power as a share of the most
+        self.thrust = np.zeros(n)  # copter: thrust in weights; plane: share of the full power
         self.ground_m = self.position[2].copy()
         self.airborne: Bools = np.zeros(n, dtype=bool)
-        self.touchdown_m_s = np.zeros(n)  # speed of the last contact, 0 once it has been read
+        self.touchdown_m_s = np.zeros(n)  # speed of the last contact; 0 once read
         self.crashed: Bools = np.zeros(n, dtype=bool)
         self.position_m, self.velocity_m_s = self.position.T, self.velocity.T
         self.acceleration_m_s2, self.attitude_rad = self.acceleration.T, self.attitude.T
-        # what it is taken for
+        # estimates
         self.error = np.zeros((3, n))
         self.velocity_error = np.zeros((3, n))
         self.estimate = self.position.copy()
         self.estimate_velocity = np.zeros((3, n))
         self.estimate_m, self.estimate_velocity_m_s = self.estimate.T, self.estimate_velocity.T
-        # what fails
+        # failures
         self.motors_lost = np.zeros(n, dtype=np.int64)
         self.any_motor_lost = False
-        self.exhausted: Bools = np.zeros(n, dtype=bool)  # the battery
+        self.exhausted: Bools = np.zeros(n, dtype=bool)  # battery empty
 
     def _begin_orders(self, n: int) -> None:
         self.armed: Bools = np.zeros(n, dtype=bool)
@@ -79,36 +79,36 @@ class Motion:
         self.target = self.position.copy()
         self.target_m = self.target.T
         self.leg_start = self.position[:2].copy()
-        self.leg_direction = np.zeros((2, n))  # of unit length, or 0 where the leg has none
+        self.leg_direction = np.zeros((2, n))  # unit vector, or 0 for an empty leg
         self.leg_length_m = np.zeros(n)
         self.leg_heading_rad = np.zeros(n)
         self.circle_m = np.zeros(n)  # radius around the target, clockwise if positive; 0: a leg
-        self.slope = np.zeros(n)  # for Order.GLIDE: height lost per length of the leg
-        self.pass_speed_m_s = np.zeros(n)  # speed allowed at the target
+        self.slope = np.zeros(n)  # for MotionOrder.GLIDE: height lost per length of the leg
+        self.pass_speed_m_s = np.zeros(n)  # allowed speed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
-        self.rate_m_s = np.zeros(n)  # for Order.RATE, VELOCITY and LEAN, up positive
-        self.wanted_velocity = np.zeros((2, n))  # for Order.VELOCITY
-        self.wanted_tilt = np.zeros((2, n))  # for Order.LEAN: the acceleration of its thrust
+        self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY and TILT, up positive
+        self.wanted_velocity = np.zeros((2, n))  # for MotionOrder.VELOCITY
+        self.wanted_tilt = np.zeros((2, n))  # for MotionOrder.TILT: horizontal acceleration by the thrust
         self.wanted_heading_rad = np.zeros(n)
-        self.wanted_yaw_rate_rad_s = np.zeros(n)  # by which that heading goes round
-        self.faces: Bools = np.zeros(n, dtype=bool)  # a heading it was told, not along the leg
+        self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of that heading
+        self.faces: Bools = np.zeros(n, dtype=bool)  # a commanded heading instead of that of the leg
 
     def _begin_limits(self, n: int) -> None:
-        self.speed_m_s = np.full(n, 10.0)  # of a plane: the airspeed it flies at
+        self.speed_m_s = np.full(n, 10.0)  # plane: airspeed
         self.climb_m_s = np.full(n, 2.5)
         self.descent_m_s = np.full(n, 1.5)
         self.acceleration_limit_m_s2 = np.full(n, 2.5)
         self.vertical_acceleration_limit_m_s2 = np.full(n, 1.0)
-        self.radius_m = np.full(n, 2.0)  # within which a target counts as reached
+        self.radius_m = np.full(n, 2.0)  # acceptance radius of a target
         self.yaw_rate_max_rad_s = np.full(n, YAW_RATE_RAD_S)
-        self.yaw_rate_limit_rad_s = np.full(n, np.inf)  # of this turn, below that
+        self.yaw_rate_limit_rad_s = np.full(n, np.inf)  # limit of the present turn, below the maximum
         self.airspeed_min_m_s = np.full(n, 10.0)
         self.airspeed_max_m_s = np.full(n, 22.0)
-        self.stall_m_s = np.full(n, 8.0)  # airspeed in level flight, below which a wing does not carry
+        self.stall_m_s = np.full(n, 8.0)  # stall speed in level flight
         self.bank_limit_rad = np.full(n, np.deg2rad(45.0))
         self.loiter_radius_m = np.full(n, 60.0)
 
 
 def wrapped(angle_rad: Floats) -> Floats:
-    """The same angle in (-pi, pi]."""
+    """Return the same angle in (-pi, pi]."""
     return np.asarray(angle_rad - TURN_RAD * np.ceil((angle_rad - np.pi) / TURN_RAD))

@@ -1,7 +1,7 @@
 """Standard normal draws for a whole fleet, each vehicle's from its own generator.
 
-A vehicle's sequence depends on its generator only, not on how many others fly: rows are drawn a block ahead,
-and the drawing of the next block is spread over the use of the present one, so that no step pays for all.
+A vehicle's sequence depends on its generator only, not on the size of the fleet. Rows are drawn a block
+ahead. The draws of the next block are spread over the use of the present one, so that no step takes long.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ BLOCK = 64  # draws ahead
 
 
 class Normals:
-    """`take()` gives (width, n): the next `width` draws of each vehicle."""
+    """Draws for all vehicles; `take()` returns the next `width` draws of each vehicle, (width, n)."""
 
     def __init__(self, rngs: Sequence[np.random.Generator], width: int) -> None:
         self._rngs, self._width = rngs, width
@@ -24,7 +24,7 @@ class Normals:
         self._fill(self._present, 0, len(rngs))
 
     def take(self) -> Floats:
-        """The next draws, (width, n)."""
+        """Return the next draws, (width, n)."""
         n = len(self._rngs)
         self._fill(self._coming, n * self._used // BLOCK, n * (self._used + 1) // BLOCK)
         row: Floats = self._present[self._used].copy()

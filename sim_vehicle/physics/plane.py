@@ -1,9 +1,8 @@
-"""How fixed wings fly: arrays over those of the fleet; airspeed, bank and climb are what is steered.
+"""Fixed-wing flight: arrays over the planes of the fleet; the controls are airspeed, bank and climb.
 
-Turns are coordinated, so the rate of turn is g tan(bank) / airspeed, and the air carries the plane along: its
-velocity over the ground is that through the air plus the wind. It steers a course that closes in on its leg
-or circle, and heads into the wind by as much as the course needs. Below the stall speed the wing does not
-carry and the plane sinks; without power it glides.
+Turns are coordinated, so the rate of turn is g tan(bank) / airspeed. The velocity over the ground is the
+velocity through the air plus the wind. A plane steers a course that converges to its leg or circle, with the
+wind correction angle that the course needs. Below the stall speed it sinks; without power it glides.
 """
 
 from dataclasses import dataclass
@@ -13,42 +12,43 @@ import numpy as np
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Ints, Motion, MotionOrder, Selection, wrapped
 
-LOOKAHEAD_S = 2.5  # of flight, over which it closes in on a leg
+LOOKAHEAD_S = 2.5  # time of convergence to a leg
 CIRCLE_LOOKAHEAD_S = 1.5
 HEADING_GAIN_HZ = 1.2
 ROLL_TIME_S, ROLL_RATE_RAD_S = 0.35, 1.2
-CLIMB_GAIN_HZ = 0.5  # climb per metre of altitude that is missing
+CLIMB_GAIN_HZ = 0.5  # climb rate per metre of altitude error
 GLIDE_RATIO = 8.0
 GLIDE_OVER_STALL, ROTATE_OVER_STALL, CLIMBS_OVER_STALL = 1.3, 1.2, 1.1
-GLIDE_TRADE_M_S2 = 1.0  # how fast the nose goes up or down for the best glide
+GLIDE_TRADE_M_S2 = 1.0  # change of airspeed in a glide
 START_M_S2, BRAKE_M_S2 = 4.0, 3.0  # on the ground
 START_THROTTLE = 0.8
-CLIMB_OUT_M, FLARE_M = 15.0, 2.0  # above the ground; wings level until there, and from there
-CLIMB_OUT_BELOW_M = 3.0  # under its target it still climbs out
-APPROACH_M = 20.0  # above the ground, below which it slows down to land
+# above the ground: wings level up to CLIMB_OUT_M at take-off and below FLARE_M at landing
+CLIMB_OUT_M, FLARE_M = 15.0, 2.0
+CLIMB_OUT_BELOW_M = 3.0  # climb-out continues until this far below the target
+APPROACH_M = 20.0  # above the ground, below which a landing plane slows down
 FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4
 ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
-SLOWEST_M_S = 3.0  # airspeed for which the equations are sound
+SLOWEST_M_S = 3.0  # lowest airspeed in the equations
 MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
 
 
 @dataclass(slots=True)
 class _PlaneState:
-    """What a step of the planes `i` starts from, each (n,)."""
+    """State of the planes `i` at the start of a step, each (n,)."""
 
     order: Ints
     airborne: Bools
     powered: Bools
-    starts: Bools  # powered and to leave the ground
-    sinks: Bools  # told to go down to the ground
+    starts: Bools  # powered and commanded to take off
+    sinks: Bools  # commanded to descend to the ground
     height_m: Floats
     sin: Floats  # of the yaw
     cos: Floats
 
 
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
-    """Velocities and attitudes of the planes `i` after `dt_s` [s], those that roll on the ground too."""
-    now = _look(m, i)
+    """Advance velocities and attitudes of the planes `i` by `dt_s` [s], on the ground too."""
+    now = _state_of(m, i)
     bank = _bank(m, i, now, dt_s)
     air = _airspeed(m, i, now, dt_s)
     climb = _climb(m, i, now, air, bank, dt_s)
@@ -68,24 +68,24 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
 
 
 def lifts_off(m: Motion) -> Bools:
-    """Planes that roll fast enough to fly and are told to, (n,)."""
+    """Return the planes that roll fast enough to fly and are commanded to, (n,)."""
     fast = m.airspeed_m_s >= ROTATE_OVER_STALL * m.stall_m_s
     fit = m.planes & ~(m.airborne | m.crashed | m.exhausted) & m.armed & (m.motors_lost == 0)
     return np.asarray(fast & fit & _wants_up(m, slice(None), m.order))
 
 
 def rolls(m: Motion) -> Bools:
-    """Planes on the ground that move or are about to, (n,)."""
+    """Return the planes on the ground that roll or begin to, (n,)."""
     moving = (m.velocity[0] != 0) | (m.velocity[1] != 0)
     return np.asarray(m.planes & ~m.airborne & (moving | (m.armed & (m.order != MotionOrder.GROUNDED))))
 
 
 def load_w(m: Motion, i: Selection) -> Floats:
-    """Electrical power of the motor, (n,) [W]."""
+    """Return the electrical power of the motor, (n,) [W]."""
     return np.asarray(m.thrust[i] * FULL_W)
 
 
-def _look(m: Motion, i: Selection) -> _PlaneState:
+def _state_of(m: Motion, i: Selection) -> _PlaneState:
     order = m.acting[i]
     powered = m.armed[i] & ~(m.exhausted[i] | m.crashed[i]) & (m.motors_lost[i] == 0)
     powered &= (order != MotionOrder.FALL) & (order != MotionOrder.GROUNDED)
@@ -110,7 +110,7 @@ def _wants_up(m: Motion, i: Selection, order: Ints) -> Bools:
 
 
 def _bank(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
-    """Bank after the step, (n,) [rad], right wing down positive, toward the course along leg or circle."""
+    """Return the bank after the step toward the course, right wing down positive, (n,) [rad]."""
     air = np.maximum(m.airspeed_m_s[i], SLOWEST_M_S)
     course, turn = _course(m, i, now, air)
     crosswind = m.wind.known[0][i] * np.cos(course) - m.wind.known[1][i] * np.sin(course)
@@ -129,12 +129,12 @@ def _bank(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
 
 
 def _course(m: Motion, i: Selection, now: _PlaneState, air: Floats) -> tuple[Floats, Floats]:
-    """The course over the ground to steer [rad], and the rate at which that turns by itself [rad/s], (n,)."""
+    """Return the course over the ground [rad] and its own rate of turn [rad/s], (n,)."""
     here = m.estimate[:2, i]
     gone = here - m.leg_start[:, i]
     leg = m.leg_direction[:, i]
     aside = gone[0] * leg[1] - gone[1] * leg[0]  # to the right of the leg
-    aside *= now.order != MotionOrder.VELOCITY  # which is a direction only
+    aside *= now.order != MotionOrder.VELOCITY  # a velocity order has a direction only
     course = m.leg_heading_rad[i] - np.arctan(aside / (LOOKAHEAD_S * air))
     circle = m.circle_m[i]
     circles = circle != 0
@@ -152,19 +152,19 @@ def _course(m: Motion, i: Selection, now: _PlaneState, air: Floats) -> tuple[Flo
 
 
 def _airspeed(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
-    """Airspeed after the step, (n,) [m/s]; a gust changes it at once."""
+    """Return the airspeed after the step, (n,) [m/s]; a gust changes it at once."""
     air = m.airspeed_m_s[i] - (m.wind.change[0][i] * now.sin + m.wind.change[1][i] * now.cos)
     lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
     wanted = np.minimum(np.maximum(m.speed_m_s[i], lowest), m.airspeed_max_m_s[i])
     lands = now.sinks & (now.height_m < APPROACH_M)
-    if np.count_nonzero(lands):  # half the headwind on top, so that a lull does not let it fall
+    if np.count_nonzero(lands):  # half the headwind is added against a stall in a lull
         headwind = -(m.wind.known[0][i] * now.sin + m.wind.known[1][i] * now.cos)
         approach = np.maximum(GLIDE_OVER_STALL * stall, lowest) + np.maximum(headwind, 0.0) / 2
         wanted = np.where(lands, np.minimum(wanted, approach), wanted)
     wanted = np.where(now.powered, wanted, GLIDE_OVER_STALL * stall)
     step = np.where(now.powered, m.acceleration_limit_m_s2[i], GLIDE_TRADE_M_S2) * dt_s
     air = np.maximum(air + np.minimum(np.maximum(wanted - air, -step), step), 0.0)
-    # What a plane that falls loses in height it wins in speed.
+    # A falling plane converts height to speed.
     falls = air < m.stall_m_s[i]
     if np.count_nonzero(falls):
         sink = np.maximum(-m.velocity[2][i], 0.0)
@@ -173,7 +173,7 @@ def _airspeed(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
 
 
 def _climb(m: Motion, i: Selection, now: _PlaneState, air: Floats, bank: Floats, dt_s: float) -> Floats:
-    """Vertical speed after the step, (n,) [m/s]."""
+    """Return the vertical speed after the step, (n,) [m/s]."""
     error = m.target[2][i] - m.estimate[2][i]
     wanted = np.where(now.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
     glides = now.order == MotionOrder.GLIDE
@@ -181,7 +181,7 @@ def _climb(m: Motion, i: Selection, now: _PlaneState, air: Floats, bank: Floats,
         wanted = np.where(glides, _down_the_slope(m, i), wanted)
     highest = m.climb_m_s[i]
     wanted = np.minimum(np.maximum(wanted, -m.descent_m_s[i]), highest)
-    # Close to the stall nothing is left to climb with.
+    # No climb close to the stall speed.
     cos = np.cos(bank)
     over_stall = air * np.sqrt(cos) / m.stall_m_s[i]
     spare = np.maximum((over_stall - 1.0) / (CLIMBS_OVER_STALL - 1.0), 0.0)
@@ -201,7 +201,7 @@ def _climb(m: Motion, i: Selection, now: _PlaneState, air: Floats, bank: Floats,
 
 
 def _down_the_slope(m: Motion, i: Selection) -> Floats:
-    """Vertical speed, (n,) [m/s], on and back to the straight line that ends at the target."""
+    """Return the vertical speed on, and back to, the straight glide path to the target, (n,) [m/s]."""
     gone = m.estimate[:2, i] - m.leg_start[:, i]
     leg, over, slope = m.leg_direction[:, i], m.estimate_velocity[:2, i], m.slope[i]
     left = m.leg_length_m[i] - (gone[0] * leg[0] + gone[1] * leg[1])
@@ -210,7 +210,7 @@ def _down_the_slope(m: Motion, i: Selection) -> Floats:
 
 
 def _roll(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
-    """Speed along the ground after the step, (n,) [m/s], of those that are on it."""
+    """Return the rolling speed after the step of planes on the ground, (n,) [m/s]."""
     along = m.velocity[0][i] * now.sin + m.velocity[1][i] * now.cos
     change = np.where(now.starts, START_M_S2, -BRAKE_M_S2) * dt_s
     return np.asarray(np.maximum(along + change, 0.0))
@@ -234,7 +234,7 @@ def _advance(m: Motion, i: Selection, now: _PlaneState, air: Floats, climb: Floa
 
 
 def _work(m: Motion, i: Selection, now: _PlaneState, air: Floats, climb: Floats, bank: Floats) -> None:
-    """Power against drag, which grows with the lift of a turn, and for the climb."""
+    """Set the power: drag, which grows with the lift in a turn, and climb."""
     drag = air / (GLIDE_RATIO * np.cos(bank) ** 2)
     share = (drag + climb) * (MASS_KG * GRAVITY_M_S2 / (EFFICIENCY * FULL_W))
     flying = np.minimum(np.maximum(share, 0.0), 1.0) * now.powered

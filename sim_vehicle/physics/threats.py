@@ -1,4 +1,4 @@
-"""Strikes: who is fired at, when entering a cell, by the true positions of the hostiles (Eq. 1)."""
+"""Strikes: hostiles fire at vehicles that enter a cell, by their true positions (Eq. 1)."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ OUTSIDE = -1
 
 
 class Threats:
-    """The area's cells and the hostiles in it; row 0 is the south edge, column 0 the west edge.
+    """The cells of the area and its hostiles; row 0 is the south edge, column 0 the west edge.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Threats:
         self._hostiles = frozenset(hostiles)
 
     def cells(self, position_m: Floats) -> Ints:
-        """Flat cell index row * cols + col of each position (n, 3) [m], OUTSIDE where it is in none: (n,)."""
+        """Return the cell index row * cols + col of positions (n, 3) [m], OUTSIDE if in no cell: (n,)."""
         col = np.floor(position_m[:, 0] / self._cell_size_m).astype(np.int64)
         row = np.floor(position_m[:, 1] / self._cell_size_m).astype(np.int64)
         inside = (row >= 0) & (row < self._rows) & (col >= 0) & (col < self._cols)
@@ -44,7 +44,7 @@ class Threats:
         return divmod(cell, self._cols)
 
     def fire(self, cell: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-        """Hostiles that hit a vehicle entering `cell`; each in reach draws once, in a fixed order."""
+        """Return the hostiles that hit a vehicle entering `cell`; each in range draws once, in order."""
         row, col = self.row_col(cell)
         hits = []
         for row_step in (-1, 0, 1):

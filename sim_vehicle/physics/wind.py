@@ -10,13 +10,13 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.noise import Normals
 
 GUST_TIME_S = 3.0  # after which a gust has decayed to 1/e
-LEARNING_S = 2.0  # in which an autopilot's estimate of the wind follows it
+LEARNING_S = 2.0  # time constant of the autopilots' wind estimates
 LEARNT_M_S = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class WindSettings:
-    """`from_deg`: where it comes from, clockwise from north; `gust_m_s`: standard deviation along an axis."""
+    """`from_deg`: origin direction, clockwise from north; `gust_m_s`: standard deviation along an axis."""
 
     speed_m_s: float = 0.0
     from_deg: float = 0.0
@@ -24,12 +24,12 @@ class WindSettings:
 
 
 def wind_vector_m_s(speed_m_s: float, from_deg: float) -> tuple[float, float]:
-    """East and north components [m/s] of a wind that comes from a direction [deg]."""
+    """Return east and north components [m/s] of a wind from a direction [deg]."""
     return -speed_m_s * math.sin(math.radians(from_deg)), -speed_m_s * math.cos(math.radians(from_deg))
 
 
 class Wind:
-    """The air's motion at n vehicles, east and north [m/s]: arrays of (2, n); each has gusts of its own."""
+    """Wind at n vehicles, east and north [m/s], arrays (2, n); each vehicle has its own gusts."""
 
     def __init__(self, settings: WindSettings, rngs: Sequence[np.random.Generator]) -> None:
         n = len(rngs)
@@ -37,14 +37,14 @@ class Wind:
         self.steady = np.zeros((2, n))
         self.steady[:] = np.array(wind_vector_m_s(settings.speed_m_s, settings.from_deg))[:, None]
         self.now = self.steady.copy()
-        self.known = self.steady.copy()  # what autopilots have learnt of it
-        self.change = np.zeros((2, n))  # since the step before
+        self.known = self.steady.copy()  # the autopilots' estimates
+        self.change = np.zeros((2, n))  # change since the previous step
         self._gust = np.zeros((2, n))
         self._normals = Normals(rngs, 2) if settings.gust_m_s > 0 else None
-        self._still = True  # nothing has changed since the last step
+        self._still = True  # no change since the last step
 
     def set_steady(self, index: int, speed_m_s: float | None, from_deg: float) -> None:
-        """The steady wind at one vehicle; None: the scenario's."""
+        """Set the steady wind at one vehicle; None: the scenario's."""
         if speed_m_s is None:
             speed_m_s, from_deg = self._settings.speed_m_s, self._settings.from_deg
         vector = wind_vector_m_s(speed_m_s, from_deg)
@@ -53,7 +53,7 @@ class Wind:
             self._still = False
 
     def step(self, dt_s: float) -> None:
-        """Blow on for `dt_s` [s]."""
+        """Advance gusts and estimates by `dt_s` [s]."""
         if self._normals is None and self._still:
             return
         before = self.now.copy()
@@ -71,5 +71,5 @@ class Wind:
 
     @property
     def wind_m_s(self) -> Floats:
-        """East, north, up at each vehicle, (n, 3) [m/s]."""
+        """Wind east, north, up at each vehicle, (n, 3) [m/s]."""
         return np.column_stack([self.now[0], self.now[1], np.zeros(self.now.shape[1])])

@@ -1,4 +1,4 @@
-"""The physical side of the fleet: airframes, air, batteries, satellites and the map, stepped in one order."""
+"""The physics of the fleet: airframes, air, batteries, satellites and the map, stepped in one order."""
 
 from collections.abc import Sequence
 
@@ -15,32 +15,35 @@ from sim_vehicle.physics.noise import Normals
 from sim_vehicle.physics.wind import Wind, WindSettings
 
 CALM, GOOD_GPS = WindSettings(), GpsSettings()
-GPS_STEPS = 4  # between two measurements
+GPS_STEPS = 4  # steps per GPS measurement
 BATTERY_STEPS = 2
 AVIONICS_W = 7.0
 RESISTANCE_OHM = 0.02
 MAH_PER_A_S = 1000.0 / 3600.0
-# Voltage of a lithium polymer pack at rest, as a share of the full one's (4.2 V a cell), over the charge.
+# Voltage of a lithium polymer battery at rest as a share of the full voltage (4.2 V per cell).
 CHARGE_SHARE = (0.0, 0.05, 0.1, 0.2, 0.5, 0.8, 1.0)
 RESTING_SHARE = (0.714, 0.81, 0.845, 0.876, 0.905, 0.945, 1.0)
-LOWEST_SHARE = 0.5  # of the full voltage, below which regulators no longer draw more current
+LOWEST_SHARE = 0.5  # share of the full voltage below which regulators draw no more current
 
 
 class Batteries:
-    """n batteries; arrays are (n,)."""
+    """The batteries of n vehicles; arrays are (n,).
+
+    A motor takes power: as the voltage falls, its current rises, and the charge decreases faster.
+    """
 
     def __init__(self, n: int) -> None:
         self.capacity_mah = np.full(n, 3300.0)
         self.full_v = np.full(n, 12.6)
         self.used_mah = np.zeros(n)
         self.used_j = np.zeros(n)
-        self.sag_v = np.zeros(n)  # missing for another reason than charge and load
+        self.sag_v = np.zeros(n)  # voltage lost by a fault
         self.current_a: Floats = AVIONICS_W / self.full_v
-        self.remaining: Floats = np.ones(n)  # share of the capacity that is left
+        self.remaining: Floats = np.ones(n)  # remaining share of the capacity
         self.voltage_v: Floats = self.full_v - RESISTANCE_OHM * self.current_a  # under the present load
 
     def step(self, dt_s: float, load_w: Floats) -> None:
-        """Draw `load_w` (n,) [W] and what the avionics need for `dt_s` [s]."""
+        """Draw `load_w` (n,) [W] and the power of the avionics for `dt_s` [s]."""
         power_w = load_w + AVIONICS_W
         self.current_a = power_w / np.maximum(self.voltage_v, LOWEST_SHARE * self.full_v)
         self.used_mah += self.current_a * (dt_s * MAH_PER_A_S)
@@ -50,20 +53,20 @@ class Batteries:
         self.voltage_v = np.maximum(resting_v - RESISTANCE_OHM * self.current_a - self.sag_v, 0.0)
 
     def empty(self) -> npt.NDArray[np.bool_]:
-        """Whether nothing is left, (n,)."""
+        """Return the empty batteries, (n,)."""
         return self.remaining <= 0.0
 
 
 class World:
-    """Arrays of all vehicles.
+    """The physics of all vehicles as arrays.
 
     Parameters
     ----------
     frame: the map.
     lat_deg, lon_deg, alt_amsl_m: (n,) start positions.
-    planes: (n,) who is a fixed wing; nobody, if not given.
-    rngs: one generator a vehicle; its noise and gusts depend on nothing else.
-    wind, gps: what blows, and how well the receivers measure.
+    planes: (n,) True for fixed wings; all copters by default.
+    rngs: one generator per vehicle; its noise and gusts depend on nothing else.
+    wind, gps: the wind and the quality of the receivers.
     """
 
     def __init__(
@@ -90,10 +93,10 @@ class World:
         self.batteries = Batteries(n)
         dynamics = self.dynamics
         self.armed = dynamics.armed
-        self.events = dynamics.events  # (n,) something happened that an autopilot acts upon
+        self.events = dynamics.events  # (n,) events for the autopilots
         self.estimate_m, self.estimate_velocity_m_s = dynamics.estimate_m, dynamics.estimate_velocity_m_s
         self.gps = Gps(gps, frame, dynamics.position)
-        # what faults write
+        # written by faults
         self.motors_lost, self.sag_v = dynamics.motors_lost, self.batteries.sag_v
         self.gps_lost, self.gps_offset_m = self.gps.lost, self.gps.offset_m
         bias = np.column_stack([sensors.standard_normal(2) for _, _, sensors in purposes])
@@ -109,7 +112,7 @@ class World:
         self._estimated_geodetic: tuple[Floats, Floats] | None = None
 
     def step(self, dt_s: float) -> None:
-        """Physics of one tick [s]."""
+        """Advance the physics by one tick [s]."""
         self._steps += 1
         self._battery_s += dt_s
         self._gps_s += dt_s
@@ -142,22 +145,22 @@ class World:
 
     @property
     def position_ok(self) -> Bools:
-        """Whether the estimate is one to navigate by, (n,)."""
+        """True for estimates good enough for navigation, (n,)."""
         return self.estimator.position_ok
 
     @property
     def wind_m_s(self) -> Floats:
-        """East, north, up at each vehicle, (n, 3) [m/s]."""
+        """Wind east, north, up at each vehicle, (n, 3) [m/s]."""
         return self.wind.wind_m_s
 
     def geodetic(self) -> tuple[Floats, Floats]:
-        """True latitude and longitude of all vehicles now, (n,), (n,) [deg]."""
+        """Return the true latitude and longitude of all vehicles, (n,), (n,) [deg]."""
         if self._geodetic is None:
             self._geodetic = self.frame.to_geodetic(self.dynamics.position[0], self.dynamics.position[1])
         return self._geodetic
 
     def estimated_geodetic(self) -> tuple[Floats, Floats]:
-        """What the vehicles take for their latitude and longitude, (n,), (n,) [deg]."""
+        """Return the estimated latitude and longitude of all vehicles, (n,), (n,) [deg]."""
         if self._estimated_geodetic is None:
             estimate = self.dynamics.estimate
             self._estimated_geodetic = self.frame.to_geodetic(estimate[0], estimate[1])

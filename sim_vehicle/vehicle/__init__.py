@@ -1,1 +1,4 @@
-"""One vehicle's autopilot: what it knows, decides and answers. Pure: messages and time in, messages out."""
+"""The autopilot of one vehicle: messages and time in, messages out. Pure.
+
+Start with `autopilot`. Its parts use each other through `interface` and `personalities.base.Vehicle`.
+"""

@@ -1,4 +1,4 @@
-"""Arming and disarming: reasons against it, home, motors, and disarming by itself."""
+"""Arming and disarming: refusals, home, motors, and automatic disarming."""
 
 import math
 
@@ -8,7 +8,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 
 
 class Arming:
-    """Whether the motors of one vehicle may turn."""
+    """The armed state of one vehicle and the rules of changing it."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -22,21 +22,21 @@ class Arming:
 
     @property
     def armed_since_s(self) -> float:
-        """nan while it is not armed."""
+        """Time of the arming [s]; nan while disarmed."""
         return self._armed_at_s if self.armed else math.nan
 
     @property
     def flying_since_s(self) -> float:
-        """The latest take-off since it was armed; nan if there was none."""
+        """Time of the latest take-off since arming [s]; nan without one."""
         return self._taken_off_at_s if self.armed else math.nan
 
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
-        """Start the motors; the reasons of a refusal go out as texts."""
+        """Start the motors and return True; a refusal announces its reasons and returns False."""
         vehicle = self._vehicle
         force = force and vehicle.personality.force_arms
         if self.armed:
             return True
-        if vehicle.body.crashed:  # broken, whatever a ground station wants
+        if vehicle.body.crashed:  # a crashed vehicle cannot be armed, even by force
             vehicle.announce("arm_refused", reason="Crashed")
             return False
         in_mission = vehicle.mode.behaviour is Behaviour.MISSION
@@ -72,7 +72,7 @@ class Arming:
         return not reasons and armable
 
     def disarm(self, *, force: bool) -> bool:
-        """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
+        """Stop the motors on request; in the air only if forced, and then the vehicle falls."""
         if self._vehicle.body.airborne and self.armed and not force:
             self._vehicle.announce("disarm_refused")
             return False
@@ -81,7 +81,7 @@ class Arming:
         return True
 
     def stop(self, text: str = "disarmed") -> None:
-        """Stop the motors, whatever the vehicle does."""
+        """Stop the motors unconditionally."""
         vehicle = self._vehicle
         vehicle.flight.cleared_for_takeoff = False
         vehicle.body.arm(False)
@@ -94,7 +94,7 @@ class Arming:
         vehicle.modes.disarmed()
 
     def update(self, now: float) -> float:
-        """Disarm after a landing, or after an arming that no flight followed; when to look again [s]."""
+        """Disarm after a landing, or after an arming without a flight; return when to check again [s]."""
         if not self.armed:
             return math.inf
         vehicle = self._vehicle

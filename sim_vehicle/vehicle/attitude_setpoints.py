@@ -1,6 +1,6 @@
 """Attitudes and body rates as set-points.
 
-The lean accelerates the vehicle, and what its thrust is above or below hovering makes it climb or sink.
+The tilt accelerates the vehicle. Thrust above hovering makes it climb, thrust below makes it sink.
 """
 
 import math
@@ -18,23 +18,23 @@ RATES = (
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
 )
 STEEPEST_RAD = math.radians(60.0)
-LONGEST_S = 0.5  # for so long at most the rates before are taken to have been in force
+LONGEST_GAP_S = 0.5  # longest time for which the previous rates are assumed to have applied
 
 
 class AttitudeSetpoints:
-    """SET_ATTITUDE_TARGET of one vehicle."""
+    """SET_ATTITUDE_TARGET messages of one vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._angles_rad: tuple[float, float] | None = None  # roll and pitch that rates have led to
+        self._angles_rad: tuple[float, float] | None = None  # roll and pitch integrated from rates
         self._rates_rad_s = (0.0, 0.0)
 
     def reset(self) -> None:
-        """Another kind of set-point came, or none does any more."""
+        """Forget the integrated attitude: another kind of set-point follows, or none."""
         self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
 
     def to_attitude(self, message: Any, since_s: float) -> bool:
-        """Take a message, `since_s` [s] after the set-point before; False if there is nothing in it."""
+        """Apply a message that came `since_s` [s] after the previous one; False if it asks for nothing."""
         if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
             return self._turn_at(message, since_s)
         self.reset()
@@ -51,7 +51,7 @@ class AttitudeSetpoints:
             return False
         now_rad = self._vehicle.body.attitude_rad
         angles = self._angles_rad or now_rad[:2]
-        lasted_s = min(since_s, LONGEST_S)
+        lasted_s = min(since_s, LONGEST_GAP_S)
         moved = [angle + rate * lasted_s for angle, rate in zip(angles, self._rates_rad_s, strict=True)]
         roll, pitch = (max(-STEEPEST_RAD, min(angle, STEEPEST_RAD)) for angle in moved)
         self._angles_rad = roll, pitch
@@ -61,11 +61,11 @@ class AttitudeSetpoints:
         return True
 
     def _apply(self, roll: float, pitch: float, yaw: float, thrust: float, yaw_rate: float | None) -> None:
-        """Fly with these angles [rad]; with a yaw rate [rad/s], the yaw is only the present one."""
+        """Fly with these angles [rad]; with a yaw rate [rad/s], `yaw` is only the present heading."""
         flight_parameters, body = self._vehicle.flight_parameters, self._vehicle.body
         spare = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
         climb_m_s = 2 * spare * (flight_parameters.climb_m_s if spare > 0 else flight_parameters.descent_m_s)
-        # The thrust's direction, with what it lifts equal to the weight.
+        # The vertical part of the thrust equals the weight.
         steepness = max(math.cos(roll) * math.cos(pitch), math.cos(STEEPEST_RAD) ** 2)
         forward = -GRAVITY_M_S2 * math.sin(pitch) * math.cos(roll) / steepness
         right = GRAVITY_M_S2 * math.sin(roll) / steepness
@@ -73,7 +73,7 @@ class AttitudeSetpoints:
         north = forward * math.cos(yaw) - right * math.sin(yaw)
         yaw_rad = yaw if yaw_rate is None else None
         if body.plane:
-            # It flies in the direction the lean would push it.
+            # A plane flies in the direction of the acceleration.
             velocity_m_s = body.velocity_m_s
             moved = (velocity_m_s[0] + east, velocity_m_s[1] + north, climb_m_s)
             body.move(moved, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
@@ -82,7 +82,7 @@ class AttitudeSetpoints:
 
 
 def _angles_rad(q: Any) -> tuple[float, float, float]:
-    """Quaternion w, x, y, z -> roll, pitch, yaw."""
+    """Return roll, pitch and yaw [rad] of a quaternion w, x, y, z."""
     w, x, y, z = q
     return (
         math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),

@@ -1,8 +1,8 @@
 """One vehicle without I/O: messages and time in, messages out.
 
-It decides only when something happened: a message came, its body reports an event (a target reached, ground
-left or touched, the position lost), or a deadline that it named has come (`alarm_s`). What it knows goes into
-its row of the fleet's `Status`, from which telemetry is made for all vehicles at once.
+A vehicle decides on three occasions: a message arrives, its body reports an event (target reached, take-off,
+touchdown, position lost), or its own deadline is due (`alarm_s`). It writes its state into its row of the
+fleet's `Status`; telemetry is encoded from there for all vehicles at once.
 """
 
 import math
@@ -44,27 +44,27 @@ from sim_vehicle.wire.streams import Rates, Streams
 
 PREARM_TEXT_S = 30.0
 REBOOT_SILENCE_S = 1.5
-PHASES = 5  # of a second, in which vehicles begin to stream after a boot
-IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
+PHASES = 5  # phases of a second in which vehicles start to stream after a boot
+IDLE_LOOK_S = 1.0  # longest time between two decisions of a vehicle
 BUSY_LOOK_S = 0.1
-SEEN_AHEAD = 3  # navigation commands: one of them that is changed has the current one begun anew
+LOOKAHEAD_COMMANDS = 3  # navigation commands; a change of one of them restarts the current command
 
 
 class Autopilot:
-    """The state of one vehicle, and what it does with a message or with the passing of time.
+    """The state of one vehicle, and its reaction to messages and to the passing of time.
 
     Parameters
     ----------
-    index, sysid: its place in the fleet's arrays, its MAVLink system id.
+    index, sysid: index in the fleet's arrays, MAVLink system id.
     body: its airframe in the world.
-    personality: which autopilot it behaves like.
+    personality: the autopilot it behaves like.
     parameters: changes to the personality's parameters.
-    ready_s: from boot to a position estimate [s].
+    ready_s: time from boot to a position estimate [s].
     rng: the vehicle's own randomness.
-    status, streams, outlet: the fleet's columns, message intervals and way out.
-    afflictions: what is wrong with the vehicle.
-    replace_faults: ends the faults that it began under a key, and begins others.
-    log_limits: how much of its flights it records.
+    status, streams, output: the fleet's columns, message intervals and output.
+    injected_faults: the faults of this vehicle.
+    replace_faults: ends the faults begun under a key and begins others.
+    log_limits: the size of its flight logs.
     """
 
     now: float
@@ -143,7 +143,7 @@ class Autopilot:
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
         self._idle_look_s = float(rng.random())
-        # A few phases, so that what streams once a second is encoded for many vehicles at a time.
+        # Few phases only, so that messages at 1 Hz are encoded for many vehicles at a time.
         self._phase_s = math.floor(self._idle_look_s * PHASES) / PHASES
         self.now = 0.0
         self.alarm_s = 0.0
@@ -155,7 +155,7 @@ class Autopilot:
         self._forget(0.0)
 
     def _forget(self, now: float) -> None:
-        """Everything that does not survive a reboot; parameters and the mission do."""
+        """Reset everything that does not survive a reboot; parameters and the mission do."""
         self.readiness = Readiness(now, self._ready_s)
         self.modes.reset(now)
         self.home_and_rally.reset()
@@ -180,12 +180,12 @@ class Autopilot:
         self.storage.text(now, severity, text)
 
     def announce_refusals(self, how: str, now: float) -> None:
-        """Say every reason against arming: `how` is prearm or arm_refused."""
+        """Send every reason against arming as text; `event` is prearm or arm_refused."""
         for reason in self.personality.refusals(self, now):
             self.announce(how, reason=reason)
 
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
-        """Send one message on request; False if it is unknown or has nothing to say yet."""
+        """Send one message on request; False if it is unknown or has no data yet."""
         if self.rates.can(message_id):
             self.publish(now)
             return self._output.stream_now(self.index, message_id, now)
@@ -203,7 +203,7 @@ class Autopilot:
     # -- in ----------------------------------------------------------------------------------------------
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one message that is for this vehicle or for all."""
+        """Process one message addressed to this vehicle or to all."""
         if not self.booted or (
             self.flight_parameters.gcs_only and message.get_srcSystem() != self.flight_parameters.gcs_sysid
         ):
@@ -233,7 +233,7 @@ class Autopilot:
             self.failsafes.note_ground_station(sysid, now)
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Set a known parameter as if a ground station had; KeyError for another name."""
+        """Set a known parameter as a ground station does; KeyError for an unknown name."""
         self.params.set(name, value)
         self.parameter_changed(name)
 
@@ -243,7 +243,7 @@ class Autopilot:
         self.storage.parameter(self.now, name)
 
     def update_flight_parameters(self) -> None:
-        """A parameter has changed."""
+        """Derive the flight parameters again after a parameter change."""
         before, self.flight_parameters = (
             self.flight_parameters,
             self.personality.flight_parameters(self.params),
@@ -252,20 +252,20 @@ class Autopilot:
         self.fence_watch.parameters_changed()
 
     def update_parameter_faults(self, name: str) -> None:
-        """A parameter has changed that may make something fail."""
+        """Begin or end the faults that a simulation parameter (SIM_*) stands for."""
         found = faults_of(name, self.params.__getitem__)
         if found is not None:
             self.replace_faults(*found, self.now)
 
     def clock_ahead_s(self, now: float) -> float:
-        """By how much the vehicle's own clock is ahead of simulated time [s]."""
+        """Return the lead of the vehicle's own clock over simulated time [s]."""
         status, i = self.status, self.index
         return float(status.clock_offset_s[i] + (now - status.clock_since_s[i]) * status.clock_drift[i])
 
     # -- time --------------------------------------------------------------------------------------------
 
     def update(self, now: float) -> None:
-        """Decide: boot, readiness, mode, landing, failsafes, transfers; names its next alarm."""
+        """Decide about boot, readiness, mode, landing, failsafes and transfers; set the next alarm."""
         self.now = now
         if not self.booted:
             self.alarm_s = self._boot_due_s
@@ -288,7 +288,7 @@ class Autopilot:
         self.params.tick(self.send, now)
         self.storage.tick(now)
         self.storage.note(now)
-        # Not a whole second from now: a fleet that booted together would look around all at once.
+        # Not one second from now: vehicles that booted together would all decide at the same tick.
         while self._idle_look_s <= now + EPSILON_S:
             self._idle_look_s += IDLE_LOOK_S
         self.alarm_s = min(
@@ -322,7 +322,7 @@ class Autopilot:
                 self.body.stop()
 
     def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
-        """Go silent; back after the boot."""
+        """Go silent for `silence_s` [s], then boot."""
         self.storage.reboot(now)
         self.booted = False
         self.status.booted[self.index] = False
@@ -349,7 +349,7 @@ class Autopilot:
             self.announce_refusals("prearm", now)
 
     def record_strike(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
-        """A hostile hit the vehicle; it flies on."""
+        """Count and report a hit by a hostile; the vehicle flies on."""
         self.now = now
         self.strikes += 1
         self.status.strikes[self.index] = self.strikes
@@ -360,7 +360,7 @@ class Autopilot:
     # -- position ------------------------------------------------------------------------------------
 
     def position_known(self, now: float) -> bool:
-        """Whether it has a position estimate it may navigate by."""
+        """Return True with a position estimate good enough for navigation."""
         return self.readiness.position(now) and self.body.position_ok
 
     def here(self) -> GeodeticPosition:
@@ -377,11 +377,11 @@ class Autopilot:
         return self.arming.armed
 
     def arm(self, now: float, *, force: bool) -> bool:
-        """Start the motors; the reasons of a refusal go out as texts."""
+        """Start the motors and return True; a refusal announces its reasons and returns False."""
         return self.arming.arm(now, force=force)
 
     def disarm(self, *, force: bool) -> bool:
-        """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
+        """Stop the motors on request; in the air only if forced, and then the vehicle falls."""
         return self.arming.disarm(force=force)
 
     def _landed(self) -> None:
@@ -402,13 +402,13 @@ class Autopilot:
         return self.mission.set_current(self.flight.pilot, index)
 
     def mission_changed(self, index: int) -> None:
-        """An item became another one (or the list was cut, -1) while the mission may be flown.
+        """React to a changed item `index`, or to a shortened list (-1), while the mission is flown.
 
-        What is too far ahead to be seen changes nothing.
+        A change farther ahead than SEEN_AHEAD navigation commands has no effect.
         """
         if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
             return
-        if index > 0 and index not in self.mission.coming(SEEN_AHEAD):
+        if index > 0 and index not in self.mission.coming(LOOKAHEAD_COMMANDS):
             return
         restarted = self.mission.restart_current(self.flight.pilot)
         self.announce("mission_changed" if restarted else "mission_change_failed")

@@ -1,8 +1,8 @@
-"""The battery of one vehicle against its limits: at which level it is, and what follows when it gets worse.
+"""Battery failsafe: the level of one vehicle's battery, and the action when it gets worse.
 
-Levels count up from 0: that of a mere warning, where there is one, then low and critical. While armed, a
-level only gets worse. Unarmed, an autopilot that latches does not look, and what it has found it keeps until
-it reboots; another follows the battery, and once armed does nothing about what was so already at arming.
+Levels count up from 0: warning (not on every autopilot), low, critical. While armed, a level only gets worse.
+While disarmed, a latching autopilot does not check and keeps its level until it reboots. Other autopilots
+follow the battery while disarmed, and do not act in flight on a level reached before arming.
 """
 
 import math
@@ -23,24 +23,24 @@ class _Stage:
 
 
 class BatteryWatch:
-    """`update` is called whenever the vehicle decides."""
+    """The latched battery level of one vehicle; call `update` at each of its decisions."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.level = 0
         self._level_at_arming = 0
         self._low_since_s = [math.inf] * LEVELS
-        self._flight_parameters: FlightParameters | None = None  # that the stages were made of
+        self._flight_parameters: FlightParameters | None = None  # source of the stages
         self._stages: tuple[_Stage, ...] = ()
 
     @property
     def failing(self) -> int:
-        """1 low, 2 critical; a warning alone is 0."""
+        """Failsafe level: 0 none (or a warning), 1 low, 2 critical."""
         warns = self._vehicle.flight_parameters.battery_warning_share is not None
         return max(self.level - warns, 0)
 
     def update(self, now: float) -> FailsafeAction:
-        """Look at the battery, say if it got worse; what is to be done about that."""
+        """Check the battery, announce a worse level, and return the action it requires."""
         vehicle = self._vehicle
         if vehicle.personality.battery_latches and not vehicle.armed:
             return FailsafeAction.NOTHING
@@ -58,7 +58,7 @@ class BatteryWatch:
         return stage.action if found > self._level_at_arming else FailsafeAction.WARN
 
     def _find(self, now: float) -> int:
-        """The worst level that holds now; a voltage has to be low for a while."""
+        """Return the worst level that holds now; a low voltage counts after the delay."""
         body, delay_s = self._vehicle.body, self._vehicle.flight_parameters.battery_delay_s
         voltage_v, share = body.voltage_v, body.battery_remaining
         found = 0

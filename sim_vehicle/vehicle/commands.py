@@ -1,7 +1,7 @@
 """MAV_CMD commands, as COMMAND_LONG or COMMAND_INT; each handler returns a MAV_RESULT.
 
-What is here both autopilots share, or only one has; a personality replaces and adds handlers by its own
-table.
+This module has the handlers that both autopilots share and those of ArduPilot. A personality replaces and
+adds handlers by its own table.
 """
 
 import math
@@ -37,7 +37,7 @@ LONGEST_INTERVAL_US = 2**31 - 1
 
 
 def execute(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Carry out `command`; MAV_RESULT."""
+    """Carry out `command` and return its MAV_RESULT."""
     handler = vehicle.personality.commands.get(command.command) or HANDLERS.get(command.command)
     return UNSUPPORTED if handler is None else handler(vehicle, command, now)
 
@@ -67,7 +67,7 @@ def change_to(behaviour: Behaviour) -> Callable[[Vehicle, Command, float], int]:
 
 
 def takeoff(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """In a guided mode, to a height above home."""
+    """Take off in a guided mode, to a height above home."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not abs(command.z) < MAX_ALTITUDE_M:
         return FAILED
     up_m = vehicle.flight.home().alt_amsl_m + command.z
@@ -75,7 +75,7 @@ def takeoff(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies.
+    """Set AUTO; an armed vehicle is cleared for take-off, a disarmed one stays on the ground.
 
     A first or last item (param1, param2) is not supported.
     """
@@ -101,7 +101,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
         return DENIED
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
     if command.z == 0 and command.frame not in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
-        if not vehicle.body.plane:  # no altitude at all, to ArduPilot
+        if not vehicle.body.plane:  # ArduCopter takes 0 for a missing altitude
             return DENIED
         up_m = vehicle.body.alt_amsl_m
     watch = vehicle.fence_watch
@@ -159,14 +159,14 @@ def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
     interval_us = _interval_us(vehicle, message_id)
-    # 0 says that the message does not exist here, -1 that it does not stream.
+    # 0: the message does not exist here; -1: it does not stream.
     known = vehicle.rates.can(message_id) or message_id in vehicle.one_shot_messages
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED
 
 
 def _interval_us(vehicle: Vehicle, message_id: int) -> int:
-    """As MESSAGE_INTERVAL has it: -1 where the message does not stream."""
+    """Return the interval as in MESSAGE_INTERVAL: -1 if the message does not stream."""
     interval_s = vehicle.rates.interval_s(message_id)
     return -1 if interval_s is None else round(min(interval_s * 1e6, LONGEST_INTERVAL_US))
 
@@ -198,7 +198,7 @@ def set_home(vehicle: Vehicle, command: Command, now: float) -> int:
     place = command.place()
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
-    # COMMAND_LONG carries no frame: its altitude is above mean sea level here.
+    # COMMAND_LONG carries no frame; its altitude is above mean sea level here.
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
     vehicle.home_and_rally.set_home(GeodeticPosition(*place, up_m), now, locked=True)
     return ACCEPTED
@@ -228,7 +228,7 @@ def condition_yaw(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def fence_enable(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Overrides the parameter until the next boot, without changing it."""
+    """Override FENCE_ENABLE until it changes or the vehicle reboots; the parameter itself stays."""
     if command.param1 not in (0, 1):
         return FAILED
     vehicle.fence_watch.set_enabled(on=command.param1 == 1)
@@ -250,7 +250,7 @@ def run_prearm_checks(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Gyroscopes, level and pressure take a few seconds on the ground, and may be cancelled meanwhile."""
+    """Calibrate gyroscopes, level or pressure: a few seconds on the ground, which can be cancelled."""
     wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
     if not any(value > 0 for value in wanted if math.isfinite(value)):
         return UNSUPPORTED
@@ -260,7 +260,7 @@ def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Parameters are kept as they are set: there is nothing to write, and read again."""
+    """Accept: every parameter change is stored at once, so there is nothing to save or load."""
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 

@@ -1,4 +1,4 @@
-"""Carries the afflictions of one vehicle into the arrays of the fleet that physics and telemetry read."""
+"""Fault effects: the injected faults of one vehicle in the fleet's arrays for physics and telemetry."""
 
 from sim_vehicle.physics.world import World
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
@@ -6,7 +6,7 @@ from sim_vehicle.wire.status import Status
 
 
 class FaultEffectWriter:
-    """One vehicle's columns that faults write: to be called with its afflictions after each change."""
+    """Writer of the columns that faults change; call it with the vehicle's faults after each change."""
 
     def __init__(self, world: World, status: Status, index: int) -> None:
         self._world, self._status, self._index = world, status, index
@@ -25,7 +25,7 @@ class FaultEffectWriter:
         world.events[i] = True  # wakes the autopilot
 
     def _take_charge(self, at_most: float) -> None:
-        """Take charge away until that share is left; give back what is no longer taken."""
+        """Reduce the charge to `at_most` (share of the full charge); return it when the limit rises."""
         if at_most == self._at_most:
             return
         self._at_most = at_most

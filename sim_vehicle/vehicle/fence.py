@@ -1,6 +1,6 @@
-"""The stored geofence: polygons and circles to stay inside or outside of, and how far away their edges are.
+"""The stored geofence: inclusion and exclusion polygons and circles, and the distance to their edges.
 
-Geometry is done in metres around the place that is asked about, so it needs no map and works anywhere.
+Distances are computed in metres around the position in question, so no map projection is needed.
 """
 
 from collections.abc import Sequence
@@ -36,10 +36,10 @@ class Zone:
 
 
 def zones_of(items: Sequence[Item]) -> list[Zone]:
-    """Fence items -> zones.
+    """Return the zones of fence items.
 
-    The first vertex of a polygon says how many belong to it. One that announces more than there are is no
-    zone; return points are not either.
+    The first vertex of a polygon gives the number of its vertices. A polygon with too few vertices is no
+    zone, and neither is a return point.
     """
     zones, index = [], 0
     while index < len(items):
@@ -56,7 +56,7 @@ def zones_of(items: Sequence[Item]) -> list[Zone]:
 
 
 class Fence:
-    """The fence of one vehicle: `items` as they are read back, `zones` as they are obeyed."""
+    """The fence of one vehicle: `items` as read back, `zones` as enforced."""
 
     def __init__(self) -> None:
         self.items: tuple[Item, ...] = ()
@@ -64,13 +64,13 @@ class Fence:
         self._compile()
 
     def replace(self, items: Sequence[Item]) -> None:
-        """Store a new fence; none of it is checked here."""
+        """Store a new fence without any check."""
         self.items = tuple(items)
         self.zones = tuple(zones_of(items))
         self._compile()
 
     def discard_violated(self, lat_deg: float, lon_deg: float) -> int:
-        """Stop obeying the zones that forbid a place; how many there were."""
+        """Stop enforcing the zones that a position violates; return their number."""
         north_m, east_m = metres_per_degree(lat_deg)
         margins_m = self._margins_m(lat_deg, lon_deg, north_m, east_m)
         kept = tuple(zone for zone, margin in zip(self.zones, margins_m, strict=True) if margin >= 0)
@@ -81,13 +81,13 @@ class Fence:
 
     @property
     def total(self) -> int:
-        """ArduPilot's FENCE_TOTAL: vertices and circles, and two more if there are at least three."""
+        """FENCE_TOTAL of ArduPilot: vertices and circles, plus two if there are at least three."""
         points = sum(item.command in POLYGONS or item.command in CIRCLES for item in self.items)
         return points + 2 if points >= 3 else 0
 
     @property
     def return_point_deg(self) -> tuple[float, float] | None:
-        """Where a plane returns to: the return point, else the middle of the first polygon to stay in."""
+        """The return point, else the centre of the first inclusion polygon; None without either."""
         for item in self.items:
             if item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
                 return item.x * 1e-7, item.y * 1e-7
@@ -100,17 +100,17 @@ class Fence:
         return None
 
     def breaches(self, lat_deg: float, lon_deg: float) -> bool:
-        """Whether a place is outside a zone to stay inside of, or inside one to stay out of."""
+        """Return True for a position outside an inclusion zone or inside an exclusion zone."""
         return bool(self.zones) and self.margin_m(lat_deg, lon_deg) < 0
 
     def margin_m(self, lat_deg: float, lon_deg: float) -> float:
-        """Distance to the nearest edge [m], negative by how far beyond the worst one; inf without zones."""
+        """Return the distance to the nearest edge [m], negative beyond the worst one; inf without zones."""
         if not self.zones:
             return float("inf")
         return float(self._margins_m(lat_deg, lon_deg, *metres_per_degree(lat_deg)).min())
 
     def _compile(self) -> None:
-        """Edges of all polygons in a row, and the circles, as arrays."""
+        """Build arrays of all polygon edges, one polygon after the other, and of the circles."""
         polygons = [zone for zone in self.zones if zone.radius_m is None]
         sizes = [len(zone.points_deg) for zone in polygons]
         starts = np.cumsum([0, *sizes])[:-1]
@@ -128,7 +128,7 @@ class Fence:
         self._sign = np.where([zone.inclusion for zone in self.zones], 1.0, -1.0)
 
     def _margins_m(self, lat_deg: float, lon_deg: float, north_m: float, east_m: float) -> Floats:
-        """Of each zone how far a place is on its good side [m]."""
+        """Return, for each zone, the distance of a position on the permitted side of its edge [m]."""
         place = np.array([lat_deg, lon_deg])
         scale = np.array([north_m, east_m])
         inside = []
@@ -145,7 +145,7 @@ class Fence:
 
 
 def _wrapped(offsets_deg: Floats) -> Floats:
-    """Longitudes (second column) the short way round."""
+    """Wrap longitude differences (second column) into -180 to 180 degrees."""
     offsets_deg[:, 1] = (offsets_deg[:, 1] + 180.0) % 360.0 - 180.0
     return offsets_deg
 
@@ -153,10 +153,10 @@ def _wrapped(offsets_deg: Floats) -> Floats:
 def _inside_polygons_m(
     points_m: Floats, following: npt.NDArray[np.int64], starts: npt.NDArray[np.int64]
 ) -> Floats:
-    """How far the origin is inside each polygon [m], negative outside; points (n, 2), polygons in a row."""
+    """Return how far the origin is inside each polygon [m], negative outside; points (n, 2)."""
     north_m, east_m = points_m[:, 0], points_m[:, 1]
     edge_north_m, edge_east_m = north_m[following] - north_m, east_m[following] - east_m
-    # A ray to the east crosses the edges of a polygon an odd number of times from within.
+    # From inside, a ray to the east crosses the edges of a polygon an odd number of times.
     straddles = (north_m > 0) != (north_m[following] > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing_m = east_m - north_m * edge_east_m / edge_north_m

@@ -1,7 +1,7 @@
-"""The geofence of one vehicle at work: what is breached, what is said, and what the vehicle does about it.
+"""Enforcement of one vehicle's geofence: breaches, texts and actions.
 
-A breach acts once, when it begins, so that a pilot may override it; one of a circle or an altitude acts again
-some 20 m farther out. What is still breached stays on record, also while nothing acts.
+A breach acts once, when it begins, so that a pilot can override it. A breach of a circle or an altitude acts
+again some 20 m farther out. Breaches stay on record while no action is due.
 """
 
 import math
@@ -14,10 +14,10 @@ from sim_vehicle.vehicle.rally import distance_m
 
 ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"
 NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}
-AGAIN_M = 20.0  # beyond a breach that was not heeded
-AGAIN_PLANE_M = 100.0  # the same of the circle around home, for a plane
-RECOVERY_S = 10.0  # during which a pilot who changed the mode is left alone
-_KINDS = (  # what FENCE_STATUS names of several breaches: the first of these
+NEXT_BREACH_M = 20.0  # farther out a breach acts again
+NEXT_BREACH_PLANE_M = 100.0  # the same for a plane and the circle around home
+RECOVERY_S = 10.0  # no action after a mode change by the pilot
+_KINDS = (  # FENCE_STATUS reports the first of several breaches
     ({CIRCLE, POLYGON}, int(mavlink.FENCE_BREACH_BOUNDARY)),
     ({ALTITUDE_MAX}, int(mavlink.FENCE_BREACH_MAXALT)),
     ({ALTITUDE_MIN}, int(mavlink.FENCE_BREACH_MINALT)),
@@ -25,7 +25,7 @@ _KINDS = (  # what FENCE_STATUS names of several breaches: the first of these
 
 
 def names_of(breaches: frozenset[str]) -> str:
-    """As in "Max Alt, Circle and Polygon fences"."""
+    """Return the names of breached limits, as in "Max Alt, Circle and Polygon fences"."""
     names = [name for which, name in NAMES.items() if which in breaches]
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     return f"{listed} fence{'s' if len(names) > 1 else ''}"
@@ -36,14 +36,16 @@ class FenceWatch:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self.switch: bool | None = None  # MAV_CMD_DO_FENCE_ENABLE overrides the parameter until that changes
+        # set by MAV_CMD_DO_FENCE_ENABLE; overrides the parameter until that changes
+        self.switch: bool | None = None
         self.breached: frozenset[str] = frozenset()
         self.count = 0
         self.last_s = 0.0
         self._parameter = vehicle.flight_parameters.fence_enabled
         self._latched_limits = self._configured()
         self._above_floor = False
-        self._next_breach_m: dict[str, float] = {}  # a breached limit -> how far beyond is a breach anew
+        # breached limit -> distance beyond it at which the breach acts again
+        self._next_breach_m: dict[str, float] = {}
         self._recovers_until_s = -math.inf
 
     @property
@@ -56,12 +58,12 @@ class FenceWatch:
             self._latched_limits = self._configured()
 
     def set_enabled(self, *, on: bool) -> None:
-        """By a command, which goes before the parameter until that changes."""
+        """Enable or disable the fence by command, which overrides the parameter until that changes."""
         self.switch = on
         self._latched_limits = self._latched_limits | self._configured() if on else frozenset()
 
     def _configured(self) -> frozenset[str]:
-        """Which limits the parameters say, the floor aside."""
+        """Return the limits set by the parameters, without the minimum altitude."""
         flight_parameters = self._vehicle.flight_parameters
         says = {
             ALTITUDE_MAX: math.isfinite(flight_parameters.fence_max_height_m),
@@ -72,13 +74,13 @@ class FenceWatch:
 
     @property
     def active(self) -> bool:
-        """Whether the vehicle has to look often."""
+        """True while the vehicle has to check its position often."""
         vehicle = self._vehicle
         return self.enabled and vehicle.armed and vehicle.body.airborne and self.has_limits
 
     @property
     def has_limits(self) -> bool:
-        """Whether there is anything to stay inside or outside of."""
+        """True if any limit is set."""
         flight_parameters = self._vehicle.flight_parameters
         return (
             math.isfinite(flight_parameters.fence_max_height_m)
@@ -89,7 +91,7 @@ class FenceWatch:
 
     @property
     def ceiling_amsl_m(self) -> float:
-        """The highest that a vehicle flies by itself [m above mean sea level]."""
+        """Highest altitude that the autopilot itself flies to [m above mean sea level]."""
         flight_parameters = self._vehicle.flight_parameters
         if not self.enabled:
             return math.inf
@@ -98,26 +100,26 @@ class FenceWatch:
 
     @property
     def kind(self) -> int:
-        """FENCE_BREACH of what is breached now."""
+        """FENCE_BREACH of the present breach."""
         return next((kind for which, kind in _KINDS if which & self.breached), int(mavlink.FENCE_BREACH_NONE))
 
     def find(self, lat_deg: float, lon_deg: float, height_m: float) -> frozenset[str]:
-        """Which limits a place (height above home [m]) is beyond."""
+        """Return the limits that a position (height above home [m]) breaches."""
         return frozenset(self._beyond_m(lat_deg, lon_deg, height_m))
 
     def refusal(self) -> str | None:
-        """Why the vehicle must not be armed where it is."""
-        found = self._here_m() if self.enabled else {}
+        """Return the reason against arming at the present position, None if there is none."""
+        found = self._beyond_here_m() if self.enabled else {}
         return f"Vehicle breaching {names_of(frozenset(found))}" if found else None
 
     def pilot_took_over(self, now: float) -> None:
-        """A ground station has changed the mode: what is breached does not act for a while."""
+        """Suspend actions for RECOVERY_S: a ground station changed the mode during a breach."""
         if self.breached:
             self._recovers_until_s = now + RECOVERY_S
             self._vehicle.announce("fence_recovery")
 
     def update(self, now: float) -> None:
-        """Look where the vehicle is; call it some ten times a second while `active`."""
+        """Check the position; call it about ten times a second while `active`."""
         vehicle = self._vehicle
         before = self.breached
         if not (self.enabled and self.has_limits):
@@ -125,7 +127,7 @@ class FenceWatch:
             self._next_breach_m.clear()
             return
         self._note_floor()
-        found = self._here_m()
+        found = self._beyond_here_m()
         self.breached = frozenset(found)
         new = frozenset(
             which
@@ -133,7 +135,7 @@ class FenceWatch:
             if beyond_m >= self._next_breach_m.get(which, -math.inf)
         )
         self._next_breach_m = {
-            which: beyond_m + self._farther_m(which) if which in new else self._next_breach_m[which]
+            which: beyond_m + self._to_next_breach_m(which) if which in new else self._next_breach_m[which]
             for which, beyond_m in found.items()
         }
         if new:
@@ -142,7 +144,7 @@ class FenceWatch:
             vehicle.announce("fence_cleared")
 
     def _note_floor(self) -> None:
-        """The minimum altitude counts from when the vehicle has been well above it until it lands."""
+        """Arm the minimum altitude once the vehicle has been above it by the margin, until it lands."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._above_floor = False
@@ -152,12 +154,12 @@ class FenceWatch:
         ):
             self._above_floor = True
 
-    def _here_m(self) -> dict[str, float]:
+    def _beyond_here_m(self) -> dict[str, float]:
         vehicle = self._vehicle
         return self._beyond_m(*vehicle.body.lat_lon_deg, vehicle.home_and_rally.height_above_home_m)
 
     def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
-        """By how much a place is beyond each limit that it is beyond [m]."""
+        """Return the distance of a position beyond each breached limit [m]."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         beyond_m = {
             ALTITUDE_MAX: height_m - flight_parameters.fence_max_height_m,
@@ -173,13 +175,13 @@ class FenceWatch:
             beyond_m = {which: by_m for which, by_m in beyond_m.items() if which in counts}
         return {which: by_m for which, by_m in beyond_m.items() if by_m >= 0}
 
-    def _farther_m(self, which: str) -> float:
+    def _to_next_breach_m(self, which: str) -> float:
         if which == POLYGON:
             return math.inf
-        return AGAIN_PLANE_M if which == CIRCLE and self._vehicle.body.plane else AGAIN_M
+        return NEXT_BREACH_PLANE_M if which == CIRCLE and self._vehicle.body.plane else NEXT_BREACH_M
 
     def _record(self, new: dict[str, float], before: frozenset[str], now: float) -> None:
-        """`new`: by how much it is beyond each limit that is breached anew [m]."""
+        """Count, announce and act on new breaches; `new` has the distance beyond each limit [m]."""
         vehicle = self._vehicle
         self.count += len(new)
         if not before:

@@ -1,4 +1,4 @@
-"""What a vehicle does in each mode: mission, guided flight, return, landing, and sinking without a stick."""
+"""Flight control of one vehicle by mode: mission, guided flight, return, landing, sinking."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,19 +14,19 @@ from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
 
-LANDED_AFTER_S = 1.0  # on the ground for so long counts as landed
+LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
 DROP_M_S = 8.0
 FASTEST_M_S = 50.0
-FARTHEST_M = 1e6  # up or down: an altitude beyond that is taken for this one
+FARTHEST_M = 1e6  # limit of altitudes, up and down
 PILOT_ACCELERATION_M_S2 = 2.5
-LOOK_S = 0.1  # between two looks of whoever is busy
+LOOK_S = 0.1  # longest time between two runs while a manoeuvre is in progress
 
 
 class Flight:
-    """Steers one body by mode and mission; reports by `announce`, `send`, `disarm` and `taken_off`.
+    """Steering of one body by mode and mission; reports by `announce`, `send`, `disarm` and `taken_off`.
 
-    `start_landing`: have the mission land it; False where it says no way. `return_by_mission`: what of it is
-    flown to return, and above which altitude; None where none is.
+    `start_landing` starts the landing of the mission and returns False if it has none. `return_by_mission`
+    returns the items of a return by mission and the altitude to climb to first, or None.
     """
 
     def __init__(
@@ -61,11 +61,12 @@ class Flight:
         self.behaviour = Behaviour.DROP
         self.landing_now = False  # for EXTENDED_SYS_STATE
         self.taking_off = False
-        self.takeoff_amsl_m: float | None = None  # asked for; None: the height the tuning says
+        self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff_height_m`
         self._ground_since_s = -math.inf
         self._manoeuvre: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
-        self._in_force: dict[str, float] = {}  # limits set in flight, by the name of what they replace
+        # limits set in flight, by the name of the parameter limit they replace
+        self._in_force: dict[str, float] = {}
 
     # -- facts -------------------------------------------------------------------------------------------
 
@@ -102,17 +103,17 @@ class Flight:
         return flight_parameters.landing_speed_high_m_s
 
     def limit(self, **limits: float) -> None:
-        """Put limits (as of `Body.limit`) in force until the mode changes, in place of the parameters'."""
+        """Apply limits (see `Body.limit`) instead of the parameters' until the mode changes."""
         self._in_force.update(limits)
         self.body.limit(**limits)
 
     def restore_speed(self) -> None:
-        """The speed of the parameters again."""
+        """Return to the speed of the parameters."""
         self._in_force.pop("speed_m_s", None)
         self.apply_limits()
 
     def parameters_changed(self, before: FlightParameters) -> None:
-        """Parameters have changed: a limit set in flight gives way only to a change of its own."""
+        """Apply changed parameters; a limit set in flight stays unless its own parameter changed."""
         now = self.flight_parameters
         self._in_force = {
             name: value
@@ -122,7 +123,7 @@ class Flight:
         self.apply_limits()
 
     def apply_limits(self) -> None:
-        """Set the airframe's limits: the parameters', and over them what was set in flight."""
+        """Set the airframe's limits from the parameters, then those set in flight."""
         flight_parameters = self.flight_parameters
         self.body.limit(
             speed_m_s=flight_parameters.speed_m_s,
@@ -146,7 +147,7 @@ class Flight:
         self.body.set_battery(capacity_mah=flight_parameters.capacity_mah, full_v=flight_parameters.full_v)
 
     def next_look_s(self, now: float) -> float:
-        """When to run again at the latest [s], if nothing happens to the body before."""
+        """Return when to run again at the latest [s], unless the body reports an event before."""
         if self.behaviour is Behaviour.MISSION:
             busy = self.pilot.busy or self.mission.waiting or not self.flying
         else:
@@ -159,7 +160,7 @@ class Flight:
     def enter(self, mode: Mode) -> None:
         """Leave the present behaviour and begin that of `mode`."""
         returns = mode.behaviour is Behaviour.RETURN and self.flying
-        by_mission = self._return_by_mission() if returns else None  # which may depend on what it did before
+        by_mission = self._return_by_mission() if returns else None  # depends on the previous behaviour
         if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
             self.mission.stop()
         self.behaviour = mode.behaviour
@@ -182,7 +183,7 @@ class Flight:
         self.begin_takeoff()
 
     def begin_takeoff(self) -> None:
-        """Climb, if the mode is one that takes off and the vehicle is armed."""
+        """Climb if the mode is a take-off mode and the vehicle is armed."""
         if self.behaviour is not Behaviour.TAKEOFF:
             self.takeoff_amsl_m = None
         elif self.armed:
@@ -191,7 +192,7 @@ class Flight:
             self.climb_to(max(wanted_m, self.body.alt_amsl_m))
 
     def run(self, now: float) -> None:
-        """Control at `now` [s]."""
+        """Run the control loop at `now` [s]."""
         if self.body.airborne:
             self._ground_since_s = math.inf
         elif math.isinf(self._ground_since_s) and self._ground_since_s > 0:
@@ -221,7 +222,7 @@ class Flight:
             self.taking_off, self._manoeuvre = False, None
 
     def _cruise(self) -> None:
-        """Straight on; the throttle stick reads its minimum."""
+        """Fly straight on at the lowest airspeed; the throttle stick reads its minimum."""
         speed_m_s, heading_rad = self.flight_parameters.airspeed_min_m_s, self.body.heading_rad
         self.limit(speed_m_s=speed_m_s)
         self.body.move((speed_m_s * math.sin(heading_rad), speed_m_s * math.cos(heading_rad), 0.0))
@@ -237,7 +238,7 @@ class Flight:
     # -- guided ------------------------------------------------------------------------------------------
 
     def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = 0.0) -> None:
-        """Fly to a point (east, north, up [m]) and stay there: a plane circles around it."""
+        """Fly to a point (east, north, up [m]) and stay there; a plane circles around it."""
         self.guided_target_m = target_m
         if self.body.plane and pass_speed_m_s == 0.0:
             self.body.loiter(*target_m)
@@ -245,7 +246,7 @@ class Flight:
             self.body.fly_to(*target_m, pass_speed_m_s)
 
     def takeoff_to(self, up_m: float) -> bool:
-        """Take off and climb to an altitude above mean sea level; only from the ground, armed, upward."""
+        """Take off to an altitude above mean sea level; False unless on the ground, armed and below it."""
         if not self.armed or self.body.airborne or up_m <= self.body.alt_amsl_m:
             return False
         self.climb_to(up_m)
@@ -259,18 +260,18 @@ class Flight:
         self._manoeuvre = Takeoff(self, up_m)
 
     def fly(self, manoeuvre: Manoeuvre) -> None:
-        """Begin something a mode that holds or is guided does on demand."""
+        """Begin a manoeuvre on request in a hold or guided mode."""
         self._manoeuvre = manoeuvre
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
-        """Fly to a place, if in the air; on the ground nothing happens."""
+        """Fly to a position; no effect on the ground."""
         self.taking_off = False
         if self.flying:
             self._manoeuvre = None
             self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
 
     def pause(self) -> bool:
-        """MAV_CMD_DO_PAUSE_CONTINUE, pause; False where it makes no sense."""
+        """Carry out MAV_CMD_DO_PAUSE_CONTINUE, pause; False in a mode without a pause."""
         if self.behaviour is Behaviour.MISSION:
             if not self.mission.pause():
                 return False
@@ -281,7 +282,7 @@ class Flight:
         return True
 
     def resume(self) -> bool:
-        """MAV_CMD_DO_PAUSE_CONTINUE, continue."""
+        """Carry out MAV_CMD_DO_PAUSE_CONTINUE, continue; False if there is nothing to continue."""
         if self.behaviour is Behaviour.MISSION and self.mission.paused:
             return self.mission.resume(self.pilot)
         if self.behaviour is Behaviour.GUIDED and self.guided_target_m is not None and self.body.airborne:
@@ -289,7 +290,7 @@ class Flight:
         return self.behaviour in (Behaviour.MISSION, Behaviour.GUIDED)
 
     def change_speed(self, kind: int, speed_m_s: float) -> bool:
-        """DO_CHANGE_SPEED: kind is SPEED_TYPE; until the mode changes."""
+        """Carry out DO_CHANGE_SPEED until the mode changes; `kind` is SPEED_TYPE."""
         if not speed_m_s > 0:
             return False
         speed_m_s = min(speed_m_s, FASTEST_M_S)
@@ -304,7 +305,7 @@ class Flight:
         return True
 
     def turn(self, angle_deg: float, rate_deg_s: float, *, direction: int, relative: bool) -> bool:
-        """CONDITION_YAW: face a heading (relative: turn by an angle in a direction); copters only."""
+        """Carry out CONDITION_YAW: face a heading, or turn by an angle (`relative`); copters only."""
         if self.body.plane or not self.flying:
             return False
         if relative:
@@ -317,9 +318,9 @@ class Flight:
         return True
 
     def altitude_amsl_m(self, frame: int, z_m: float) -> float:
-        """Altitude of an item [m above mean sea level]; no number is the present one.
+        """Return the altitude of an item [m above mean sea level]; the present one for NaN.
 
-        The ground is flat, so terrain is the start's.
+        The ground is flat, so terrain altitudes count from the ground at the start.
         """
         if not math.isfinite(z_m):
             return self.body.alt_amsl_m

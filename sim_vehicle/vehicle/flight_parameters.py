@@ -1,4 +1,4 @@
-"""Flight parameters: the values of an autopilot's parameters in SI units, independent of parameter names."""
+"""Flight parameters: the values of an autopilot's parameters in SI units, independent of their names."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -10,7 +10,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 
 
 class FailsafeAction(Enum):
-    """What a failsafe or a fence makes a vehicle do."""
+    """Action of a failsafe or of the fence."""
 
     NOTHING = auto()
     WARN = auto()
@@ -19,24 +19,24 @@ class FailsafeAction(Enum):
     LAND = auto()
     TERMINATE = auto()
     DISARM = auto()
-    RETURN_POINT = auto()  # guided to the fence's return point
-    HOLD_ALTITUDE = auto()  # and no more than that: the position is lost
+    RETURN_POINT = auto()  # guided flight to the fence's return point
+    HOLD_ALTITUDE = auto()  # altitude only, without a position
     MISSION = auto()
-    GLIDE = auto()  # a plane, its motor off
+    GLIDE = auto()  # a plane without its motor
     LEVEL = auto()  # a plane: straight on at the present altitude
 
 
 class RallyAltitude(Enum):
-    """What the altitude of a rally point is to a vehicle that returns there."""
+    """Meaning of a rally point's altitude for a vehicle that returns there."""
 
-    LEAST = auto()  # of the way there, as the height above home is
-    EXACT = auto()  # it is flown to and circled at
-    GROUND = auto()  # heights on the way and over it are counted from it, as they are from home
+    LEAST = auto()  # lowest travel altitude, like the height above home
+    EXACT = auto()  # altitude of the travel and of the circle
+    GROUND = auto()  # reference of the travel heights, like home's altitude
 
 
 @dataclass(frozen=True, slots=True)
 class FlightParameters:
-    """What the parameters come to, in SI units; made anew by the personality after each change."""
+    """Flight parameters in SI units; the personality derives them again after each parameter change."""
 
     # airframe limits
     speed_m_s: float
@@ -50,33 +50,33 @@ class FlightParameters:
     full_v: float
     # take-off, return, landing
     takeoff_height_m: float
-    return_height_m: float  # above home, unless the vehicle is higher
+    return_height_m: float  # above home; a higher vehicle stays higher
     return_speed_m_s: float
-    return_wait_s: float  # over home before it lands
+    return_wait_s: float  # over home before the landing
     landing_speed_m_s: float
     landing_slow_below_m: float  # above home
     landing_speed_high_m_s: float
     pilot_descent_m_s: float
     # arming and starting
     arming_checks: bool
-    mission_mode_armable: bool  # a ground station may arm in the mission's mode
-    mission_takes_off: bool  # armed there, it takes off without being told to start
-    mission_restarts: bool  # entering the mission's mode begins at the first item
-    # disarming by itself; inf: never
+    mission_mode_armable: bool  # arming is possible in the mission mode
+    mission_takes_off: bool  # arming there starts the take-off
+    mission_restarts: bool  # entering the mission mode begins at the first item
+    # automatic disarming; inf: never
     disarm_landed_s: float  # after a landing
     disarm_unflown_s: float  # after arming without a take-off
     # failsafes
-    gcs_sysid: int | None  # whose heartbeats count; None: of any ground station
+    gcs_sysid: int | None  # source of the heartbeats that count; None: any ground station
     gcs_timeout_s: float  # inf: not watched
     gcs_action: FailsafeAction
     battery_low_v: float  # 0: not watched
-    battery_low_share: float  # of the capacity that is left; 0: not watched
+    battery_low_share: float  # of the capacity; 0: not watched
     battery_low_action: FailsafeAction
     battery_critical_v: float
     battery_critical_share: float
     battery_critical_action: FailsafeAction
-    battery_delay_s: float  # for so long the voltage has to be low
-    rc_required: bool  # no RC is there: True makes that a failsafe
+    battery_delay_s: float  # duration of a low voltage before it counts
+    rc_required: bool  # RC is required although none is connected
     rc_action: FailsafeAction
     setpoint_timeout_s: float
     setpoint_action: FailsafeAction
@@ -90,57 +90,59 @@ class FlightParameters:
     fence_polygons: bool  # stored polygons and circles count
     fence_margin_m: float
     # copter
-    begins_legs_at_rest: bool = False  # where another was broken off: it brakes first
+    begins_legs_at_rest: bool = False  # after an interrupted leg the vehicle brakes first
     yaw_rate_deg_s: float = 60.0
     # plane
     airspeed_min_m_s: float = 0.0
     airspeed_max_m_s: float = 0.0
     loiter_radius_m: float = 0.0
-    return_loiter_radius_m: float = 0.0  # over home; 0: the same
+    return_loiter_radius_m: float = 0.0  # over home; 0: loiter_radius_m
     bank_limit_deg: float = 0.0
     stall_m_s: float = 8.0  # airspeed in level flight
     fence_return_height_m: float = 0.0  # above home, at the fence's return point
-    loiter_leaves_aligned: bool = False  # a circle to an altitude only toward the next place, told so or not
-    return_lands: int = 0  # as the mission's nearest landing says; 1: once it circles over home, 2: at once
-    waypoints_say_radius: bool = True  # how near to them is there; else it is waypoint_radius_m for all
-    waypoint_height_m: float = math.inf  # at a waypoint more above or below that it circles until it is there
-    circles_first: bool = False  # a circle to an altitude is flown to at the present one
-    takeoff_along: bool = False  # straight to the place of the take-off until its altitude; else round about
+    loiter_leaves_aligned: bool = False  # a circle to an altitude always ends toward the next position
+    return_lands: int = 0  # by the mission's nearest landing; 1: after circling over home, 2: at once, 0: no
+    waypoints_say_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m for all
+    # altitude tolerance at a waypoint; beyond it the plane circles until it is met
+    waypoint_height_m: float = math.inf
+    circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
+    takeoff_along: bool = False  # straight towards the take-off position up to its altitude; else in circles
     # environment by parameter (SIM_*)
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0
     # what only some autopilots have
-    battery_warning_share: float | None = None  # of the capacity, below which it is said and no more
-    failsafe_delay_s: float = 0.0  # in hold before a failsafe acts
-    gcs_missed_unheard: bool = False  # a ground station that was never heard counts as lost
-    # What a lost link leads to in the air in these modes, by number, in place of gcs_action and so on.
+    battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
+    failsafe_delay_s: float = 0.0  # hold before a failsafe acts
+    gcs_missed_unheard: bool = False  # a ground station never heard since the boot counts as lost
+    # Actions in the air by mode number, instead of gcs_action and so on.
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_short_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
-    rc_short_action: FailsafeAction | None = None  # as soon as it is lost; None: there is only rc_action
+    rc_short_action: FailsafeAction | None = None  # at the loss; None: only rc_action
     rc_watched: bool = True
-    rc_missed_unarmed: bool = True  # what is lost at arming already is a failsafe, too
-    rc_timeout_s: float = 0.0  # without a frame, then it is lost
-    rc_long_s: float = 0.0  # since the short action, or without a frame, until rc_action
+    rc_missed_unarmed: bool = True  # a loss before arming counts
+    rc_timeout_s: float = 0.0  # time without a frame until the loss
+    rc_long_s: float = 0.0  # time from the short action, or the last frame, to rc_action
     position_watched: bool = True
-    position_lost_everywhere: bool = False  # acts in modes, too, that need no position
-    pilot_missing: bool = False  # there is no manual control for the modes that need it
+    position_lost_everywhere: bool = False  # acts also in modes without a position
+    pilot_missing: bool = False  # no manual control for the modes that need it
     takeoff_speed_m_s: float | None = None  # None: climb_m_s
-    after_takeoff: Behaviour | None = None  # what follows the mode that takes off; None: it holds in it
+    after_takeoff: Behaviour | None = None  # behaviour after the take-off mode; None: hold in it
     landing_slowing_below_m: float = (
-        0.0  # above home; from here to landing_slow_below_m the descent slows evenly
+        0.0  # above home; from here down to landing_slow_below_m the descent slows evenly
     )
-    return_hover_height_m: float | None = None  # above home, where it waits; None: at the height it came
-    # above home, where it stays once it has waited, as long as the remote control is heard; None: it lands
+    return_hover_height_m: float | None = None  # height of the wait above home; None: the travel height
+    # Height above home at the end of a return, with remote control; None: landing.
     return_ends_m: float | None = None
-    zero_keeps_altitude: bool = False  # 0 as the altitude of a mission item is the present one
+    zero_keeps_altitude: bool = False  # altitude 0 of a mission item is the present altitude
     rally_limit_m: float = math.inf  # farther rally points do not count
     rally_altitude: RallyAltitude = RallyAltitude.GROUND
-    rally_includes_home: bool = True  # home is returned to where it is nearer than any of them
-    return_descends: bool = False  # to return_height_m, from above it too
-    gcs_only: bool = False  # no other system than gcs_sysid is heard
-    # distance from home, height above it [m] -> height to return at; None: return_height_m wherever it is
+    rally_includes_home: bool = True  # home counts if it is nearer than all rally points
+    return_descends: bool = False  # descends to return_height_m from above
+    gcs_only: bool = False  # messages of systems other than gcs_sysid are dropped
+    # (distance from home, height above it) [m] -> return height [m]; None: return_height_m.
     return_height_at: Callable[[float, float], float] | None = None
-    return_under_fence: bool = False  # no higher than the fence lets it
-    fence_give_up_m: float = math.inf  # so far beyond a limit it lands, whatever the action
+    return_under_fence: bool = False  # limited by the fence's maximum altitude
+    # distance beyond a limit at which the vehicle lands, whatever the action
+    fence_give_up_m: float = math.inf
     logs: LogWhen = LogWhen.ARMED

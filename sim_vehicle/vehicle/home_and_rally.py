@@ -1,4 +1,4 @@
-"""Where one vehicle counts from and returns to: home, the origin of its local coordinates, rally points."""
+"""Home, the origin of local coordinates, and rally points of one vehicle."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -9,7 +9,7 @@ from sim_vehicle.vehicle.rally import Rally
 
 
 class HomeAndRally:
-    """Home and origin, which a boot forgets, and the rally points, which it does not."""
+    """Home, origin and rally points; a reboot forgets home and origin."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -17,14 +17,14 @@ class HomeAndRally:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what does not survive a reboot."""
+        """Forget home and origin, as a reboot does."""
         self.home: GeodeticPosition | None = None
-        self.home_locked = False  # somebody said where it is, so that arming must not
+        self.home_locked = False  # set by a ground station or a mission; arming does not move it
         self.origin: GeodeticPosition | None = None
         self.origin_m = (0.0, 0.0, 0.0)  # east, north, up in the fleet's frame
 
     def note_readiness(self, now: float) -> None:
-        """Set the origin and home as soon as the autopilot would know them."""
+        """Set the origin and home as soon as the autopilot knows them."""
         vehicle = self._vehicle
         if self.origin is None and vehicle.readiness.home(now):
             self.set_origin(vehicle.here(), now)
@@ -33,7 +33,7 @@ class HomeAndRally:
             self.set_home(vehicle.here(), now)
 
     def set_origin(self, place: GeodeticPosition, now: float) -> None:
-        """Where local coordinates are counted from."""
+        """Set the origin of local coordinates and report it."""
         vehicle = self._vehicle
         self.origin = place
         self.origin_m = (*vehicle.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)
@@ -46,12 +46,12 @@ class HomeAndRally:
 
     @property
     def home_or_here(self) -> GeodeticPosition:
-        """Home, or where the vehicle is while there is none."""
+        """Home, or the present position without a home."""
         return self.home or self._vehicle.here()
 
     @property
     def home_deg(self) -> tuple[float, float]:
-        """Latitude and longitude of home, or of where it is while there is none."""
+        """Latitude and longitude [deg] of home, or of the vehicle without a home."""
         return (self.home.lat_deg, self.home.lon_deg) if self.home else self._vehicle.body.lat_lon_deg
 
     @property
@@ -60,7 +60,7 @@ class HomeAndRally:
         return body.alt_amsl_m - (self.home.alt_amsl_m if self.home else body.ground_amsl_m)
 
     def home_item(self) -> Item:
-        """Home as the item 0 of a mission."""
+        """Return home as item 0 of a mission."""
         home = self.home or GeodeticPosition(0.0, 0.0, 0.0)
         return Item(
             mavlink.MAV_CMD_NAV_WAYPOINT,
@@ -70,7 +70,7 @@ class HomeAndRally:
         )
 
     def return_place(self) -> GeodeticPosition:
-        """The nearest rally point, or home."""
+        """Return the nearest rally point within the limit, or home."""
         vehicle, home = self._vehicle, self.home_or_here
         point = self.rally.nearest(
             vehicle.body.lat_lon_deg,

@@ -1,4 +1,4 @@
-"""What is wrong with one vehicle itself, its wire aside: what faults write and the vehicle reads."""
+"""Injected faults of one vehicle, apart from its link: written by faults, read by the vehicle."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class ModeStuck(Enum):
-    """What a vehicle that cannot change its mode says to a request."""
+    """Answer to a mode change by a vehicle that ignores it."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"
@@ -16,7 +16,7 @@ class ModeStuck(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MissionRefusal:
-    """MAV_MISSION_RESULT that an upload ends with: at the item `at_item`, or at its announcement (None)."""
+    """Result (MAV_MISSION_RESULT) that ends an upload at item `at_item`, or at MISSION_COUNT (None)."""
 
     result: int
     at_item: int | None = None
@@ -24,12 +24,12 @@ class MissionRefusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultEffect:
-    """What one fault does; nothing by default."""
+    """The effects of one fault; none by default."""
 
     gps_lost: bool = False
     gps_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # east, north, up
     battery_sag_v: float = 0.0
-    battery_at_most: float = 1.0  # share of the full charge that is left at most
+    battery_at_most: float = 1.0  # upper limit of the charge, as a share of the full charge
     motors_lost: int = 0
     rc_lost: bool = False
     mission_refusal: MissionRefusal | None = None
@@ -41,10 +41,10 @@ class FaultEffect:
 
 
 class InjectedFaults:
-    """All effects on one vehicle together, as attributes of the names of `FaultEffect`.
+    """The combined effects on one vehicle, as attributes with the names of `FaultEffect`.
 
-    Offsets, sags, losses of motors and drifts add up; of delays and shares the worst counts; of answers the
-    one that came last. `changed(afflictions, now)` is called after each change.
+    Offsets, sags, lost motors and drifts add up. For delays and shares the largest counts, for refusals and
+    stuck modes the latest. `changed(faults, now)` is called after each change.
     """
 
     def __init__(
@@ -61,18 +61,18 @@ class InjectedFaults:
         self._combine()
 
     def begin(self, effect: FaultEffect, now: float) -> Callable[[float], None]:
-        """Add an effect at `now` [s]; returns what ends it, to be called with the time of that [s]."""
+        """Add an effect at `now` [s]; return a function that ends it at a given time [s]."""
         key = self._begun
         self._begun += 1
         self._set(key, effect, now)
         return lambda end_s: self._set(key, None, end_s)
 
     def loses_ack(self) -> bool:
-        """Whether the acknowledgement that is about to be sent gets lost."""
+        """Draw whether the next acknowledgement is lost."""
         return self.ack_loss > 0 and bool(self._rng.random() < self.ack_loss)
 
     def clock_offset_s(self, now: float) -> float:
-        """By how much the vehicle's clock is ahead at `now` [s]; what it has drifted away stays."""
+        """Return the lead of the vehicle's clock at `now` [s]; an accumulated drift stays."""
         return self._clock_offset_s + (now - self._clock_since_s) * self.clock_drift_ppm * 1e-6
 
     def _set(self, key: int, effect: FaultEffect | None, now: float) -> None:

@@ -1,4 +1,4 @@
-"""Commands that take time: IN_PROGRESS with a share done, then the result, or CANCELLED on demand."""
+"""Commands that take time: IN_PROGRESS with a percentage, then the result, or CANCELLED on request."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from sim_vehicle.vehicle.command import Command
 REPORT_S = 0.5
 ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
 IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
-CANCELLED = 6  # MAV_RESULT_CANCELLED, younger than the dialect
+CANCELLED = 6  # MAV_RESULT_CANCELLED; missing in the dialect
 
 
 @dataclass
@@ -24,7 +24,7 @@ class _Job:
 
 
 class Jobs:
-    """At most one long command of a vehicle; `acknowledge(command, result, progress, sender)` tells."""
+    """At most one long command of a vehicle; reports by `acknowledge(command, result, progress, sender)`."""
 
     def __init__(self, acknowledge: Callable[[int, int, int, tuple[int, int]], None]) -> None:
         self._acknowledge = acknowledge
@@ -34,21 +34,21 @@ class Jobs:
         self._job = None
 
     def begin(self, command: Command, duration_s: float, now: float) -> bool:
-        """Start it, unless one is under way. The caller acknowledges the beginning itself."""
+        """Start a command; False if one is in progress. The caller acknowledges the start."""
         if self._job is not None:
             return False
         self._job = _Job(command.command, command.sender, now, duration_s, now + REPORT_S)
         return True
 
     def cancel(self, message: Any) -> None:
-        """COMMAND_CANCEL: ends the command that runs, if it is that one."""
+        """Process COMMAND_CANCEL: end the running command if it is the one named."""
         job = self._job
         if job is not None and job.command == message.command:
             self._job = None
             self._acknowledge(job.command, CANCELLED, 0, job.sender)
 
     def tick(self, now: float) -> float:
-        """Report and finish; when to call again [s]."""
+        """Report progress or the result; return when to call again [s]."""
         job = self._job
         if job is None:
             return float("inf")

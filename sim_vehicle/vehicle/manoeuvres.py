@@ -1,6 +1,6 @@
-"""Manoeuvres a vehicle flies by itself, as machines: land, return to launch, climb after take-off, circle.
+"""Manoeuvres as machines: landing, return to launch, climb after take-off, circles.
 
-Each is begun by its constructor and asked by `update(now)` whether it is done.
+The constructor begins a manoeuvre; `update(now)` continues it and returns True once it is done.
 """
 
 import math
@@ -12,22 +12,22 @@ from sim_vehicle.vehicle.interface import FlightControl
 
 NEAR_M = 1.0
 TAKEOFF_NEAR_M = 0.3
-ALIGNED_RAD = math.radians(10.0)  # a plane that heads so for a place heads for it
+ALIGNED_RAD = math.radians(10.0)  # largest heading error of a plane that leaves a circle
 INSIDE_SHARE = 1.05
 
 
 class Manoeuvre(Protocol):
-    """Something under way."""
+    """A manoeuvre in progress."""
 
     def update(self, now: float) -> bool:
-        """Go on at `now` [s]; True once it is done."""
+        """Continue at `now` [s]; return True once it is done."""
         ...
 
 
 class Landing:
-    """Go over a place (or stay here) at this altitude, then down; done once on the ground for a second.
+    """Landing: fly to a position (or stay) at this altitude, then descend; done after 1 s on the ground.
 
-    A plane glides there along a straight line, or `circles` down around it.
+    A plane glides there along a straight line, or with `circles` spirals down around it.
     """
 
     def __init__(
@@ -57,9 +57,9 @@ class Landing:
 
 
 class Return:
-    """Return to launch: climb, fly home (or to the nearest rally point), wait there, land.
+    """Return to launch: climb, fly home or to the nearest rally point, wait, land.
 
-    Or, where the tuning names a height at which it ends, go there and stay (`ModeRTL::run`).
+    With `return_ends_m` the vehicle stays at that height instead of landing (`ModeRTL::run`).
     """
 
     def __init__(self, flight: FlightControl) -> None:
@@ -72,7 +72,7 @@ class Return:
         if body.plane and flight_parameters.return_loiter_radius_m:
             flight.limit(loiter_radius_m=flight_parameters.return_loiter_radius_m)
         self._hovers = False
-        self._flies_home = body.plane  # which climbs on its way
+        self._flies_home = body.plane  # a plane climbs on its way
         if body.plane:
             self._fly_home()
         else:
@@ -80,14 +80,14 @@ class Return:
         self._land_at_s: float | None = None
         self._landing: Landing | None = None
         self._stays = False
-        # The mission's hands bring it home, and the mission goes on from there.
+        # The mission flies the vehicle home and continues from there.
         self._mission_lands = flight.behaviour is Behaviour.RETURN and flight_parameters.return_lands in (
             1,
             2,
         )
 
     def _travel_m(self, up_m: float) -> float:
-        """Altitude of the way there from `up_m` [m above mean sea level]."""
+        """Return the travel altitude for a start at `up_m` [m above mean sea level]."""
         home, flight_parameters = self._flight.home(), self._flight.flight_parameters
         place_m = self._place.alt_amsl_m
         if self._place == home or flight_parameters.rally_altitude is RallyAltitude.GROUND:
@@ -101,7 +101,7 @@ class Return:
         return wanted_m if flight_parameters.return_descends else max(up_m, wanted_m)
 
     def _height_m(self) -> float:
-        """Above the place it returns to, for the way there."""
+        """Return the travel height above the destination [m]."""
         body, flight_parameters = self._flight.body, self._flight.flight_parameters
         if flight_parameters.return_height_at is None:
             return flight_parameters.return_height_m
@@ -111,7 +111,7 @@ class Return:
         return flight_parameters.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
-        """Go down to where it waits, if that is below; whether it has to."""
+        """Descend to the hover height if that is below; True if a descent begins."""
         hover_m = self._flight.flight_parameters.return_hover_height_m
         self._hovers = True
         if hover_m is None or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + NEAR_M:
@@ -158,7 +158,7 @@ class Return:
 
 
 class Takeoff:
-    """Climb from the ground to an altitude [m above mean sea level] over the start."""
+    """Climb to an altitude [m above mean sea level] over the start."""
 
     def __init__(self, flight: FlightControl, up_m: float) -> None:
         self._flight = flight
@@ -173,14 +173,14 @@ class Takeoff:
 
 
 class CircleToAltitude:
-    """A plane goes round a circle until it is at its altitude, and on until it heads for the next place.
+    """Circle of a plane until it has an altitude, and further until it heads for the next position.
 
     Parameters
     ----------
     centre_m: east, north, up [m].
-    radius_m: negative is counter-clockwise.
-    next_m: east, north of the place it is to leave for; None: it leaves as soon as it is at its altitude.
-    near_m: so far above or below is at its altitude; None: as the body has it.
+    radius_m: counter-clockwise if negative.
+    next_m: east, north of the next position; None: the circle ends at the altitude.
+    near_m: altitude tolerance [m]; None: that of the body.
     """
 
     def __init__(
@@ -193,7 +193,7 @@ class CircleToAltitude:
     ) -> None:
         self._flight, self._there = flight, False
         self._centre_m, self._radius_m, self._near_m = centre_m, radius_m, near_m
-        # A place inside the circle is never ahead.
+        # A position inside the circle is never ahead.
         inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_SHARE * abs(radius_m)
         self._next_m = None if inside else next_m
         self._comes = flight.flight_parameters.circles_first
@@ -222,13 +222,13 @@ class CircleToAltitude:
 
 
 class Circling:
-    """Fly to a circle around a point and go round it; a plane loiters, a copter flies from point to point.
+    """Circles around a point; a plane loiters, a copter flies from point to point.
 
     Parameters
     ----------
     centre_m: east, north, up [m].
-    radius_m: negative is counter-clockwise; 0 stays over the point.
-    turns: how often round.
+    radius_m: counter-clockwise if negative; 0 stays over the point.
+    turns: number of circles.
     """
 
     POINTS_A_TURN = 16
@@ -249,7 +249,7 @@ class Circling:
             self._fly_to_point()
 
     def _round_rad(self) -> float:
-        """How far round a plane has come since it reached the circle."""
+        """Return the angle a plane has flown on the circle [rad]."""
         east_m, north_m, _ = self._flight.body.position_m
         bearing_rad = math.atan2(east_m - self._centre_m[0], north_m - self._centre_m[1])
         if self._seen_rad is not None:

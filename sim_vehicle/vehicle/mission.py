@@ -1,8 +1,8 @@
-"""The stored mission and how it is flown: index, jumps, delays; without the protocol that writes it.
+"""The stored mission and its execution: index, jumps, delays; without the upload protocol.
 
-`Mission` is flown as ArduPilot does. Vocabulary: a *navigation* command takes the vehicle somewhere and is
-current until it is done; *do* and *condition* commands between two navigation commands run when the first
-one is done, one after another, while the second is being flown. PX4's way is in `mission_px4`.
+`Mission` executes as ArduPilot does. A *navigation* command moves the vehicle and is current until it is
+done. The *do* and *condition* commands between two navigation commands run in order, from the end of the
+first one, during the flight of the second. `mission_px4` has PX4's execution.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,8 +36,8 @@ LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
-MOST_AT_ONCE = 50  # do-commands take no time, but there may be thousands, and jumps back to them
-MOST_BETWEEN = 1000  # do-commands between two navigation commands, repetitions included
+MOST_AT_ONCE = 50  # do-commands in one update; jumps back can repeat them endlessly
+MOST_BETWEEN = 1000  # do-commands between two navigation commands, with repetitions
 
 
 class MissionState(IntEnum):
@@ -52,7 +52,7 @@ class MissionState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One mission item as the vehicle keeps it: x, y [1e-7 deg], z [m] in `frame` (MAV_FRAME)."""
+    """One mission item as stored: x, y [1e-7 deg], z [m] in `frame` (MAV_FRAME)."""
 
     command: int
     frame: int = mavlink.MAV_FRAME_GLOBAL
@@ -67,28 +67,28 @@ class Item:
 
     @property
     def place_deg(self) -> tuple[float, float] | None:
-        """Latitude and longitude [deg]; None where the item names none (0, 0)."""
+        """Latitude and longitude [deg]; None for an item without a position (0, 0)."""
         return (self.x * 1e-7, self.y * 1e-7) if self.x or self.y else None
 
 
 class Pilot(Protocol):
-    """What the executor needs of the vehicle."""
+    """The vehicle as the mission uses it."""
 
     @property
     def armed(self) -> bool: ...
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
-        """Fly a navigation command; `following` is the one after it, for the corner between them."""
+        """Begin a navigation command; `following` is the next one, for the corner between them."""
 
     def navigation_done(self, now: float) -> bool:
-        """Whether the navigation command flown now (`Mission.flown`) is done."""
+        """Return True once the current navigation command (`Mission.flown`) is done."""
         ...
 
     def do(self, item: Item) -> None:
-        """Carry out a do-command, or begin what a condition waits for (a turn)."""
+        """Carry out a do-command, or begin the turn that CONDITION_YAW waits for."""
 
     def condition_met(self, item: Item) -> bool:
-        """Whether CONDITION_DISTANCE (within param1 [m] of the target) or CONDITION_YAW (turned) is met."""
+        """Return True once CONDITION_DISTANCE (param1 [m] from the target) or CONDITION_YAW is met."""
         ...
 
     def mission_item_started(self, index: int, item: Item) -> None: ...
@@ -96,30 +96,30 @@ class Pilot(Protocol):
     def mission_item_reached(self, index: int, item: Item) -> None: ...
 
     def mission_ended(self) -> None:
-        """The last command is done, or there is nothing to fly any more."""
+        """React to the end of the mission: the last command is done, or none is left."""
 
     def no_mission(self) -> None:
-        """The mission mode is on, and there is no mission that can be flown (PX4)."""
+        """React to the mission mode without a flyable mission (PX4)."""
 
 
 @dataclass
 class Mission:
-    """Items (0 is home and not kept here as an item), the current index, and progress.
+    """Items (item 0 is home, read from `home`), the current index, and progress.
 
-    `home` gives item 0 whenever it is read. Items change through `put`, `cut` and `clear` alone, which keep
-    what is counted by index true to them. The index itself outlives its item: a vehicle that flies to an item
-    flies on there when it is deleted, and is heard to do so.
+    Items change through `put`, `cut` and `clear` only, which keep all records by index consistent. The index
+    outlives its item: after the deletion of the current item the vehicle continues to its position and still
+    reports the index.
     """
 
     home: Callable[[], Item]
-    index: int = 0  # of the current navigation command, 0 when there is none
-    flown: Item | None = None  # that command as it was read when it was started; outlives its deletion
+    index: int = 0  # of the current navigation command; 0: none
+    flown: Item | None = None  # copy of that command from its start; outlives its deletion
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
-    begins_anew: bool = False  # what it flies was not come to by what is before it in the list
-    disarms_on_landing: bool = True  # a landing as an item ends the mission and stops the motors
-    stays_landed: bool = False  # nor is it ever over: the index stays there, also once it is disarmed
-    in_landing: bool = False  # what was begun last belongs to a landing
+    begins_anew: bool = False  # the previous item in the list was not flown before this one
+    disarms_on_landing: bool = True  # a landing item ends the mission and stops the motors
+    stays_landed: bool = False  # the mission never ends: the index stays at the landing, also after disarming
+    in_landing: bool = False  # the latest item begun belongs to a landing
     _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)
     _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
@@ -135,17 +135,17 @@ class Mission:
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to fly."""
+        """True without an item to fly."""
         return self.count < 2
 
     @property
     def flyable(self) -> bool:
-        """Whether what is stored would be flown."""
+        """True if the autopilot accepts the stored mission for flight."""
         return True
 
     @property
     def waiting(self) -> bool:
-        """Whether a condition is being waited for, so that time alone may move the mission."""
+        """True while do or condition commands are pending, so that time alone can advance the mission."""
         return bool(self._pending)
 
     def item(self, index: int) -> Item:
@@ -154,9 +154,9 @@ class Mission:
     # -- changing it -------------------------------------------------------------------------------------
 
     def put(self, index: int, item: Item) -> bool:
-        """Write an item over another one or behind the last; whether that changed anything.
+        """Store an item at an index or append it; return True if that changed the mission.
 
-        IndexError behind that.
+        IndexError beyond the end.
         """
         if index == self.count:
             self._items.append(item)
@@ -166,13 +166,13 @@ class Mission:
         self._items[index] = item
         self._jumps.pop(index, None)
         if self._pending[:1] == [index]:
-            self._condition_begun_s = None  # another one, which has not begun
+            self._condition_begun_s = None  # a new condition, not begun yet
         if index in self._pending and item.command in NAVIGATION | {mavlink.MAV_CMD_DO_JUMP}:
             del self._pending[self._pending.index(index) :]
         return True
 
     def cut(self, count: int) -> bool:
-        """Keep the first `count` items; whether there were more."""
+        """Keep the first `count` items; return True if that removed any."""
         if count >= self.count:
             return False
         del self._items[count:]
@@ -183,7 +183,7 @@ class Mission:
         return True
 
     def clear(self) -> None:
-        """Delete all items; nothing is flown any more."""
+        """Delete all items and stop the mission."""
         self.cut(0)
         self.reset()
 
@@ -191,18 +191,18 @@ class Mission:
 
     @property
     def reported_state(self) -> MissionState:
-        """MISSION_CURRENT.mission_state."""
+        """State as MISSION_CURRENT.mission_state reports it."""
         if self.empty:
             return MissionState.NO_MISSION
         return MissionState.PAUSED if self.paused and self.state is MissionState.ACTIVE else self.state
 
     def starts_with_takeoff(self) -> bool:
-        """Whether the navigation command that would be flown next is a take-off."""
+        """Return True if the next navigation command is a take-off."""
         found = self._find_navigation(1 if self._starts_over else self.index, {}, [])
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
-        """Index of the nearest DO_LAND_START; one without a place is where the next command goes."""
+        """Return the index of the nearest DO_LAND_START; one without a position has that of the next item."""
         found: list[tuple[float, int]] = []
         for index in range(1, self.count):
             if self.items[index].command == mavlink.MAV_CMD_DO_LAND_START:
@@ -213,7 +213,7 @@ class Mission:
         return min(found)[1] if found else None
 
     def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:
-        """Index of the next navigation command from `start`, following jumps; collects do-commands."""
+        """Return the index of the next navigation command from `start`; append do-commands to `passed`."""
         index, in_a_row = start, 0
         while 1 <= index < self.count:
             item = self.items[index]
@@ -239,37 +239,37 @@ class Mission:
 
     @property
     def _starts_over(self) -> bool:
-        """Whether the next start is at the first item: the list may have been cut since it was left."""
+        """True if the next start is at the first item: the mission is complete or was shortened."""
         return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
-        """Fly on from the current command; from the first one if there is none or the mission is over."""
+        """Continue from the current command; from the first one after the end, or with `restart`."""
         if restart or self._starts_over:
             self.in_landing = False
             self._jumps.clear()
             self._advance(pilot, 1)
         elif self.items[self.index].command in NAVIGATION:
             self.state, self._condition_begun_s = MissionState.ACTIVE, None
-            self._start(pilot, self.index)  # what was pending still is
+            self._start(pilot, self.index)  # pending commands stay pending
         else:
-            self._advance(pilot, self.index)  # another list has a do-command there
+            self._advance(pilot, self.index)  # the changed list has a do-command here
 
     def pause(self) -> bool:
-        """Fly no further until told to; False if it is not being flown."""
+        """Pause; False if no mission is being flown."""
         if self.state is not MissionState.ACTIVE or self.empty:
             return False
         self.paused = True
         return True
 
     def resume(self, pilot: Pilot) -> bool:
-        """Go on after a pause; False if there is nothing to go on with."""
+        """Continue after a pause; False if there is nothing to continue."""
         self.paused = False
         if not self.restart_current(pilot) and self.flown is not None:
             pilot.start_navigation(self.flown, None)  # its item was deleted
         return self.flown is not None
 
     def coming(self, count: int) -> list[int]:
-        """Indices of the next navigation commands, the current one first."""
+        """Return the indices of the next navigation commands, the current one first."""
         found: list[int] = []
         jumps, index = dict(self._jumps), self._find_navigation(self.index, {}, [])
         while index is not None and len(found) < count:
@@ -278,13 +278,13 @@ class Mission:
         return found
 
     def stop(self) -> None:
-        """The mission mode was left."""
+        """Suspend the mission: another mode has taken over."""
         self.paused = False
         if self.state is MissionState.ACTIVE:
             self.state = MissionState.PAUSED
 
     def reset(self) -> None:
-        """The vehicle was disarmed: the next start is from the beginning."""
+        """Reset progress after disarming: the next start is from the beginning."""
         self.index, self.flown = 0, None
         self.paused = self.in_landing = False
         self._jumps.clear()
@@ -293,20 +293,20 @@ class Mission:
             self.state = MissionState.NOT_STARTED
 
     def end(self) -> None:
-        """A landing has ended it: only the reset of the disarming is still to come."""
+        """Complete the mission after a landing; disarming then resets it."""
         self.state = MissionState.COMPLETE
 
     def reboot(self) -> None:
-        """Nothing of what was flown is known any more."""
+        """Forget all progress."""
         self.reset()
         self.state = MissionState.NOT_STARTED
 
     def rewind(self) -> None:
-        """Forget how often jumps were taken."""
+        """Forget the repetitions of jumps."""
         self._jumps.clear()
 
     def set_current(self, pilot: Pilot, index: int) -> bool:
-        """Make `index` (0: the first) current; at once when flying, else for the next start."""
+        """Make `index` (0: the first) current: at once in flight, else at the next start."""
         index = max(index, 1)
         if index >= self.count or self.items[index].command != mavlink.MAV_CMD_DO_LAND_START:
             self.in_landing = False
@@ -324,10 +324,7 @@ class Mission:
         return True
 
     def restart_current(self, pilot: Pilot) -> bool:
-        """Read the current command again and start it, after a pause once that is over.
-
-        False if it is not there any more.
-        """
+        """Start the current command again (in a pause: at its end); False if it does not exist any more."""
         if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
             return False
         if self.items[self.index].command not in NAVIGATION:
@@ -339,7 +336,7 @@ class Mission:
         return True
 
     def update(self, pilot: Pilot, now: float) -> None:
-        """Advance at `now` [s]; call it while the mission mode is on."""
+        """Advance at `now` [s]; call it in the mission mode."""
         if self.state is not MissionState.ACTIVE or self.paused:
             return
         self._run_pending(pilot, now)
@@ -374,7 +371,7 @@ class Mission:
         self.paused = False
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:
-            if self._pending:  # of those behind the last navigation command only the first is begun
+            if self._pending:  # behind the last navigation command only the first one runs
                 pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
                 pilot.do(self.items[self._pending[0]])
                 self._pending.clear()

@@ -1,4 +1,4 @@
-"""Flies mission items: where each takes the vehicle, when it is done, and what commands on the way do."""
+"""Execution of mission items by a vehicle: targets, completion, and commands between waypoints."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from sim_vehicle.vehicle.mission import LANDINGS, TAKEOFFS, Item
 from sim_vehicle.vehicle.numbers import finite, whole
 
 LocalPoint = tuple[float, float, float]
-AHEAD_M = 50_000.0  # a leg that lasts until the altitude is reached
-NOWHERE_M = 0.1  # nearer than this a place says no direction
-CLEARS_BY_M = 10.0  # so far above the altitude of its take-off a plane aims that climbs straight on
+AHEAD_M = 50_000.0  # length of a leg that ends at an altitude
+NOWHERE_M = 0.1  # shortest distance that gives a direction
+CLEARS_BY_M = 10.0  # climb beyond the take-off altitude of a plane that climbs straight on
 ALTITUDE_REACHED_M = 5.0
-BEGINS_AT_M_S = 1.0  # a leg, where it brakes first
+BEGINS_AT_M_S = 1.0  # speed below which a leg begins after braking
 YAW_REACHED_RAD = math.radians(2.0)
 THROUGH = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT, mavlink.MAV_CMD_CONDITION_GATE}
@@ -45,7 +45,7 @@ SHORT_NAMES = {
 
 
 class MissionPilot:
-    """The mission's hands on one vehicle (`mission.Pilot`)."""
+    """The pilot of a mission (`mission.Pilot`) on one vehicle."""
 
     def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
@@ -54,7 +54,7 @@ class MissionPilot:
         self._target_m: LocalPoint = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
         self._under_way = False
-        self._after_braking_m_s: float | None = None  # the leg begins then, and passes its end so fast
+        self._after_braking_m_s: float | None = None  # speed at the end of a leg that begins after braking
         self._following: Item | None = None
 
     # -- facts -------------------------------------------------------------------------------------------
@@ -65,7 +65,7 @@ class MissionPilot:
 
     @property
     def busy(self) -> bool:
-        """Whether time alone, or a manoeuvre, moves the mission on."""
+        """True while time alone, or a manoeuvre, advances the mission."""
         waits = self._wait_until_s is not None or self._after_braking_m_s is not None
         return self._manoeuvre is not None or waits
 
@@ -74,7 +74,7 @@ class MissionPilot:
         return isinstance(self._manoeuvre, Landing)
 
     def forget(self) -> None:
-        """Another mode has taken over."""
+        """Forget the current command: another mode has taken over."""
         self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
         self._under_way, self._after_braking_m_s = False, None
 
@@ -89,7 +89,7 @@ class MissionPilot:
         if not flight.flying:
             return
         if item.command in LANDINGS:
-            # A plane that has not come along a line to land on circles down.
+            # Without an approach line a plane spirals down.
             self._manoeuvre = Landing(flight, item.place_deg, circles=flight.mission.begins_anew)
         elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._manoeuvre = Return(flight)
@@ -111,7 +111,7 @@ class MissionPilot:
             flight.go(self._target_m, self._pass_speed_m_s(item, following))
 
     def _radius_m(self, item: Item) -> float:
-        """How near to an item's place is there; a plane may be told so by the item itself."""
+        """Return the acceptance radius of an item [m]; for a plane the item itself can set it."""
         flight_parameters = self._flight.flight_parameters
         item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
         tells = self._flight.body.plane and flight_parameters.waypoints_say_radius and item_radius_m > 0.0
@@ -134,7 +134,7 @@ class MissionPilot:
         return self._flight.body.plane and self._flight.flight_parameters.takeoff_along
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
-        """East, north of a place far off: beyond that of the take-off, or where it heads if that is here."""
+        """Return a point far beyond the take-off position, or straight ahead at that position [m]."""
         body = self._flight.body
         east_m, north_m, _ = body.position_m
         heading_rad = body.heading_rad
@@ -145,9 +145,9 @@ class MissionPilot:
         return east_m + AHEAD_M * math.sin(heading_rad), north_m + AHEAD_M * math.cos(heading_rad)
 
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
-        """Speed at which a waypoint may be flown through; 0 where the vehicle is to stop."""
+        """Return the speed for flying through a waypoint [m/s]; 0: stop there."""
         through = item.command in THROUGH and item.param1 == 0
-        if self._flight.body.plane:  # which circles only where it is told to, or has nowhere else to go
+        if self._flight.body.plane:  # a plane circles only on request or at the end
             through = through and following is not None
             through = through or item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT
             return self._flight.flight_parameters.speed_m_s if through else 0.0
@@ -180,7 +180,7 @@ class MissionPilot:
         return done
 
     def _brakes(self) -> bool:
-        """Whether it still does, before it begins its leg."""
+        """Return True while braking before a leg, and begin the leg at the end."""
         if self._after_braking_m_s is None:
             return False
         flight, pass_speed_m_s = self._flight, self._after_braking_m_s
@@ -212,7 +212,7 @@ class MissionPilot:
         if item.command in LANDINGS and flight.mission.stays_landed:
             return False
         if done and flight.armed and flight.mission.disarms_on_landing:
-            # Landing ends the mission: disarming resets it, and the item is not reported as reached.
+            # A landing ends the mission: disarming resets it, and the item is not reported as reached.
             flight.mission.end()
             flight.disarm()
             return False
@@ -226,7 +226,7 @@ class MissionPilot:
             reached = abs(flight.body.alt_amsl_m - self._target_m[2]) < ALTITUDE_REACHED_M
         elif flight.body.airborne:
             reached = flight.body.reached
-        else:  # an unarmed vehicle does not move, but its mission does
+        else:  # a disarmed vehicle does not move, but its mission does
             reached = (
                 math.dist(self._target_m, flight.body.position_m)
                 <= flight.flight_parameters.waypoint_radius_m
@@ -243,7 +243,7 @@ class MissionPilot:
         return now >= self._wait_until_s
 
     def _is_too_high_or_low(self, item: Item) -> bool:
-        """Whether a plane that is at a waypoint is not at its altitude."""
+        """Return True for a plane at a waypoint with the wrong altitude."""
         flight = self._flight
         off_m = abs(flight.body.alt_amsl_m - self._target_m[2])
         through = item.command in THROUGH and flight.body.plane and flight.body.airborne
@@ -307,7 +307,7 @@ class MissionPilot:
 
 
 def target_of(flight: FlightControl, item: Item) -> LocalPoint:
-    """Where an item is: east, north, up above mean sea level [m]; what it does not say is the present."""
+    """Return the target of an item: east, north, up [m]; missing coordinates are the present ones."""
     body = flight.body
     east_m, north_m, up_m = body.position_m
     keeps_altitude = item.z == 0 and (item.place_deg is None or flight.flight_parameters.zero_keeps_altitude)
@@ -319,7 +319,7 @@ def target_of(flight: FlightControl, item: Item) -> LocalPoint:
 def circle_to_altitude(
     flight: FlightControl, item: Item, following: Item | None, near_m: float | None = None
 ) -> CircleToAltitude:
-    """The circle of an item, left toward the following one where it says so; within `near_m` always."""
+    """Return the circle of an item, left toward the next item if the item (or `near_m`) asks for it."""
     aligned = flight.flight_parameters.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
     place_deg = following.place_deg if following is not None and aligned else None
     next_m = None if place_deg is None else flight.body.locate(*place_deg)
@@ -329,9 +329,10 @@ def circle_to_altitude(
 
 
 class ReturnByMission:
-    """Climb where it is, if it is below an altitude; then fly items one after another, and land by the last.
+    """Return by mission: climb on the spot to an altitude, then fly items and land at the last one.
 
-    Each has a place; they are flown to without a stop, but for circles in which a plane changes its altitude.
+    Every item has a position and is flown through without a stop, except for circles of a plane that changes
+    its altitude.
     """
 
     def __init__(self, flight: FlightControl, items: Sequence[Item], least_amsl_m: float) -> None:
@@ -346,7 +347,7 @@ class ReturnByMission:
 
     @property
     def lands(self) -> bool:
-        """It comes down already."""
+        """True during the landing."""
         return isinstance(self._manoeuvre, Landing)
 
     def _go_on(self) -> None:

@@ -1,8 +1,8 @@
-"""A mission as PX4 flies it: one item after another, whatever they are, with no home placeholder.
+"""The mission as PX4 executes it: one item after another, without a home placeholder.
 
-The index goes over every item, do-commands too, and each is reported as reached. It outlives a landing, an
-upload and a change of mode; only a vehicle that was disarmed at the last item starts over. Nothing moves
-while disarmed.
+The index includes do-commands, and each item is reported as reached. The index outlives a landing, an upload
+and a mode change. Only a vehicle that was disarmed at the last item starts over. Nothing advances while
+disarmed.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,10 +33,10 @@ def _nothing() -> None:
 
 
 class Px4Mission(Mission):
-    """Items from 0 on; `feasible` is asked about new ones, and what is not feasible is kept but not flown.
+    """Items from 0 on; a mission that `feasible` rejects is stored but not flown.
 
-    An item that returns is a command to the vehicle, `go_home`, which thereby leaves the mission's mode: the
-    item stays the current one and is never reported as reached.
+    A return item calls `go_home`, which leaves the mission mode. The item stays current and is never reported
+    as reached.
     """
 
     def __init__(
@@ -48,10 +48,10 @@ class Px4Mission(Mission):
         self.disarms_on_landing = False
         self._feasible, self._go_home = feasible, go_home
         self._valid = True
-        self._wanted = False  # the mission mode is on
+        self._mission_mode_on = False  # the mission mode is active
         self._flown_once = False  # this mission has been active
-        self._disarmed_since = False  # after it was
-        self._at_end = False  # its last item is done
+        self._disarmed_since = False  # disarmed after the mission was active
+        self._at_end = False  # the last item is done
         self._step_begun_s: float | None = None
 
     @property
@@ -74,7 +74,7 @@ class Px4Mission(Mission):
         return first is not None and self.items[first].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def replace(self, pilot: Pilot, items: Sequence[Item], current: int = -1) -> None:
-        """Take a new mission at once; -1 keeps the index, or moves it to the last item of a shorter one."""
+        """Replace the mission at once; `current` -1 keeps the index, limited to the last item."""
         last = max(len(items) - 1, 0)
         self._items[:] = items
         self.index = min(self.index if current < 0 else current, last)
@@ -90,20 +90,20 @@ class Px4Mission(Mission):
     # -- flying it ---------------------------------------------------------------------------------------
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
-        """The mission mode was entered: an armed vehicle flies on, a disarmed one once it is armed."""
-        self.paused, self._wanted = False, True
+        """Enter the mission mode: an armed vehicle flies on, a disarmed one after arming."""
+        self.paused, self._mission_mode_on = False, True
         if restart:
             self.index, self._at_end = 0, False
         if pilot.armed:
             self._activate(pilot)
 
     def stop(self) -> None:
-        self._wanted = False
+        self._mission_mode_on = False
         super().stop()
         self.flown = None
 
     def reset(self) -> None:
-        """Disarmed, or rebooted; the index stays."""
+        """Stop after disarming or a reboot; the index stays."""
         self._disarmed_since = self._disarmed_since or self._flown_once
         self.flown, self.paused = None, False
         if self.state is not MissionState.COMPLETE:
@@ -113,7 +113,7 @@ class Px4Mission(Mission):
         if not 0 <= index < self.count:
             return False
         self.index, self._at_end, self._disarmed_since = index, False, False
-        if self.state is MissionState.ACTIVE or (self._wanted and pilot.armed):
+        if self.state is MissionState.ACTIVE or (self._mission_mode_on and pilot.armed):
             self._activate(pilot)
         else:
             self.state = MissionState.NOT_STARTED
@@ -126,7 +126,7 @@ class Px4Mission(Mission):
         return True
 
     def update(self, pilot: Pilot, now: float) -> None:
-        if not self._wanted or not pilot.armed or self.paused:
+        if not self._mission_mode_on or not pilot.armed or self.paused:
             return
         if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_since:
             self._activate(pilot)
@@ -137,7 +137,7 @@ class Px4Mission(Mission):
             self._step_begun_s = None
             pilot.mission_item_reached(self.index, item)
             if not item.autocontinue:
-                self.flown = None  # it stays here
+                self.flown = None  # the vehicle stays at this item
                 return
             self._go_on(pilot)
 
@@ -192,7 +192,7 @@ class Px4Mission(Mission):
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _resolve(self, index: int, *, count: bool) -> int | None:
-        """The item that is flown at `index`, jumps followed and, if wanted, counted; None behind the end."""
+        """Return the item flown at `index` after jumps (counted if `count`); None beyond the end."""
         for _ in range(MAX_JUMPS_IN_A_ROW):
             if not 0 <= index < self.count:
                 return None
@@ -211,7 +211,7 @@ class Px4Mission(Mission):
         return None
 
     def _following(self, index: int) -> Item | None:
-        """The next navigation command behind `index`, for the corner at it."""
+        """Return the next navigation command after `index`, for the corner at it."""
         for _ in range(MOST_AT_ONCE):
             found = self._resolve(index + 1, count=False)
             if found is None:

@@ -1,4 +1,4 @@
-"""Flight modes of one vehicle: which it is in, who may change it, and what follows a manoeuvre by itself."""
+"""The flight mode of one vehicle: changes by ground stations, and changes by the vehicle itself."""
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Vehicle
@@ -14,20 +14,20 @@ class Modes:
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
-        """The vehicle rebooted at `now` [s]."""
+        """Enter the boot mode at `now` [s]."""
         personality = self._vehicle.personality
         self.mode: Mode = personality.modes[personality.boot_mode]
         self._armable_mode = self.mode
-        self.mission_checked_s = now  # a new mission may be flown from then on
+        self.mission_checked_s = now  # time from which a new mission can be flown
 
     # -- by a ground station -----------------------------------------------------------------------------
 
     def set_behaviour(self, behaviour: Behaviour, now: float) -> bool:
-        """Change to the personality's mode of this behaviour."""
+        """Change to the personality's mode of this behaviour, as a ground station does."""
         return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
 
     def set(self, number: int, now: float) -> bool:
-        """Change mode by its wire number, if it may be entered now."""
+        """Change mode by its wire number as a ground station does; return whether that is acknowledged."""
         vehicle = self._vehicle
         if vehicle.injected_faults.mode_stuck is not None:
             return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
@@ -47,7 +47,7 @@ class Modes:
         return True
 
     def _may_enter(self, mode: Mode, now: float) -> bool:
-        """Whether an armed vehicle may; it says why not."""
+        """Return True if an armed vehicle can enter the mode; announce the reason if not."""
         vehicle = self._vehicle
         if mode.needs_position and not vehicle.position_known(now):
             unsupported_messages = "mode_needs_position"
@@ -73,18 +73,18 @@ class Modes:
         return True
 
     def mission_ready(self, now: float) -> bool:
-        """Whether there is a mission, checked since it came, that can be flown."""
+        """True with a flyable mission whose check after the upload is complete."""
         mission = self._vehicle.mission
         return not mission.empty and mission.flyable and now + EPSILON_S >= self.mission_checked_s
 
     # -- by the vehicle ----------------------------------------------------------------------------------
 
     def by_itself(self, behaviour: Behaviour) -> None:
-        """Change to the mode of this behaviour, whatever a ground station may do."""
+        """Change to the mode of this behaviour without any check."""
         self._enter(self._vehicle.personality.mode_of(behaviour))
 
     def enter(self, number: int) -> None:
-        """Change to a mode by its number, one that cannot be asked for included."""
+        """Change to a mode by its number without any check, also to one that is not selectable."""
         self._enter(self._vehicle.personality.modes[number])
 
     def _enter(self, mode: Mode) -> None:
@@ -96,7 +96,7 @@ class Modes:
         self._forget_landing(mode)
 
     def _forget_landing(self, mode: Mode) -> None:
-        """A mission that has landed begins anew once a pilot is to fly."""
+        """Reset a mission that has landed when a pilot's mode is entered."""
         vehicle, mission = self._vehicle, self._vehicle.mission
         flown_by_hand = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
         if mission.stays_landed and mission.in_landing and flown_by_hand and not vehicle.armed:
@@ -104,7 +104,7 @@ class Modes:
             mission.reset()
 
     def mode_switch_read(self) -> None:
-        """The RC mode switch is read for the first time after a boot: an unarmed vehicle obeys it."""
+        """Obey the RC mode switch, which is read for the first time after a boot, while disarmed."""
         personality = self._vehicle.personality
         if personality.rereads_mode_switch and not self._vehicle.armed:
             boot_mode = personality.modes[personality.boot_mode]
@@ -112,12 +112,12 @@ class Modes:
                 self._enter(boot_mode)
 
     def disarmed(self) -> None:
-        """The motors have stopped."""
+        """React to the stop of the motors."""
         if self._vehicle.personality.disarm_restores_mode and not self.mode.terminates:
             self._enter(self._armable_mode)
 
     def taken_off(self) -> None:
-        """The climb after a take-off is done."""
+        """Change mode after the climb of a take-off."""
         vehicle = self._vehicle
         then = vehicle.flight_parameters.after_takeoff
         if then is None:
@@ -127,10 +127,10 @@ class Modes:
         aim_m = vehicle.flight.guided_target_m
         self.by_itself(then)
         if then is Behaviour.HOLD and aim_m is not None:
-            vehicle.flight.go(aim_m)  # what is left of the climb
+            vehicle.flight.go(aim_m)  # completes the climb
 
     def mission_over(self) -> None:
-        """The last item has been flown."""
+        """Change mode after the last item of a mission."""
         ends_in = self._vehicle.personality.mission_ends_in
         if ends_in is not None and self._vehicle.flight.flying:
             self.by_itself(ends_in)

@@ -1,13 +1,13 @@
-"""Numbers of commands and mission items, which arrive as floats whatever they mean, and may be no number."""
+"""Numbers of commands and mission items: they arrive as floats and can be NaN or infinite."""
 
 import math
 
 
 def whole(value: float) -> int:
-    """A parameter that is meant to be an integer; -1 where it is no number."""
+    """Return an integer parameter; -1 for NaN and infinity."""
     return int(value) if math.isfinite(value) else -1
 
 
 def finite(value: float) -> float:
-    """A duration, distance or count; 0 where it is no number."""
+    """Return a duration, distance or count; 0 for NaN and infinity."""
     return value if math.isfinite(value) else 0.0

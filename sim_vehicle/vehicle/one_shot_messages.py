@@ -1,4 +1,4 @@
-"""Messages that are sent one at a time, on request: what a vehicle is.
+"""One-shot messages: a vehicle sends them on request only.
 
 Each is a function of the vehicle and the request's second parameter, and returns the messages to send.
 """
@@ -12,7 +12,7 @@ from sim_vehicle.personalities.base import OneShotMessage, Vehicle
 
 
 def autopilot_version(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
-    """uid2 begins with `sim_vehicle` and ends with the system id: no real aircraft is behind this vehicle."""
+    """Return AUTOPILOT_VERSION; uid2 is `sim_vehicle` and the system id, as no aircraft has it."""
     uid2 = list(b"sim_vehicle".ljust(17, b"\0") + bytes([vehicle.sysid]))
     nothing = [0] * 8
     personality = vehicle.personality

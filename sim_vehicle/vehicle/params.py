@@ -12,7 +12,7 @@ from sim_vehicle.files.pacing import Pacer
 from sim_vehicle.wire.frame import header_bytes
 
 HASH_NAME = "_HASH_CHECK"
-FRAME_BYTES = 37  # of a PARAM_VALUE on the link
+FRAME_BYTES = 37  # one PARAM_VALUE on the link
 UNINDEXED = 0xFFFF
 USUAL_BITS = 32
 WIRE_TYPES = {
@@ -20,26 +20,26 @@ WIRE_TYPES = {
     16: int(mavlink.MAV_PARAM_TYPE_INT16),
     32: int(mavlink.MAV_PARAM_TYPE_INT32),
 }
-# ArduPilot adds it before it cuts a float to an integer, lest one that was nearly whole lose one.
+# ArduPilot adds it before it truncates a float, so that 2.999 becomes 3.
 CUT_ADDS = 0.01
 
 
 def as_float32(value: float) -> float:
-    """The value as the wire and the autopilot's memory keep it."""
+    """Return the value rounded to 32 bits, as the wire and the autopilot's memory hold it."""
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 class Parameters:
-    """Named numbers in the autopilot's units; the list is fixed, and a default that is an int makes an int.
+    """Named numbers in the autopilot's units; the list is fixed, and an int default makes an integer.
 
     Parameters
     ----------
     defaults: of the firmware.
-    start: what this vehicle begins with instead; they become its defaults.
-    bits: width of integers, where it is not 32.
-    read_only: names that are answered with the value they keep when somebody sets them.
+    start: initial values of this vehicle; they become its defaults.
+    bits: width of integers other than 32 bits.
+    read_only: names with a fixed value; PARAM_SET is answered with that value.
     byte_wise: integers travel as their four bytes in the float field (PX4), else as the nearest float
-        (ArduPilot, which also cuts a fraction off where PX4 refuses the message).
+        (ArduPilot, which also truncates fractions; PX4 refuses the message).
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Parameters:
         self._index = {name: index for index, name in enumerate(self._names)}
         self._read_only = read_only
         self._pacer = Pacer()
-        self._listed = len(self._names)  # index of the list's next parameter, -1: the hash
+        self._listed = len(self._names)  # index of the next parameter in the list; -1: the hash
 
     def __getitem__(self, name: str) -> float | int:
         return self._values[name]
@@ -73,17 +73,17 @@ class Parameters:
         return len(self._values)
 
     def items(self) -> Iterator[tuple[str, float | int]]:
-        """Names and values in the order of their indices."""
+        """Return names and values in the order of their indices."""
         return iter(self._values.items())
 
     def bits(self, name: str) -> int:
-        """How wide an integer parameter is; 0 for a float."""
+        """Return the width of an integer parameter; 0 for a float."""
         return self._bits.get(name, USUAL_BITS) if isinstance(self._values[name], int) else 0
 
     def set(self, name: str, value: float) -> None:
-        """Set a known parameter, as near as its type comes; KeyError for another name.
+        """Set a known parameter within its type and range; KeyError for an unknown name.
 
-        What is no finite number changes nothing.
+        NaN and infinity change nothing.
         """
         if name not in self._values:
             raise KeyError(name)
@@ -91,11 +91,11 @@ class Parameters:
             self._values[name] = self._kept(name, value)
 
     def keep(self, name: str, value: float) -> None:
-        """Set one that nobody but the vehicle may set (a count of what is stored)."""
+        """Set a parameter that only the vehicle writes (a count of stored items)."""
         self._values[name] = self._kept(name, value)
 
     def _kept(self, name: str, value: float) -> float | int:
-        """A value as it is stored: of the type of the parameter, in its range."""
+        """Return a value as stored: of the parameter's type, within its range."""
         bits = self.bits(name)
         if not bits:
             return as_float32(value)
@@ -104,29 +104,27 @@ class Parameters:
 
     @property
     def listing(self) -> bool:
-        """Whether a list is under way, so that `tick` has something to send."""
+        """True while a list is being sent, so that `tick` has work."""
         return self._listed < len(self._names)
 
     def tick(self, send: Callable[[Any], None], now: float) -> None:
-        """Send of the list that was asked for what the link takes by `now` [s]."""
+        """Send the part of a requested list that the link can carry by `now` [s]."""
         while self.listing and self._pacer.take(FRAME_BYTES, now):
             send(self._hash_message() if self._listed < 0 else self.value_message(self._listed))
             self._listed += 1
 
     def reboot(self) -> None:
-        """A list that is under way is forgotten; the values stay."""
+        """Stop sending a list; the values stay."""
         self._listed = len(self._names)
 
     def receive(self, message: Any, send: Callable[[Any], None], now: float) -> str | None:
-        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; the name that was set, if one was.
+        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; return the name that was set, or None.
 
-        Whoever asks for the list while it is being sent has it begin again.
-
-        An unknown name gets no reply at all.
+        A request for the list during its transfer restarts it. An unknown name gets no reply.
         """
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
-            # Who begins again has heard the hash already.
+            # A restarted list omits the hash.
             self._listed = -1 if self._byte_wise and not self.listing else 0
             self.tick(send, now)
             return None
@@ -137,20 +135,20 @@ class Parameters:
         if message.param_id == HASH_NAME and self._byte_wise:
             if kind == "PARAM_REQUEST_READ":
                 send(self._hash_message())
-            else:  # whoever tells the hash has the values already: whichever it is, the list ends
+            else:  # a ground station sends the hash if it has the values: the list ends
                 self._listed = len(self._names)
         if message.param_id not in self._values:
             return None
         if kind == "PARAM_SET":
             if self._byte_wise and message.param_type != self._wire_type(message.param_id):
-                return None  # of another type than the parameter: dropped without an answer
+                return None  # wrong type for this parameter: dropped without an answer
             self.set(message.param_id, self._from_wire(message))
         send(self.value_message(self._index[message.param_id], named=True))
         return str(message.param_id) if kind == "PARAM_SET" else None
 
     def _from_wire(self, message: Any) -> float:
         if self._byte_wise and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
-            # The bytes as they came: through a float, those of a signalling NaN would change.
+            # The original bytes; a float conversion changes those of a signalling NaN.
             frame = bytes(message.get_msgbuf())
             start = header_bytes(frame)
             value = frame[start : start + 4] or struct.pack("<f", message.param_value)
@@ -161,7 +159,7 @@ class Parameters:
         return WIRE_TYPES.get(self.bits(name), int(mavlink.MAV_PARAM_TYPE_REAL32))
 
     def hash(self) -> int:
-        """CRC-32 over names and values, by which a ground station knows that it has them all already."""
+        """Return the CRC-32 over names and values; a ground station compares it with that of its cache."""
         crc = 0xFFFFFFFF
         for name, value in self._values.items():
             packed = struct.pack("<i" if isinstance(value, int) else "<f", value)
@@ -173,7 +171,7 @@ class Parameters:
         return _BytesValue(HASH_NAME, bits, mavlink.MAV_PARAM_TYPE_UINT32, len(self._names), UNINDEXED)
 
     def value_message(self, index: int, *, named: bool = False) -> Any:
-        """PARAM_VALUE of one index; ArduPilot does not tell the index to who has `named` the parameter."""
+        """Return PARAM_VALUE of one index; ArduPilot omits the index if the request `named` the parameter."""
         name = self._names[index]
         value = self._values[name]
         kind = self._wire_type(name)
@@ -184,7 +182,7 @@ class Parameters:
 
 
 class _BytesValue(mavlink.MAVLink_param_value_message):  # type: ignore[misc]
-    """PARAM_VALUE whose value is four bytes and not a float."""
+    """PARAM_VALUE with four raw bytes as its value."""
 
     def __init__(self, name: str, value: bytes, kind: int, count: int, index: int) -> None:
         super().__init__(name.encode(), struct.unpack("<f", value)[0], kind, count, index)

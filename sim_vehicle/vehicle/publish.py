@@ -1,4 +1,4 @@
-"""One vehicle's row of the fleet's status: what it knows about itself, as telemetry will tell it."""
+"""One vehicle's row of the fleet's status, the source of its telemetry."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -20,7 +20,7 @@ SENSORS = int(
 
 
 def publish(vehicle: Vehicle, now: float) -> None:
-    """Write everything that may have changed."""
+    """Write all columns of one vehicle."""
     status, i = vehicle.status, vehicle.index
     status.booted[i] = vehicle.booted
     status.boot_s[i] = vehicle.readiness.boot_s

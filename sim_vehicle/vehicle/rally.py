@@ -1,4 +1,4 @@
-"""Rally points: places to return to instead of home."""
+"""Rally points: positions to return to instead of home."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from sim_vehicle.vehicle.mission import Item
 
 
 class Rally:
-    """The stored points of one vehicle, as mission items."""
+    """The stored rally points of one vehicle, as mission items."""
 
     def __init__(self) -> None:
         self.items: tuple[Item, ...] = ()
@@ -24,10 +24,10 @@ class Rally:
         limit_m: float = math.inf,
         include_home: bool = True,
     ) -> Item | None:
-        """The point to return to, or None for home.
+        """Return the nearest rally point, or None for home.
 
-        Points farther away than `limit_m` do not count; with `include_home` those farther
-        than home neither.
+        Points farther away than `limit_m` do not count, and with `include_home` those farther than home
+        neither.
         """
         if include_home:
             limit_m = min(limit_m, distance_m(here_deg, home_deg))
@@ -40,7 +40,7 @@ def _distance_to_m(here_deg: tuple[float, float], item: Item) -> float:
 
 
 def distance_m(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
-    """Distance of two near places (latitude, longitude [deg])."""
+    """Return the distance of two positions near each other (latitude, longitude [deg]) [m]."""
     north_m, east_m = metres_per_degree(a_deg[0])
     longitude_deg = (b_deg[1] - a_deg[1] + 180.0) % 360.0 - 180.0
     return math.hypot((b_deg[0] - a_deg[0]) * north_m, longitude_deg * east_m)

@@ -1,4 +1,4 @@
-"""When a vehicle that has just booted knows where it is."""
+"""Readiness after a boot: GPS fix, home, position estimate."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from sim_vehicle.epoch import EPSILON_S
 FULL_READY_S = 41.0
 GPS_FIX_S = 10.0
 HOME_S = 20.0
-MODE_UNDONE_S = 2.0  # the RC mode switch is read for the first time and undoes what was set before
+MODE_UNDONE_S = 2.0  # first reading of the RC mode switch; it undoes earlier mode changes
 MILESTONES_S = (MODE_UNDONE_S, GPS_FIX_S, HOME_S, FULL_READY_S)
 
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """Milestones after a boot at `boot_s` [s], scaled so that the position is there after `ready_s` [s]."""
+    """Milestones after a boot at `boot_s` [s], scaled to a position estimate after `ready_s` [s]."""
 
     boot_s: float
     ready_s: float
@@ -35,7 +35,7 @@ class Readiness:
         return self._passed(MODE_UNDONE_S, now)
 
     def next_s(self, now: float) -> float:
-        """When the next milestone comes [s]; inf after the last."""
+        """Return the time of the next milestone [s]; inf after the last."""
         scale = self.ready_s / FULL_READY_S
         due_s = (self.boot_s + milestone_s * scale for milestone_s in MILESTONES_S)
         return min((s for s in due_s if s > now), default=math.inf)

@@ -1,4 +1,4 @@
-"""What a vehicle does with each kind of message that no machine of its own (transfer, storage) takes."""
+"""Handlers of the messages that neither the mission transfer nor the storage takes."""
 
 from collections.abc import Callable
 from typing import Any

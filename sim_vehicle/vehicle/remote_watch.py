@@ -1,7 +1,7 @@
-"""The pilot's remote control of one vehicle: since when it is not heard, and which stage of a loss that is.
+"""Remote control failsafe of one vehicle, with one or two stages of a loss.
 
-A loss may have two stages. What the short one did to the mode is undone when the remote control is heard
-again; after the long one the mode stays.
+The mode change of the short stage is undone when the remote control returns. After the long stage the mode
+stays.
 """
 
 import math
@@ -13,26 +13,26 @@ SHORT, LONG = "rc_short", "rc"
 
 
 class RemoteWatch:
-    """`update` is called whenever the vehicle decides."""
+    """The state of the remote control link; call `update` at each decision of the vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.lost = False
         self._since_s = math.inf
-        self._missed = True  # whether the present loss matters
+        self._missed = True  # the present loss counts
         self._stage: str | None = None
         self._long_due_s = math.inf
         self._mode_before, self._mode_then = 0, 0
 
     @property
     def next_s(self) -> float:
-        """When the next stage comes [s]."""
+        """Time of the next stage [s]."""
         if math.isinf(self._since_s) or not self._missed or self._stage == LONG:
             return math.inf
         return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc_timeout_s
 
     def update(self, now: float) -> str | None:
-        """Look; the stage that begins now. That the remote control is back is said here."""
+        """Check the link; return the stage that begins now, and announce the end of a loss."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         silent = flight_parameters.rc_required or vehicle.injected_faults.rc_lost
         if not (silent and flight_parameters.rc_watched):
@@ -55,7 +55,7 @@ class RemoteWatch:
         return None
 
     def acted(self, before: int, then: int) -> None:
-        """The stage has put the vehicle from one mode into another."""
+        """Record the mode change of a stage, to be undone."""
         self._mode_before, self._mode_then = before, then
 
     def _heard(self) -> None:

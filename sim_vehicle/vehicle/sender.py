@@ -1,4 +1,4 @@
-"""How one vehicle speaks: acknowledgements, texts in its personality's words, and what faults do to both."""
+"""Sender of one vehicle: acknowledgements, texts of its personality, and the effect of faults on both."""
 
 import heapq
 import math
@@ -10,12 +10,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 
-TEXT_BYTES = 50  # of one STATUSTEXT
+TEXT_BYTES = 50  # length of the text in one STATUSTEXT
 ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
 
 
 class Sender:
-    """Sends messages by `send`; `clock` is the vehicle's present time [s], `record` takes every text."""
+    """Sender of messages; `clock` is the vehicle's time [s], `record` receives every text."""
 
     def __init__(
         self,
@@ -28,22 +28,22 @@ class Sender:
     ) -> None:
         self._texts, self._injected_faults = texts, injected_faults
         self._send, self._clock, self._record = send, clock, record
-        # Acknowledgements that a fault holds back: until when, their number, themselves; a heap.
+        # Heap of acknowledgements that a fault delays: due time [s], number, message.
         self._late: list[tuple[float, int, Any]] = []
         self._held_back = 0
         self._text_id = 0
 
     def reset(self) -> None:
-        """The vehicle rebooted."""
+        """Drop delayed acknowledgements, as a reboot does."""
         self._late.clear()
 
     @property
     def next_s(self) -> float:
-        """When `send_late` has something to do [s]."""
+        """Time of the next delayed message [s]."""
         return self._late[0][0] if self._late else math.inf
 
     def send(self, message: Any) -> None:
-        """Send one message to whoever is there; faults may hold or lose an acknowledgement."""
+        """Send one message; faults can delay or drop an acknowledgement."""
         if message.get_msgId() in ACKNOWLEDGEMENTS:
             if self._injected_faults.loses_ack():
                 return
@@ -55,7 +55,7 @@ class Sender:
         self._send(message)
 
     def send_text(self, severity: int, text: str) -> None:
-        """STATUSTEXT; a long one in several, which a ground station puts together by their id."""
+        """Send STATUSTEXT, a long text in chunks with a common id."""
         self._record(self._clock(), severity, text)
         data = text.encode()
         if len(data) <= TEXT_BYTES:
@@ -67,22 +67,22 @@ class Sender:
             self.send(mavlink.MAVLink_statustext_message(severity, part, self._text_id, chunk))
 
     def announce(self, event: str, **values: Any) -> None:
-        """Say something in the personality's words, if it says anything about it."""
+        """Send the personality's text for an event; no text, no message."""
         if event in self._texts:
             severity, template = self._texts[event]
             self.send_text(severity, template.format(**values))
 
     def texts_for(self, event: str, **values: Any) -> list[str]:
-        """The personality's words for something, to be said with something else; empty if it has none."""
+        """Return the personality's text for an event as a list, empty without one."""
         if event not in self._texts:
             return []
         return [self._texts[event][1].format(**values)]
 
     def acknowledge(self, command: int, result: int, progress: int, sender: tuple[int, int]) -> None:
-        """COMMAND_ACK."""
+        """Send COMMAND_ACK."""
         self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *sender))
 
     def send_late(self, now: float) -> None:
-        """Send what a fault has held back until `now` [s]."""
+        """Send the delayed messages due by `now` [s]."""
         while self._late and self._late[0][0] <= now + EPSILON_S:
             self._send(heapq.heappop(self._late)[2])

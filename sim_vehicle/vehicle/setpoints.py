@@ -1,8 +1,8 @@
-"""Set-points of a ground station or companion: positions, velocities and attitudes, and how long they hold.
+"""Set-points of a ground station or companion: positions, velocities and attitudes, and their duration.
 
-SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET, obeyed in guided modes.
-A position is flown to and kept; a velocity, an acceleration or an attitude holds only as long as new ones
-come.
+SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET are obeyed in guided
+modes. A position is flown to and kept. A velocity, an acceleration or an attitude expires unless new ones
+arrive.
 """
 
 import math
@@ -27,7 +27,7 @@ NEVER_S = -math.inf
 
 
 def _usable(message: Any) -> bool:
-    """Whether it asks for something: one in no known frame, or of nothing but blanks, keeps no mode alive."""
+    """Return True if the message has a known frame and a usable value; others keep no mode alive."""
     if message.get_type() == "SET_ATTITUDE_TARGET":
         return True
     is_global = message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
@@ -47,25 +47,25 @@ def _usable(message: Any) -> bool:
 
 
 class Setpoints:
-    """The latest set-point of one vehicle, and when it came."""
+    """The latest set-point of one vehicle and its time."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._last_received_s = NEVER_S
-        self._expires = False  # the one in force ends when no other follows
+        self._expires = False  # the current set-point expires without a successor
         self._attitude = AttitudeSetpoints(vehicle)
 
     def reset(self) -> None:
-        """Forget it: the mode changed or the vehicle rebooted."""
+        """Forget the set-point after a mode change or a reboot."""
         self._expires = False
         self._attitude.reset()
 
     def streaming(self, now: float) -> bool:
-        """Whether one came so recently that a mode that lives on them may be entered."""
+        """True if the latest set-point is recent enough to enter a mode that needs them."""
         return now - self._last_received_s < self._vehicle.flight_parameters.setpoint_timeout_s
 
     def deadline_s(self, timeout_s: float) -> float:
-        """When the one in force ends, if none follows; inf if it holds for ever."""
+        """Return when the current set-point expires [s]; inf if it does not."""
         return self._last_received_s + timeout_s if self._expires else math.inf
 
     @property
@@ -73,13 +73,13 @@ class Setpoints:
         return self._last_received_s
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one set-point message at `now` [s]."""
+        """Process one set-point message at `now` [s]."""
         if not _usable(message):
             return
         since_s = now - self._last_received_s
         self._last_received_s = now
         vehicle = self._vehicle
-        # Only a mode made for set-points takes off by one.
+        # Only a set-point mode takes off by a set-point.
         ready = vehicle.armed if vehicle.mode.setpoints_only else vehicle.flight.flying
         if vehicle.mode.behaviour is not Behaviour.GUIDED or not ready:
             return
@@ -102,7 +102,7 @@ class Setpoints:
             lat_deg, lon_deg = message.lat_int * 1e-7, message.lon_int * 1e-7
             if frame not in FRAMES_WITH_ALTITUDE or abs(lat_deg) > 90 or abs(lon_deg) > 180:
                 return
-            if not abs(message.alt) < FAR_M:  # also true for NaN
+            if not abs(message.alt) < FAR_M:  # also excludes NaN
                 return
             target_m = (*body.locate(lat_deg, lon_deg), flight.altitude_amsl_m(frame, message.alt))
         else:
@@ -117,7 +117,7 @@ class Setpoints:
         self._vehicle.body.face(self._yaw_rad(message))
 
     def _local_m(self, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """North/forward, east/right, down [m] in a local frame -> east, north, up in the fleet's."""
+        """Convert north/forward, east/right, down [m] in a local frame to east, north, up in the fleet's."""
         body = self._vehicle.body
         if frame in BODY_FRAMES:
             x, y = self._turned(x, y)
@@ -146,7 +146,7 @@ class Setpoints:
         self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _acceleration(self, message: Any, since_s: float) -> None:
-        """A plane, which leans to turn, takes it for the change of its velocity."""
+        """Apply an acceleration; a plane changes its velocity by it instead, as it banks to turn."""
         north, east, down = message.afx, message.afy, message.afz
         if not all(math.isfinite(a) for a in (north, east, down)):
             return
@@ -165,7 +165,7 @@ class Setpoints:
         body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _turning(self, message: Any) -> tuple[float | None, float | None]:
-        """The yaw from north [rad] and the yaw rate [rad/s] it asks for."""
+        """Return the commanded yaw from north [rad] and yaw rate [rad/s], None where ignored."""
         ignored = message.type_mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate)
         return self._yaw_rad(message), None if ignored else message.yaw_rate
 

@@ -1,4 +1,4 @@
-"""What one vehicle keeps and hands out: the logs of its flights, and the files that ground stations read."""
+"""Storage of one vehicle: flight logs and the files that ground stations read."""
 
 import math
 from collections.abc import Callable
@@ -15,12 +15,12 @@ from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.mission import MissionState
 
-SEND_EVERY_S = 0.1  # while a transfer is under way
+SEND_EVERY_S = 0.1  # interval of sending during a transfer
 WATCHED = (Failsafe.RADIO, Failsafe.BATTERY, Failsafe.GROUND_STATION, Failsafe.FENCE, Failsafe.POSITION)
 
 
 class _LoggedState(NamedTuple):
-    """What a log tells when it changes."""
+    """Vehicle state whose changes go into the log."""
 
     armed: bool = False
     mode: int = -1
@@ -36,11 +36,11 @@ class Storage:
 
     Parameters
     ----------
-    vehicle: whose they are.
+    vehicle: their owner.
     new_log: makes an empty log in the autopilot's format.
-    files: makes the tree of files, which may show the logs.
-    ftp_rules, log_rules: how they are served.
-    limits: how much is recorded.
+    files: makes the file tree, which can include the logs.
+    ftp_rules, log_rules: the rules of serving them.
+    limits: the size of recordings.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Storage:
             armed=lambda: vehicle.armed,
         )
         self._seen = _LoggedState()
-        self._flown = False  # it was armed and disarmed since the boot
+        self._flown = False  # armed and disarmed since the boot
 
     # -- serving -----------------------------------------------------------------------------------------
 
@@ -73,23 +73,23 @@ class Storage:
         return message_type == "FILE_TRANSFER_PROTOCOL" or self._transfer.handles(message_type)
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one message about files or logs at `now` [s]."""
+        """Process one message about files or logs at `now` [s]."""
         if message.get_type() == "FILE_TRANSFER_PROTOCOL":
             self._ftp.receive(message, now)
         else:
             self._transfer.receive(message, now)
 
     def tick(self, now: float) -> None:
-        """Send what may be sent by `now` [s]."""
+        """Send the part of a transfer that the link can carry by `now` [s]."""
         self._ftp.tick(now)
         self._transfer.tick(now)
 
     def next_s(self, now: float) -> float:
-        """When `tick` has something to do [s]."""
+        """Return when `tick` has work [s]."""
         return now + SEND_EVERY_S if self._ftp.busy or self._transfer.busy else math.inf
 
     def reboot(self, now: float) -> None:
-        """The log ends, transfers are forgotten; files and logs stay."""
+        """End the log and forget transfers; files and logs stay."""
         self.recorder.end(now)
         self._flown = False
         self._ftp.reset()
@@ -98,7 +98,7 @@ class Storage:
     # -- recording ---------------------------------------------------------------------------------------
 
     def note(self, now: float) -> None:
-        """Look at the vehicle: what has changed goes into the log, which begins and ends as it says."""
+        """Record changes of the vehicle's state; begin and end logs when required."""
         self._begin_if_wanted(now)
         if not self.recorder.recording:
             return
@@ -124,24 +124,24 @@ class Storage:
         return vehicle.armed or when is LogWhen.ALWAYS or (when is LogWhen.FROM_BOOT and not self._flown)
 
     def sample(self, now: float, sample: Sample) -> None:
-        """The state at `now` [s]; asked for by `recorder.due`."""
+        """Record the vehicle's state at `now` [s]; call it when `recorder.due`."""
         self.recorder.sample(now, sample)
 
     def text(self, now: float, severity: int, text: str) -> None:
-        """A STATUSTEXT goes out; that of the arming is in the log already, that of the disarming still."""
+        """Record a STATUSTEXT, that of the arming and that of the disarming included."""
         self._begin_if_wanted(now)
         log = self.recorder.event(now)
         if log is not None:
             log.text(now, severity, text)
 
     def parameter(self, now: float, name: str) -> None:
-        """A parameter was set."""
+        """Record a parameter change."""
         log = self.recorder.event(now)
         if log is not None:
             log.parameter(now, name, self._vehicle.params[name])
 
     def strike(self, now: float, over: tuple[int, int], by: tuple[int, int]) -> None:
-        """A hostile hit the vehicle."""
+        """Record a hit by a hostile."""
         log = self.recorder.event(now)
         if log is not None:
             log.strike(now, self._vehicle.strikes, over, by)

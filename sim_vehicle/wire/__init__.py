@@ -1,1 +1,1 @@
-"""From columns and messages to frames and back: encoding, streams, telemetry, signing, spoilt wires. Pure."""
+"""Columns and messages to frames and back: encoding, streams, telemetry, signing, impaired links. Pure."""

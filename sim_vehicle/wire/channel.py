@@ -1,7 +1,7 @@
-"""The wire between one vehicle and its ground stations, when something is wrong with it.
+"""The impaired link between one vehicle and its ground stations.
 
-Frames go in at one end, pass a stack of stages that may lose, hold, copy or spoil them, and come out at the
-other end when they are due. A vehicle whose wire is sound has no channel at all.
+Frames enter at one end, pass a stack of stages that can drop, delay, copy or corrupt them, and leave at the
+other end at their due times. A vehicle with an unimpaired link has no channel.
 """
 
 import heapq
@@ -13,7 +13,7 @@ from typing import Protocol
 
 
 class Direction(Enum):
-    """Which way a frame travels."""
+    """Direction of a frame."""
 
     TO_VEHICLE = "to_vehicle"
     FROM_VEHICLE = "from_vehicle"
@@ -23,10 +23,10 @@ TimedFrames = list[tuple[bytes, float]]
 
 
 class Stage(Protocol):
-    """One thing that is wrong with one direction.
+    """One impairment of one direction.
 
-    Called with a frame and the time it leaves the stage before [s]; returns what becomes of it: frames, each
-    with the time it leaves this stage, never earlier than it came. A stage that is `in_order` keeps frames in
+    Called with a frame and the time it leaves the previous stage [s]. Returns the resulting frames, each with
+    the time it leaves this stage, never earlier than its arrival. A stage with `in_order` keeps frames in
     order.
     """
 
@@ -37,7 +37,7 @@ class Stage(Protocol):
 
 
 class _Lane:
-    """One direction: its stages and what is under way."""
+    """One direction: its stages and the frames in transit."""
 
     def __init__(self) -> None:
         self.stages: list[Stage] = []
@@ -49,14 +49,14 @@ class _Lane:
 
 
 class Channel:
-    """Both directions of one vehicle's wire; without I/O and without a clock of its own."""
+    """Both directions of one vehicle's link; without I/O and without a clock."""
 
     def __init__(self) -> None:
         self._lanes = {direction: _Lane() for direction in Direction}
-        self._order = itertools.count()  # frames due at the same time leave as they came
+        self._order = itertools.count()  # frames due at the same time leave in order of arrival
 
     def add(self, direction: Direction, stage: Stage) -> Callable[[], None]:
-        """Put a stage behind those that are there; returns what takes it out again."""
+        """Append a stage; return a function that removes it."""
         stages = self._lanes[direction].stages
         stages.append(stage)
         return lambda: stages.remove(stage)
@@ -67,7 +67,7 @@ class Channel:
         passing: TimedFrames = [(frame, now)]
         for stage in lane.stages:
             passing = [left for entered in passing for left in stage(*entered)]
-        # A stage that has ended must not let later frames overtake those it still holds.
+        # After the end of a stage, later frames must not overtake those it still holds.
         if all(stage.in_order for stage in lane.stages):
             passing = [(frame, max(due_s, lane.last_due_s)) for frame, due_s in passing]
             lane.last_due_s = max((due_s for _, due_s in passing), default=lane.last_due_s)
@@ -75,11 +75,11 @@ class Channel:
             self.inject(direction, left, due_s)
 
     def inject(self, direction: Direction, frame: bytes, due_s: float) -> None:
-        """Let a frame arrive at `due_s` [s] that no stage has seen (a radio's own)."""
+        """Let a frame arrive at `due_s` [s] without passing the stages (a radio's own frame)."""
         heapq.heappush(self._lanes[direction].under_way, (due_s, next(self._order), frame))
 
     def take(self, direction: Direction, now: float) -> TimedFrames:
-        """What has arrived by `now` [s], in order of arrival, each with the time of its arrival."""
+        """Return the frames that arrive by `now` [s] in order of arrival, each with its time."""
         under_way = self._lanes[direction].under_way
         arrived = []
         while under_way and under_way[0][0] <= now:
@@ -88,11 +88,11 @@ class Channel:
         return arrived
 
     def next_due_s(self, direction: Direction | None = None) -> float:
-        """When the next frame arrives [s], in one direction or in any; inf where nothing is under way."""
+        """Return the arrival of the next frame [s], in one direction or in any; inf if none is in transit."""
         lanes = self._lanes.values() if direction is None else (self._lanes[direction],)
         return min(lane.due_s() for lane in lanes)
 
     @property
     def idle(self) -> bool:
-        """Nothing is wrong and nothing is under way: the channel can go."""
+        """True without stages and frames in transit: the channel can be removed."""
         return not any(lane.stages or lane.under_way for lane in self._lanes.values())

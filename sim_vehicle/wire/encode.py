@@ -1,8 +1,8 @@
-"""MAVLink 2 frames for a whole fleet at once: columns of numbers in, one frame a vehicle out.
+"""MAVLink 2 frames for a whole fleet at once: columns of numbers in, one frame per vehicle out.
 
-A message's layout (wire order, types, CRC extra) is pymavlink's; what is ours is that the payloads of all
-vehicles are one structured array, so that a stream costs a few array operations and about a microsecond a
-frame instead of an object, a field-by-field pack and a Python CRC each.
+Message layouts (wire order, types, CRC extra) come from pymavlink. The payloads of all vehicles are one
+structured array, so a stream costs a few array operations and about 1 us per frame. An object, a field-by-
+field pack and a Python CRC per frame cost far more.
 """
 
 import struct
@@ -35,7 +35,7 @@ _NUMPY_TYPES = {
     "double": "<f8",
     "uint8_t_mavlink_version": "u1",
 }
-# What an integer field can hold, as floats that convert back without an overflow.
+# Limits of integer fields, as floats that convert back without an overflow.
 _LIMITS = {
     np.dtype(kind).str: (float(np.iinfo(kind).min), np.nextafter(float(np.iinfo(kind).max) + 1, 0))
     for kind in (np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64)
@@ -45,7 +45,7 @@ Records = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """One message on the wire: its id and the dtype of its payload in wire order, without padding."""
+    """The layout of one message: its id and the dtype of its payload in wire order, without padding."""
 
     message_id: int
     name: str
@@ -54,7 +54,7 @@ class Layout:
 
 
 def layout_of(message_id: int) -> Layout:
-    """Layout of a message of the dialect; KeyError for an unknown id."""
+    """Return the layout of a message of the dialect; KeyError for an unknown id."""
     message = mavlink.mavlink_map[message_id]
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     lengths = dict(zip(message.ordered_fieldnames, message.array_lengths, strict=True))
@@ -71,7 +71,7 @@ def layout_of(message_id: int) -> Layout:
 
 
 class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message that the dialect does not know, from its layout; packed like pymavlink's own."""
+    """A message unknown to the dialect, from its layout; packs like pymavlink's own."""
 
     def __init__(self, layout: Layout, **fields: Any) -> None:
         super().__init__(layout.message_id, layout.name)
@@ -84,10 +84,10 @@ class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 
 def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
-    """Payloads of `n` vehicles from columns (scalars, (n,) or (n, length)); what is not named stays 0.
+    """Return the payloads of `n` vehicles from columns (scalars, (n,) or (n, length)); other fields are 0.
 
-    Numbers for integer fields are rounded and cut to the field's range, where a float would wrap around; a
-    number that is none becomes 0.
+    Numbers for integer fields are rounded and limited to the field's range, where a cast would wrap around.
+    NaN becomes 0.
     """
     made = np.zeros(n, layout.dtype)
     for name, values in columns.items():
@@ -105,7 +105,7 @@ def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
 def frames(
     layout: Layout, payloads: Records, systems: Sequence[int], sequences: Sequence[int], component: int
 ) -> list[bytes]:
-    """One unsigned MAVLink 2 frame a payload; trailing zeros are cut as the protocol wants it."""
+    """Return one unsigned MAVLink 2 frame per payload, trailing zeros truncated as the protocol requires."""
     size, blob = layout.dtype.itemsize, payloads.tobytes()
     id_0, id_1, id_2 = layout.message_id & 0xFF, layout.message_id >> 8 & 0xFF, layout.message_id >> 16
     pack, extra, crc = _HEADER.pack, layout.crc_extra, _CRC.pack
@@ -120,7 +120,7 @@ def frames(
 
 
 class Encoder:
-    """The frames of a fleet, with one sequence of numbers a vehicle for all it sends.
+    """Encoder of a fleet's frames, with one sequence counter per vehicle.
 
     Parameters
     ----------
@@ -135,14 +135,14 @@ class Encoder:
         self._codec = mavlink.MAVLink(None, srcComponent=component)
 
     def pack(self, vehicle: int, message: Any) -> bytes:
-        """One message of one vehicle."""
+        """Pack one message of one vehicle."""
         self._codec.srcSystem = int(self._systems[vehicle])
         self._codec.seq = int(self._sequences[vehicle])
         self._sequences[vehicle] = (self._codec.seq + 1) % 256
         return bytes(message.pack(self._codec))
 
     def frames(self, layout: Layout, payloads: Records, vehicles: npt.NDArray[np.int64]) -> list[bytes]:
-        """One message of each of several vehicles."""
+        """Pack one message of each of several vehicles."""
         sequences = self._sequences[vehicles].tolist()
         self._sequences[vehicles] += 1
         return frames(layout, payloads, self._systems[vehicles].tolist(), sequences, self._component)

@@ -1,9 +1,9 @@
-"""What a MAVLink frame is made of, as far as it is looked at without a codec."""
+"""Frame layout of MAVLink, for code that reads frames without a codec."""
 
 MAVLINK1, MAVLINK2 = 0xFE, 0xFD  # the first byte
-HEADER1_BYTES, HEADER2_BYTES = 6, 10  # with the first byte, up to the payload
+HEADER1_BYTES, HEADER2_BYTES = 6, 10  # header length including the first byte
 
 
 def header_bytes(frame: bytes) -> int:
-    """How long the header of a frame is."""
+    """Return the header length of a frame."""
     return HEADER2_BYTES if frame[:1] == bytes([MAVLINK2]) else HEADER1_BYTES

@@ -1,4 +1,4 @@
-"""What the fleet is about to send: frames with the vehicle that sends them, in order."""
+"""Outgoing frames of the fleet with their vehicles, in order."""
 
 from typing import Any
 
@@ -16,14 +16,14 @@ Frames = list[tuple[int, bytes]]
 
 
 class Outbox:
-    """Encodes what vehicles say and what streams, and keeps it until it is taken."""
+    """Encoder and queue of the vehicles' messages and streams."""
 
     def __init__(self, encoder: Encoder, world: World, status: Status) -> None:
         self._encoder, self._world, self._status = encoder, world, status
         self._frames: Frames = []
 
     def take(self) -> Frames:
-        """Everything since the last call."""
+        """Return everything since the last call."""
         frames, self._frames = self._frames, []
         return frames
 
@@ -32,15 +32,15 @@ class Outbox:
         self._frames.append((vehicle, self._encoder.pack(vehicle, message)))
 
     def raw(self, vehicle: int, data: bytes) -> None:
-        """Bytes that are no MAVLink."""
+        """Append bytes that are no MAVLink."""
         self._frames.append((vehicle, data))
 
     def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """One message of STREAMS of one vehicle; False if it has nothing to say there yet."""
+        """Pack one message of STREAMS of one vehicle; False if it has no data for it yet."""
         return self._send(message_id, np.array([vehicle]), now) == 1
 
     def stream(self, streams: Streams, now: float) -> None:
-        """Everything of all vehicles that is due."""
+        """Pack all due messages of all vehicles."""
         for message_id, vehicles in streams.due(now):
             self._send(message_id, vehicles[self._status.booted[vehicles]], now)
 

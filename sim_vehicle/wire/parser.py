@@ -1,4 +1,4 @@
-"""From the bytes of one stream to messages."""
+"""Parser from the bytes of one stream to messages."""
 
 import struct
 from typing import Any
@@ -8,31 +8,31 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.wire.frame import MAVLINK1, header_bytes
 
-COMMAND_CANCEL, _CANCEL_EXTRA = 80, b"\x0e"  # younger than the dialect
+COMMAND_CANCEL, _CANCEL_EXTRA = 80, b"\x0e"  # missing in the dialect
 _CANCEL = struct.Struct("<HBB")
 _UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
 
 
 class Parser:
-    """Takes a stream that may be cut anywhere; what cannot be read comes out as BAD_DATA or UNKNOWN_n."""
+    """Parser of a stream that can be cut anywhere; unreadable parts come out as BAD_DATA or UNKNOWN_n."""
 
     def __init__(self) -> None:
         self._codec = mavlink.MAVLink(None)
         self._codec.robust_parsing = True
 
     def feed(self, data: bytes) -> list[Any]:
-        """The messages that are complete now."""
+        """Return the messages that are complete now."""
         codec = self._codec
         messages = codec.parse_buffer(data) or []
-        # pymavlink lets go of what it has read only where a stream pauses between two frames; one that never
-        # does would be kept whole.
+        # pymavlink frees read bytes only if a stream pauses between two frames; a stream without pauses
+        # would be kept in memory as a whole.
         del codec.buf[: codec.buf_index]
         codec.buf_index = 0
         return [_known(message) for message in messages]
 
     @property
     def waiting_bytes(self) -> int:
-        """What is kept of a message that is not complete yet."""
+        """Number of bytes of the incomplete message."""
         return len(self._codec.buf)
 
 
@@ -49,12 +49,12 @@ class CommandCancel(mavlink.MAVLink_message):  # type: ignore[misc]
 
 
 def _known(message: Any) -> Any:
-    """A message that the dialect does not know but a vehicle does, else the message as it is."""
+    """Return a message that only vehicles know, decoded, or any other message unchanged."""
     return _cancel(message) or message if message.get_type() == _UNKNOWN_CANCEL else message
 
 
 def _cancel(unknown: Any) -> CommandCancel | None:
-    """COMMAND_CANCEL from its frame; None if the checksum is wrong."""
+    """Decode COMMAND_CANCEL from its frame; None if the checksum is wrong."""
     frame = bytes(unknown.get_msgbuf())
     length, start = frame[1], header_bytes(frame)
     payload = frame[start : start + length]

@@ -1,6 +1,6 @@
 """MAVLink 2 signing (https://mavlink.io/en/guide/message_signing.html), on the simulation's clock.
 
-Works on finished frames, so that it does not matter who packed them.
+It works on complete frames, independent of their source.
 """
 
 import hashlib
@@ -13,8 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
-LAST_TIMESTAMP = 2**48 - 1  # what fits into a signature
-NEW_STREAM_AGE = 60 * TICKS_PER_S  # how far behind a stream may be that was never heard before
+LAST_TIMESTAMP = 2**48 - 1  # largest time stamp in a signature
+NEW_STREAM_AGE = 60 * TICKS_PER_S  # largest age of the first message of a stream
 MOST_STREAMS = 16
 SIGNED = 0x01  # bit of the incompatibility flags, the third byte
 SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
@@ -23,10 +23,10 @@ NO_KEY = bytes(32)
 
 
 def _crc_changes() -> list[int]:
-    """How a frame's checksum changes when bit SIGNED flips, by the number of bytes behind the flags.
+    """Return the changes of a frame's checksum by the flip of bit SIGNED, by the number of bytes after it.
 
-    The checksum is linear: what a flipped bit does to it depends only on where the bit is. So a frame can be
-    given its new checksum without the seed that belongs to its message.
+    The checksum is linear: the effect of a flipped bit depends only on its place. So a frame gets its new
+    checksum without the seed of its message.
     """
     changes = []
     crc, byte = 0, SIGNED
@@ -43,24 +43,24 @@ CRC_CHANGES = _crc_changes()
 
 
 class Signing:
-    """One vehicle's key, time stamps and what it has heard; without a key everything passes as it is."""
+    """One vehicle's key, time stamps and known streams; without a key every frame passes unchanged."""
 
     def __init__(self) -> None:
         self._key: bytes | None = None
-        self._timestamp = 0  # the last one used or heard
+        self._timestamp = 0  # latest one sent or received
         self._ahead = 0  # time stamp at second 0 of the simulation
         self._streams: dict[tuple[int, int, int], int] = {}
         self.refused = 0
 
     @property
     def active(self) -> bool:
-        """Whether messages are signed, and have to be."""
+        """True if messages are signed and have to be."""
         return self._key is not None
 
     def set_key(self, key: bytes, timestamp: int, now: float) -> None:
-        """Take a key of 32 bytes and the time stamp of now [10 us]; both all zero: signing ends.
+        """Set a key of 32 bytes and the present time stamp [10 us]; both all zero: signing ends.
 
-        Of the time stamp count the 48 bits that a signature has room for.
+        The lower 48 bits of the time stamp count.
         """
         if len(key) != len(NO_KEY):
             raise ValueError(f"a signing key has {len(NO_KEY)} bytes, found {len(key)}")
@@ -70,23 +70,23 @@ class Signing:
         self._ahead = timestamp - int(now * TICKS_PER_S)
 
     def set_up(self, message: Any, now: float, *, armed: bool) -> bool:
-        """Take SETUP_SIGNING, which `accepts` has let through; False if the vehicle is armed: not then."""
+        """Process SETUP_SIGNING that `accepts` has passed; False while the vehicle is armed."""
         if not armed:
             self.set_key(bytes(message.secret_key), message.initial_timestamp, now)
         return not armed
 
     def reboot(self) -> None:
-        """Streams are forgotten, the key and the time are kept."""
+        """Forget streams after a reboot; key and time stay."""
         self._streams.clear()
 
     def sign(self, frame: bytes, link_id: int, now: float) -> bytes:
-        """The frame with a signature; anything but an unsigned frame of MAVLink 2 is left as it is."""
+        """Return the frame with a signature; anything but an unsigned MAVLink 2 frame stays unchanged."""
         if self._key is None or not _is_unsigned_mavlink2(frame):
             return frame
-        # At the end of time it stands still: nobody believes the vehicle any more, but it lives on.
+        # At its limit the time stamp stays: receivers then reject the vehicle, which keeps running.
         self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
-        crc ^= CRC_CHANGES[len(frame) - 4]  # what follows the flags, with the seed in place of the checksum
+        crc ^= CRC_CHANGES[len(frame) - 4]  # the bytes after the flags, with the seed instead of the checksum
         covered = b"".join(
             (
                 frame[:2],
@@ -99,7 +99,7 @@ class Signing:
         return covered + self._hash(covered)
 
     def accepts(self, frame: bytes, now: float) -> bool:
-        """Whether a whole frame, its checksum right, may be obeyed that came at `now` [s]."""
+        """Return True if a frame with a valid checksum, received at `now` [s], can be obeyed."""
         if self._key is None:
             return True
         signed = frame[0] == MAVLINK2 and bool(frame[2] & SIGNED)

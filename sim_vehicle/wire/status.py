@@ -1,7 +1,6 @@
-"""What the autopilots know and tell, as arrays over the fleet: the columns of telemetry that are not physics.
+"""State of the autopilots as arrays over the fleet: the columns of telemetry other than physics.
 
-Each vehicle writes its own row (`Autopilot.publish`) when something about it has changed; telemetry reads
-whole columns.
+Each vehicle writes its own row (`publish.publish`) after changes; telemetry reads whole columns.
 """
 
 from typing import Any
@@ -11,7 +10,7 @@ import numpy.typing as npt
 
 
 class Status:
-    """Columns over n vehicles; each is written by its vehicle only."""
+    """Columns over n vehicles; each vehicle writes its own row."""
 
     def __init__(self, n: int) -> None:
         def column(kind: str, value: float = 0) -> npt.NDArray[Any]:
@@ -19,7 +18,7 @@ class Status:
 
         self.booted = column("?")
         self.boot_s = column("f8")
-        # the vehicle's own clock is ahead by offset + (now - since) * rate
+        # lead of the vehicle's own clock: offset + (now - since) * rate
         self.clock_offset_s = column("f8")
         self.clock_since_s = column("f8")
         self.clock_drift = column("f8")
@@ -34,21 +33,21 @@ class Status:
         self.sensors = column("u4")  # present
         self.sensors_enabled = column("u4")
         self.health = column("u4")
-        # what it knows about itself
-        self.gps_seen = column("?")  # its receiver has had its first fix since the boot
+        # state of the vehicle
+        self.gps_seen = column("?")  # first fix since the boot
         self.position_known = column("?")
         self.armed_since_s = column("f8", np.nan)  # nan: not armed
-        self.flying_since_s = column("f8", np.nan)  # since the take-off of this arming; nan: none yet
-        self.flights = column("u4")  # a count that a parameter keeps
+        self.flying_since_s = column("f8", np.nan)  # latest take-off since arming; nan: none
+        self.flights = column("u4")  # flight counter of a parameter
         self.landed_state = column("u1")
         self.has_home = column("?")
         self.home_e7 = np.zeros((n, 2), dtype="i4")
         self.home_amsl_m = column("f8")
-        self.home_is_local = column("?")  # it says where home is in local coordinates, too
+        self.home_is_local = column("?")  # HOME_POSITION has local coordinates, too
         self.has_origin = column("?")
         self.origin_m = np.zeros((n, 3))  # east, north, up in the fleet's frame
         self.origin_e7 = np.zeros((n, 2), dtype="i4")
-        # what it tells of where it is going
+        # targets
         self.has_place = column("?")  # a place on earth
         self.has_setpoint = column("?")  # a position or a velocity in local coordinates
         # mission
@@ -64,6 +63,6 @@ class Status:
         self.fence_time_ms = column("u4")
         # the rest
         self.battery_state = column("u1")  # MAV_BATTERY_CHARGE_STATE
-        self.threatened = column("?")  # there are hostiles that may strike
+        self.threatened = column("?")  # hostiles can strike
         self.strikes = column("i4")
         self.load = column("u2", 100)  # of the main loop [0.1 %]

@@ -1,6 +1,6 @@
-"""Which message of which vehicle is due when: intervals of the whole fleet as one table.
+"""Message intervals of the whole fleet as one table, and the messages due.
 
-Streams run on the simulation's tick, so nothing is sent more often than once a tick.
+Streams run on the simulation's tick, so the shortest interval is one tick.
 """
 
 import math
@@ -20,7 +20,7 @@ STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
 
 
 class Streams:
-    """Intervals of n vehicles; `tick_s` [s] is the shortest that is kept."""
+    """Intervals of n vehicles; `tick_s` [s] is the shortest."""
 
     def __init__(self, n: int, tick_s: float) -> None:
         self._tick_s = tick_s
@@ -31,9 +31,9 @@ class Streams:
     def set_interval(
         self, vehicle: int, message_id: int, interval_s: float, now: float, *, first_s: float | None = None
     ) -> None:
-        """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops it. KeyError: not streamed.
+        """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops it. KeyError: not a stream.
 
-        `first_s` is when the first one goes out, if not one interval from now.
+        `first_s` is the time of the first message, one interval from now by default.
         """
         row = ROWS[message_id]
         if interval_s <= 0:
@@ -45,7 +45,7 @@ class Streams:
         self._row_due_s[row] = self._due_s[row].min()
 
     def interval_s(self, vehicle: int, message_id: int) -> float | None:
-        """The interval kept [s]; None where the message does not stream. KeyError: it never could."""
+        """Return the interval [s]; None if the message does not stream. KeyError: not a stream."""
         interval_s = float(self._interval_s[ROWS[message_id], vehicle])
         return None if math.isinf(interval_s) else interval_s
 
@@ -53,12 +53,12 @@ class Streams:
         return bool(np.isfinite(self._interval_s[ROWS[message_id], vehicle]))
 
     def clear(self, vehicle: int) -> None:
-        """A vehicle rebooted: nothing streams."""
+        """Stop all streams of a vehicle, as a reboot does."""
         self._interval_s[:, vehicle] = self._due_s[:, vehicle] = np.inf
         self._row_due_s = self._due_s.min(axis=1)
 
     def due(self, now: float) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """(message id, vehicles) that are due by `now`; each counts as sent."""
+        """Yield (message id, vehicles) due by `now`; each counts as sent."""
         for row in np.flatnonzero(self._row_due_s <= now + EPSILON_S).tolist():
             due_s = self._due_s[row]
             vehicles = np.flatnonzero(due_s <= now + EPSILON_S)
@@ -68,7 +68,7 @@ class Streams:
 
 
 class Rates:
-    """One vehicle's intervals: what its autopilot can send at a rate, and what flows without being asked."""
+    """One vehicle's intervals: the messages its autopilot can stream, and those it streams by default."""
 
     def __init__(
         self,
@@ -79,14 +79,15 @@ class Rates:
     ) -> None:
         self._streams, self._vehicle, self._unsupported = streams, vehicle, unsupported
         self._usual_hz = {**default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
-        self._strikes_settled = False  # they have begun since the boot, or somebody has said how often
+        # strike messages have begun since the boot, or a ground station has set their rate
+        self._strikes_settled = False
 
     def can(self, message_id: int) -> bool:
-        """Whether this autopilot can send a message at a rate."""
+        """Return True if this autopilot can stream a message."""
         return message_id in STREAMS and message_id not in self._unsupported
 
     def set(self, message_id: int, interval_s: float, now: float) -> None:
-        """KeyError for a message that cannot be streamed. Whoever wants telemetry also hears of strikes."""
+        """Set an interval; a first stream also starts the strike messages. KeyError: not a stream."""
         self._streams.set_interval(self._vehicle, message_id, interval_s, now)
         if message_id == STRIKES:
             self._strikes_settled = True
@@ -96,16 +97,16 @@ class Rates:
                 self._streams.set_interval(self._vehicle, STRIKES, STRIKES_S, now)
 
     def reset(self, message_id: int, now: float) -> None:
-        """Back to the rate that flows without being asked for."""
+        """Return to the default rate."""
         rate_hz = self._usual_hz.get(message_id, 0.0)
         self.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
     def interval_s(self, message_id: int) -> float | None:
-        """What is kept [s]; None where it does not stream, or cannot."""
+        """Return the interval [s]; None if the message does not stream here."""
         return self._streams.interval_s(self._vehicle, message_id) if self.can(message_id) else None
 
     def boot(self, now: float, first_s: float) -> None:
-        """Everything is forgotten but what flows by itself, from `first_s` [s] on."""
+        """Reset to the default streams, from `first_s` [s] on."""
         self._streams.clear(self._vehicle)
         self._strikes_settled = False
         for message_id, rate_hz in self._usual_hz.items():

@@ -1,4 +1,4 @@
-"""Between the fleet and its ground stations: signatures, and the wires that are spoilt."""
+"""The path between the fleet and its ground stations: signatures and impaired links."""
 
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
@@ -8,53 +8,53 @@ from sim_vehicle.wire.outbox import Frames
 from sim_vehicle.wire.parser import Parser
 from sim_vehicle.wire.signing import Signing
 
-Arrival = tuple[float, int, Any]  # when [s], vehicle's index, message
+Arrival = tuple[float, int, Any]  # time [s], vehicle's index, message
 
 
 class Wires:
-    """The last step of what a fleet sends and the first of what it receives.
+    """Last step of outgoing frames and first step of incoming messages.
 
     Parameters
     ----------
     signings, links: by vehicle index.
-    trusted_links: over these nothing has to be signed, as over an autopilot's USB.
+    trusted_links: links without required signatures, like an autopilot's USB.
     """
 
     def __init__(
         self, signings: Iterable[Signing], links: tuple[int, ...], trusted_links: Collection[int]
     ) -> None:
         self._signings, self._links, self._trusted_links = tuple(signings), links, trusted_links
-        self._signing: dict[int, Signing] = {}  # those that sign
-        self._channels: dict[int, Channel] = {}  # those that are spoilt
+        self._signing: dict[int, Signing] = {}  # vehicles that sign
+        self._channels: dict[int, Channel] = {}  # vehicles with an impaired link
         self._parsers: dict[int, Parser] = {}
 
     @property
     def unimpaired(self) -> bool:
-        """Nobody signs and nothing is spoilt: frames may go as they are."""
+        """True without signatures and impairments: frames pass unchanged."""
         return not (self._signing or self._channels)
 
     def channel(self, index: int) -> Channel:
-        """The spoilt wire of a vehicle, from now on."""
+        """Return the channel of a vehicle, created on the first call."""
         if index not in self._channels:
             self._channels[index] = Channel()
             self._parsers[index] = Parser()
         return self._channels[index]
 
     def note_key(self, index: int) -> None:
-        """The key of a vehicle may have changed."""
+        """Register a possible change of a vehicle's key."""
         self._signing.pop(index, None)
         if self._signings[index].active:
             self._signing[index] = self._signings[index]
 
     def accepts(self, index: int, message: Any, now: float) -> bool:
-        """Whether a vehicle may obey a message, by its signature."""
+        """Return True if the signature permits a vehicle to obey a message."""
         signing = self._signing.get(index)
         if signing is None or self._links[index] in self._trusted_links:
             return True
         return signing.accepts(bytes(message.get_msgbuf()), now)
 
     def send(self, frames: Frames, now: float) -> Frames:
-        """Sign what is to be signed; what goes over a spoilt wire is not returned but on its way."""
+        """Sign frames; return those that need no channel and put the others on theirs."""
         through = []
         for index, frame in frames:
             signing = self._signing.get(index)
@@ -67,14 +67,14 @@ class Wires:
         return through
 
     def put_incoming(self, index: int, message: Any, now: float) -> bool:
-        """Put a message onto the spoilt wire to a vehicle; False if the wire is sound."""
+        """Put a message on the channel to a vehicle; False if the link is unimpaired."""
         channel = self._channels.get(index)
         if channel is not None:
             channel.put(Direction.TO_VEHICLE, bytes(message.get_msgbuf()), now)
         return channel is not None
 
     def arrivals_at_vehicles(self, now: float) -> Iterator[Arrival]:
-        """Messages that have come through to vehicles by `now` [s], each vehicle's in order."""
+        """Yield the messages that reach vehicles by `now` [s], each vehicle's in order."""
         for index, channel in tuple(self._channels.items()):
             while channel.next_due_s(Direction.TO_VEHICLE) <= now:
                 due_s = channel.next_due_s(Direction.TO_VEHICLE)
@@ -83,7 +83,7 @@ class Wires:
                         yield due_s, index, message
 
     def arrivals_at_stations(self, now: float) -> Frames:
-        """Frames that have come through from vehicles by `now` [s], in order; sound wires are forgotten."""
+        """Return the frames from vehicles that arrive by `now` [s], in order; remove idle channels."""
         arrived = []
         for index, channel in tuple(self._channels.items()):
             arrived += [(due_s, index, frame) for frame, due_s in channel.take(Direction.FROM_VEHICLE, now)]

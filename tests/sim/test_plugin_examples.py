@@ -235,7 +235,7 @@ def test_what_a_vehicle_cannot_do_is_said_as_for_a_scenario(
         ({"count": 0}, "count=0: give a whole number from 1 to 10000"),
         ({"personality": "betaflight"}, "personality='betaflight': there are ardupilot, px4, mixed"),
         ({"kind": "plain"}, "kind='plain': did you mean 'plane'?"),
-        ({"faults": ["gps_los"]}, "meant: gps_loss?"),
+        ({"faults": ["gps_los"]}, "gps_loss?"),
         ({"faults": "gps_loss"}, "give a list of them"),
         ({"wind": {"speed": 5}}, "wind.speed: no such key; did you mean `speed_m_s`?"),
         ({"home": (91.0, 0.0, 0.0)}, "give latitude, longitude"),

@@ -51,25 +51,28 @@ def test_the_text_of_the_command_line() -> None:
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("pakcet_loss", ["fault pakcet_loss: there is none", "meant: packet_loss?", "link_outage"]),
-        ("packet_loss:rat=1", ["fault packet_loss", "'rat'", "meant: rate?", "rate (0 to 1, default 0.1)"]),
-        ("packet_loss:rate=2", ["fault packet_loss: rate=2: expected 0 to 1;"]),
-        ("packet_loss:rate", ["'rate' is no key=value"]),
-        ("packet_loss:rate=1,rate=1", ["rate is given twice"]),
-        ("packet_loss:rate=nan", ["rate=nan: expected 0 to 1"]),
+        ("pakcet_loss", ["fault pakcet_loss: ", "packet_loss?", "link_outage", "[fault-name]"]),
+        (
+            "packet_loss:rat=1",
+            ["fault packet_loss: ", "'rat'", "rate?", "rate (0 to 1, default 0.1)", "[fault-key]"],
+        ),
+        ("packet_loss:rate=2", ["fault packet_loss: rate=2: ", "0 to 1;", "[fault-value]"]),
+        ("packet_loss:rate", ["'rate'", "key=value", "[fault-syntax]"]),
+        ("packet_loss:rate=1,rate=1", ["fault packet_loss: rate ", "[fault-syntax]"]),
+        ("packet_loss:rate=nan", ["rate=nan: ", "0 to 1", "[fault-value]"]),
         ("packet_loss:direction=up", ["direction=up", "both|to_vehicle|from_vehicle"]),
-        ("delay:jitter_s=2", ["jitter_s 2 must not exceed delay_s 0.5"]),
-        ("burst_loss:rate=0.9,burst_frames=2", ["raise burst_frames"]),
-        ("burst_loss:rate=0.9,bad_loss=0.5", ["between good_loss 0 and bad_loss 0.5"]),
-        ("gps_loss:at=x", ["at=x is no time in seconds"]),
-        ("gps_loss:at=-1", ["at=-1: expected seconds >= 0"]),
-        ("gps_loss:for=0", ["for=0: expected seconds > 0"]),
-        ("gps_loss:sysid=a", ["sysid=a", "1+4"]),
-        ("gps_loss:sysid=300", ["sysid=300", "1 to 255"]),
-        ("stuck_mode:answer=x", ["answer=x", "accepted|refused"]),
+        ("delay:jitter_s=2", ["jitter_s 2 ", "delay_s 0.5", "[fault-value]"]),
+        ("burst_loss:rate=0.9,burst_frames=2", ["rate 0.9 ", "burst_frames", "[fault-value]"]),
+        ("burst_loss:rate=0.9,bad_loss=0.5", ["rate 0.9 ", "good_loss 0 ", "bad_loss 0.5", "[fault-value]"]),
+        ("gps_loss:at=x", ["at=x: ", "[fault-value]"]),
+        ("gps_loss:at=-1", ["at=-1: ", "seconds >= 0", "[fault-value]"]),
+        ("gps_loss:for=0", ["for=0: ", "seconds > 0", "[fault-value]"]),
+        ("gps_loss:sysid=a", ["sysid=a: ", "1+4", "[fault-value]"]),
+        ("gps_loss:sysid=300", ["sysid=300: ", "1 to 255", "[fault-value]"]),
+        ("stuck_mode:answer=x", ["answer=x: ", "accepted|refused", "[fault-value]"]),
     ],
 )
-def test_a_wrong_fault_is_named_with_what_is_allowed(text: str, parts: list[str]) -> None:
+def test_an_invalid_fault_is_reported_with_the_allowed_values(text: str, parts: list[str]) -> None:
     with pytest.raises(FaultError) as caught:
         parse_fault(text)
     for part in parts:
@@ -77,10 +80,10 @@ def test_a_wrong_fault_is_named_with_what_is_allowed(text: str, parts: list[str]
 
 
 @pytest.mark.parametrize("text", ["gps_loss:rate=1", "gps_loss:foo=1", "quake", ""])
-def test_a_word_that_is_like_no_other_is_not_taken_for_one(text: str) -> None:
+def test_an_unknown_word_without_a_similar_one_gets_no_suggestion(text: str) -> None:
     with pytest.raises(FaultError, match=r"^fault ") as caught:
         parse_fault(text)
-    assert "meant" not in str(caught.value)
+    assert "?" not in str(caught.value)
 
 
 def test_no_finding_is_in_the_words_of_a_library() -> None:
@@ -88,15 +91,18 @@ def test_no_finding_is_in_the_words_of_a_library() -> None:
         for parameter in fault.parameters:
             with pytest.raises(FaultError) as caught:
                 parse_fault(f"{fault.name}:{parameter.name}=x")
-            assert f"{parameter.name}=x: expected {parameter.allowed};" in str(caught.value)
+            text = str(caught.value)
+            assert f"{parameter.name}=x: " in text
+            assert f"{parameter.allowed};" in text
+            assert "[fault-value]" in text
 
 
 def test_the_dictionary_of_a_scenario_is_checked_alike() -> None:
     good = {"fault": "delay", "params": {"delay_s": 1}, "vehicles": [1], "at_s": 5, "for_s": 2}
     assert str(FaultSpec.model_validate(good)) == "delay:delay_s=1,at=5,for=2,sysid=1"
-    with pytest.raises(ValidationError, match="meant: delay_s"):
+    with pytest.raises(ValidationError, match=r"delay_s\?.*\[fault-key\]"):
         FaultSpec.model_validate({"fault": "delay", "params": {"delay": 1}})
-    with pytest.raises(ValidationError, match=r"fault dealy: .* \(meant: delay\?\)"):
+    with pytest.raises(ValidationError, match=r"fault dealy: .* delay\?.*\[fault-name\]"):
         FaultSpec.model_validate({"fault": "dealy"})
 
 
@@ -170,8 +176,8 @@ def test_a_fault_is_over_when_both_of_its_kind_are() -> None:
     assert not ward.injected_faults[0].gps_lost
 
 
-def test_a_fault_of_a_vehicle_that_is_not_there_is_refused() -> None:
-    with pytest.raises(FaultError, match=r"no vehicle 9; system ids here: 1-3, 7"):
+def test_a_fault_of_an_unknown_vehicle_is_refused() -> None:
+    with pytest.raises(FaultError, match=r" 9; .* 1-3, 7 \[fault-vehicle\]"):
         Ward("gps_loss:sysid=2+9", sysids=(1, 2, 3, 7))
 
 

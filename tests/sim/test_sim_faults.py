@@ -361,8 +361,8 @@ def test_everything_at_once_stops_nothing() -> None:
     assert set(troubled.faults_on(0)) == set(FAULTS)
 
 
-def test_a_fault_on_a_vehicle_that_is_not_there_is_refused() -> None:
-    with pytest.raises(FaultError, match="no vehicle 9"):
+def test_a_fault_on_an_unknown_vehicle_is_refused() -> None:
+    with pytest.raises(FaultError, match=r" 9; .*\[fault-vehicle\]"):
         fleet(2).inject(parse_fault("gps_loss:sysid=9"), 0.0)
 
 

@@ -248,7 +248,8 @@ faults: [packet_los]
     assert "no such check: 'no_crsh'; known are no_crash" in text
     assert "as in `min_separation_m: 5`" in text
     assert "landed does not take 'by'; it takes vehicles" in text
-    assert "meant: packet_loss?" in text
+    assert "packet_loss?" in text
+    assert "[fault-name]" in text
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""ArduCopter and ArduPlane 4.6.2 as they show themselves on the wire."""
+"""ArduCopter and ArduPlane 4.6.2 as observed on the wire."""
 
 import math
 from dataclasses import replace
@@ -53,7 +53,7 @@ _STREAMS = {
     ),
 }
 
-# Of the messages that a fleet can stream these are PX4's.
+# PX4's messages, which ArduPilot does not stream.
 _UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
@@ -144,7 +144,7 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
 
 
 def _go(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
-    """The mission item with `current` 2: fly there, in GUIDED."""
+    """Fly in GUIDED to a mission item with `current` 2 or 3; False in other modes or on the ground."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
         return False
     place_deg = vehicle.body.lat_lon_deg if altitude_only or item.place_deg is None else item.place_deg
@@ -167,7 +167,7 @@ _UNHEALTHY = {
 
 
 def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """What a copter does not even arm without if that is forced."""
+    """Return the reasons against arming a copter that even force does not override."""
     flight_parameters = vehicle.flight_parameters
     if vehicle.position_known(now):
         return []
@@ -178,7 +178,7 @@ def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """Why it would not arm now, apart from the mode being armable at all."""
+    """Return the reasons against arming now, apart from the armability of the mode."""
     mandatory_refusals = vehicle.personality.mandatory_refusals(vehicle, now)
     if mandatory_refusals:
         return mandatory_refusals
@@ -203,7 +203,7 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _battery_refusals(vehicle: Vehicle) -> list[str]:
-    """The first limit that the battery is below now; else that it has been below one since the boot."""
+    """Return the first violated battery limit, or the latched battery failsafe."""
     flight_parameters, body = vehicle.flight_parameters, vehicle.body
     limits = (
         (body.voltage_v < flight_parameters.battery_low_v, "Battery 1 low voltage failsafe"),
@@ -218,7 +218,7 @@ def _battery_refusals(vehicle: Vehicle) -> list[str]:
     return [text for below, text in limits if below][:1]
 
 
-# Of a plane, which says once it has acted in what mode it is now.
+# A plane reports its mode after a failsafe has acted.
 _PLANE_TEXTS = {
     "rc_short_acted": (_WARNING, "RC Short Failsafe: switched to {mode}"),
     "rc_short_stays": (_WARNING, "RC Short Failsafe On"),

@@ -1,4 +1,4 @@
-"""What only ArduPlane answers to commands."""
+"""Commands of ArduPlane only."""
 
 from types import MappingProxyType
 
@@ -13,7 +13,7 @@ from sim_vehicle.vehicle.rally import distance_m
 
 
 def start_landing(vehicle: Vehicle, now: float) -> bool:
-    """AUTO from the nearest landing sequence of the mission on, whatever MIS_RESTART says."""
+    """Start AUTO at the nearest landing sequence of the mission, regardless of MIS_RESTART."""
 
     def away_m(item: Item) -> float:
         place_deg = item.place_deg
@@ -38,7 +38,7 @@ def land_start(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def takeoff(_vehicle: Vehicle, _command: Command, _now: float) -> int:
-    """Only a plane with rotors has it; others take off in the mode of that name, or by mission."""
+    """Refuse: only quadplanes support it; other planes take off in mode TAKEOFF or by mission."""
     return FAILED
 
 

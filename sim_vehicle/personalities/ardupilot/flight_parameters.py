@@ -1,4 +1,4 @@
-"""ArduPilot's parameters in SI units, as the vehicle flies by them."""
+"""ArduPilot's parameters converted to flight parameters."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,9 +10,9 @@ from sim_vehicle.vehicle.params import Parameters
 SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
 LEAST_RETURN_M, LEAST_CONE_SLOPE = 0.3, 0.5
 FENCE_GIVE_UP_M = 100.0
-STALL_M_S = 8.0  # of the plane whose parameters do not say
+STALL_M_S = 8.0  # for a plane with AIRSPEED_STALL 0
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
-# Here and below: no vehicle has SmartRTL, so that "SmartRTL or" is what follows that.
+# Here and below: no vehicle has SmartRTL, so the action after "SmartRTL or" applies.
 _BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.LAND,
@@ -28,10 +28,10 @@ _PLANE_BATTERY_ACTIONS = {
     1: FailsafeAction.RETURN,
     2: FailsafeAction.LAND,
     3: FailsafeAction.TERMINATE,
-    4: FailsafeAction.LAND,  # what a quadplane would do goes on as this
+    4: FailsafeAction.LAND,  # LAND of a quadplane continues as this
     5: FailsafeAction.WARN,  # no vehicle has a parachute
     6: FailsafeAction.LAND,
-    7: FailsafeAction.RETURN,  # AUTOLAND, which needs a take-off by it
+    7: FailsafeAction.RETURN,  # AUTOLAND, which requires a take-off in it
 }
 _LINK_ACTIONS = {
     0: FailsafeAction.NOTHING,
@@ -66,12 +66,12 @@ _PLANE_FENCE_ACTIONS = {
     1: FailsafeAction.RETURN,
     6: FailsafeAction.RETURN_POINT,
     7: FailsafeAction.RETURN_POINT,
-    8: FailsafeAction.RETURN,  # here and below AUTOLAND, as there
+    8: FailsafeAction.RETURN,  # here and below AUTOLAND, as above
 }
 _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
 EKF_LANDS_EVERYWHERE = 3
-# Modes of a plane by number. Where a link that is lost for long lets it go on in AUTO and GUIDED, it returns
-# from the first group; when the link is lost for short, nothing is done in the second.
+# Modes of a plane by number. With a long link loss that permits AUTO and GUIDED to continue, the plane
+# returns from the first group. With a short loss, the second group has no action.
 FBWA, FBWB = 5, 6
 _PILOTED = (0, 2, FBWA, FBWB, 7)
 _CIRCLE, _RTL, _AUTO, _LOITER, _TAKEOFF, _GUIDED = 1, 11, 10, 12, 13, 15
@@ -92,14 +92,14 @@ _PLANE_SHORT_ACTIONS = {
     3: None,
     4: FailsafeAction.LEVEL,
 }
-# Modes of a copter, and the bits of FS_OPTIONS by which they go on without a link.
+# Modes of a copter, and the bits of FS_OPTIONS that let them continue without a link.
 _COPTER_PILOTED = (0, 1, 2, 5, 16, 17)
 _COPTER_AUTO, _COPTER_GUIDED = 3, 4
 RC_AUTO, GCS_AUTO, RC_GUIDED, GCS_PILOTED = 1, 2, 4, 16
 
 
 def _m_s(params: Parameters, *names: str) -> float:
-    """The first of these [cm/s] that is not 0, in m/s, within what the airframe can do."""
+    """Return the first nonzero value [cm/s] in m/s, limited to the abilities of the airframe."""
     value = next((params[name] for name in names if params[name] != 0), 0.0)
     return min(max(value / 100, SLOWEST_M_S), FASTEST_M_S)
 
@@ -115,7 +115,7 @@ def _logs(params: Parameters) -> LogWhen:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float]:
-    """RTL_ALT, or as high as RTL_CLIMB_MIN asks; close to home less, where RTL_CONE_SLOPE says so."""
+    """Return the height of a return: RTL_ALT or RTL_CLIMB_MIN, reduced near home by RTL_CONE_SLOPE."""
     full_m, climb_m = params["RTL_ALT"] / 100, max(params["RTL_CLIMB_MIN"], 0.0) / 100
     slope = params["RTL_CONE_SLOPE"]
 
@@ -128,12 +128,12 @@ def _return_height(params: Parameters) -> Callable[[float, float], float]:
 
 
 def _going_on(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
-    """Of (bit, modes): the modes that go on where the bit is set."""
+    """Return no action for the modes whose bit is set; pairs are (bit, modes)."""
     return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
 
 
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
-    """ArduCopter's parameters -> what it flies by."""
+    """Convert ArduCopter's parameters."""
     options = int(params["AUTO_OPTIONS"])
     fence = int(params["FENCE_TYPE"])
     delay_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
@@ -209,7 +209,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
 
 
 def _fence_return_m(params: Parameters) -> float:
-    """Above home: as it is said, else half way between the fence's floor and ceiling, margins off both."""
+    """Return the height at the return point: FENCE_RET_ALT, else midway between the limits with margins."""
     if params["FENCE_RET_ALT"] > 0:
         return params["FENCE_RET_ALT"]
     lowest_m = params["FENCE_ALT_MIN"] + params["FENCE_MARGIN"]
@@ -218,7 +218,7 @@ def _fence_return_m(params: Parameters) -> float:
 
 
 def plane_flight_parameters(params: Parameters) -> FlightParameters:
-    """ArduPlane's parameters -> what it flies by."""
+    """Convert ArduPlane's parameters."""
     fence = int(params["FENCE_TYPE"])
     watched = params["FS_GCS_ENABL"] != 0
     delay_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
@@ -239,7 +239,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         return_height_m=params["RTL_ALTITUDE"] if params["RTL_ALTITUDE"] >= 0 else -math.inf,
         return_descends=params["RTL_ALTITUDE"] >= 0,
         return_speed_m_s=params["AIRSPEED_CRUISE"],
-        return_wait_s=math.inf,  # it circles over home and lands only as a mission says
+        return_wait_s=math.inf,  # circles over home; lands only by a mission
         loiter_leaves_aligned=True,
         return_lands=int(params["RTL_AUTOLAND"]),
         landing_speed_m_s=2.0,
@@ -276,7 +276,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         rc_long_s=params["FS_LONG_TIMEOUT"],
         setpoint_timeout_s=3.0,
         setpoint_action=FailsafeAction.HOLD,
-        position_lost_action=FailsafeAction.WARN,  # it flies on by dead reckoning
+        position_lost_action=FailsafeAction.WARN,  # continues by dead reckoning
         logs=_logs(params),
         fence_enabled=params["FENCE_ENABLE"] == 1,
         fence_action=_PLANE_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.WARN),

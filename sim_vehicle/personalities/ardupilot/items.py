@@ -1,6 +1,6 @@
-"""What ArduPilot keeps of a mission item: accepted commands, frames, and the roundings of its storage.
+"""Stored form of mission items on ArduPilot: commands, frames, and the roundings of the storage.
 
-Each item has fifteen bytes there, so most parameters are kept as small integers, or not at all.
+An item has 15 bytes, so most parameters are stored as small integers or not at all.
 """
 
 import math
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import as_float32
 
-MAX_ALTITUDE_M = 83_000.0  # what fits into the storage of an altitude
+MAX_ALTITUDE_M = 83_000.0  # largest altitude in the storage
 
 _STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
@@ -55,18 +55,18 @@ def _way_round(value: float) -> float:
 
 
 def _turns(value: float) -> float:
-    """Whole turns up to 255; less than one in 256ths."""
+    """Return turns as stored: whole up to 255; less than one in 256ths."""
     return int(value * 256) / 256 if 0 < value < 1 else _u8(value)
 
 
 def _small_radius(value: float) -> float:
-    """A byte of metres, or of tens of metres."""
+    """Return a radius as stored: a byte of metres, or of tens of metres."""
     radius_m = abs(value)
     kept_m = int(radius_m) if radius_m <= 255 else min(255, int(radius_m * 0.1)) * 10
     return math.copysign(kept_m, value) if kept_m else 0.0
 
 
-# Command -> how parameters 1 to 4 are kept, of commands with a place ...
+# Command -> storage of parameters 1 to 4, for commands with a position ...
 _PLACED: dict[int, tuple[Keep, Keep, Keep, Keep]] = {
     mavlink.MAV_CMD_NAV_WAYPOINT: (_u16, _no, _no, _no),
     mavlink.MAV_CMD_NAV_LOITER_UNLIM: (_no, _no, _signed_radius, _no),
@@ -120,7 +120,7 @@ _PLACELESS: dict[int, tuple[Keep, Keep, Keep, Keep]] = {
     mavlink.MAV_CMD_VIDEO_START_CAPTURE: (_u8, _no, _no, _no),
     mavlink.MAV_CMD_VIDEO_STOP_CAPTURE: (_u8, _no, _no, _no),
 }
-# Of these x, y and z are kept too, though they are no place.
+# Commands that store x, y and z although they are no position.
 _WITH_MORE = frozenset(
     {
         mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE,
@@ -128,7 +128,7 @@ _WITH_MORE = frozenset(
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
     }
 )
-# Parameters that may be no number, by index; an infinite one never passes.
+# Indices of parameters that can be NaN; infinity is always refused.
 _MAY_BE_NAN = {
     mavlink.MAV_CMD_NAV_WAYPOINT: {4},
     mavlink.MAV_CMD_NAV_LAND: {4},
@@ -141,12 +141,12 @@ del _PLANE_PLACED[mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT]
 
 
 def store_item(item: Item) -> Item | int:
-    """What ArduCopter keeps of an item, with its roundings; or the MAV_MISSION_RESULT it refuses it with."""
+    """Return ArduCopter's stored form of an item, or the MAV_MISSION_RESULT of a refusal."""
     return _store(item, _PLACED)
 
 
 def store_plane_item(item: Item) -> Item | int:
-    """The same of ArduPlane: of a waypoint the radii are kept, and not the delay."""
+    """Return ArduPlane's stored form; a waypoint keeps its radii and loses its delay."""
     return _store(item, _PLANE_PLACED)
 
 
@@ -176,7 +176,7 @@ def _store(item: Item, placed: dict[int, tuple[Keep, Keep, Keep, Keep]]) -> Item
 
 
 def _refused_parameter(item: Item) -> int | None:
-    if item.command in (0, 1):  # ids that the storage uses itself
+    if item.command in (0, 1):  # reserved by the storage
         return int(mavlink.MAV_MISSION_INVALID)
     may_be_nan = _MAY_BE_NAN.get(item.command, set())
     for index, value in enumerate((item.param1, item.param2, item.param3, item.param4), start=1):
@@ -211,5 +211,5 @@ def _without_place(item: Item, parameters: Parameters) -> Item:
 
 
 def whole_centimetres(z_m: float) -> int:
-    """Altitude [m] -> [cm], cut toward zero in single precision as the autopilot computes it."""
+    """Convert altitude [m] to [cm], truncated in single precision as on the autopilot."""
     return int(as_float32(as_float32(z_m) * 100.0))

@@ -1,4 +1,4 @@
-"""Of which targets ArduCopter and ArduPlane tell, globally and locally (`Personality.targets`)."""
+"""Targets that ArduCopter and ArduPlane report, global and local (`Personality.targets`)."""
 
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour
@@ -7,7 +7,7 @@ PLANE_MANUAL = 0
 
 
 def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """A place where the mode navigates to one; locally GUIDED tells its target, of whatever kind."""
+    """Return (global, local): global in navigating modes, local in GUIDED."""
     flight, behaviour = vehicle.flight, vehicle.mode.behaviour
     if behaviour is Behaviour.GUIDED:
         place_m = None if flight.taking_off else flight.guided_target_m
@@ -16,5 +16,5 @@ def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
 
 
 def plane_targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """The next waypoint, whatever the mode makes of it; a plane without rotors has no local target."""
+    """Return (global, local): always global, never local without rotors."""
     return vehicle.mode.number != PLANE_MANUAL, False

@@ -1,4 +1,4 @@
-"""Flight modes of ArduCopter and ArduPlane 4.6: numbers, names, and what they do with nobody at a stick."""
+"""Flight modes of ArduCopter and ArduPlane 4.6: numbers, names, behaviour without stick input."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 

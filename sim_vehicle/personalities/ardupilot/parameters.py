@@ -1,14 +1,13 @@
 """Parameters of ArduCopter and ArduPlane 4.6, with their names, units and defaults.
 
-They act here, but for those that are marked as there to be read: ground stations look at them.
-
-Integers are those of the firmware; on ArduPilot's wire they travel as plain floats all the same.
+They have an effect here, except those marked as "to be read" by ground stations. Integers are those of the
+firmware; ArduPilot sends them as floats.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 _COMMON: dict[str, float | int] = {
-    "ARMING_CHECK": 1,  # 0: only what cannot be waived is checked
+    "ARMING_CHECK": 1,  # 0: mandatory checks only
     "BATT_CAPACITY": 3300,  # mAh
     "BATT_CRT_MAH": 0.0,  # mAh left, 0: not watched
     "BATT_CRT_VOLT": 0.0,  # V, 0: not watched
@@ -113,7 +112,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "WP_RADIUS": 90,  # m
 }
 
-# How wide each integer is; a name of a new one goes here, too.
+# Width of each integer; add a new integer here, too.
 _INT8 = (
     "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FENCE_ACTION FENCE_ENABLE"
     " FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE FS_LONG_ACTN"
@@ -130,7 +129,7 @@ BITS: dict[str, int] = {
     name: bits for bits, names in ((8, _INT8), (16, _INT16), (32, _INT32)) for name in names.split()
 }
 
-# What counts the stored items of each MAV_MISSION_TYPE.
+# Counter of stored items for each MAV_MISSION_TYPE.
 TOTALS = {
     mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",
     mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",

@@ -22,7 +22,7 @@ _NOBODY = (0, 0)
 
 
 def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
-    """The storage of one vehicle."""
+    """Return the storage of one vehicle."""
     transfer = vehicle.transfer
     assert isinstance(transfer, ArduPilotTransfer)
     stores, params = transfer.stores, vehicle.params
@@ -74,7 +74,7 @@ def _items(store: Store, kind: int) -> Iterator[Any]:
 
 
 def _take(store: Store, upload: UploadedMission, *, may_update: bool) -> bool:
-    """Write an uploaded file; a mission is written item by item, so a bad one leaves a mixture."""
+    """Write an uploaded file to a store; a mission is written item by item, so an error leaves a mixture."""
     last = upload.start + len(upload.items) - 1
     if last >= store.max_items or not (upload.clear or may_update):
         return False

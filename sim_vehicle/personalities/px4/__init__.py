@@ -1,4 +1,4 @@
-"""PX4 1.15.2, multicopter and fixed wing, as it shows itself on the wire."""
+"""PX4 1.15.2, multicopter and fixed wing, as observed on the wire."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -63,7 +63,7 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
 
 
 def _drop_violated(vehicle: Vehicle) -> None:
-    """Parts of a new fence that home, or a vehicle in the air, already violates are kept but not obeyed."""
+    """Store but do not enforce the zones of a new fence that home or the airborne vehicle violates."""
     if vehicle.home_and_rally.home is not None and vehicle.fence.discard_violated(
         *vehicle.home_and_rally.home_deg
     ):
@@ -73,7 +73,7 @@ def _drop_violated(vehicle: Vehicle) -> None:
         vehicle.announce("fence_without_vehicle")
 
 
-# Of the messages that a fleet can stream these are ArduPilot's.
+# ArduPilot's messages, which PX4 does not stream.
 _UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,

@@ -1,11 +1,11 @@
-"""To whom PX4 thinks a message is: each of its receivers looks for itself, and not all at the same."""
+"""Addressing rules of PX4: its receivers check the target of a message individually and differently."""
 
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 COMPONENTS = frozenset({int(mavlink.MAV_COMP_ID_ALL), int(mavlink.MAV_COMP_ID_AUTOPILOT1)})
-# Also when sent to all systems, and to whatever component: it introduces itself.
+# Accepted also for all systems and any component, as an introduction.
 _TO_ANYBODY = frozenset(
     {mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION}
 )
@@ -22,9 +22,9 @@ _TO_ALL_SYSTEMS = frozenset(
 
 
 def is_addressed(sysid: int, message: Any) -> bool:
-    """Whether a vehicle takes a message that is to its system or to all.
+    """Return True if a vehicle processes a message to its system or to all.
 
-    Missions, whose protocol has an answer to a stranger, look for themselves; the rest is for anybody.
+    The mission protocol checks its messages itself, as it answers strangers. Other messages are open to all.
     """
     kind = message.get_type()
     if kind in _COMMANDS and message.command in _TO_ANYBODY:

@@ -1,7 +1,7 @@
-"""What PX4 1.15 answers to commands, where that is not what every autopilot does.
+"""Commands of PX4 1.15 that differ from the common ones.
 
-Most commands are a change of mode. On the ground any mode may be chosen; in the air one that cannot run is
-TEMPORARILY_REJECTED, with a text.
+Most commands change the mode. On the ground every mode can be selected. In the air a mode that cannot run is
+TEMPORARILY_REJECTED with a text.
 """
 
 import math
@@ -36,7 +36,7 @@ def _change(vehicle: Vehicle, number: int, now: float) -> int:
 
 
 def set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
-    """param1: base_mode, param2: main mode, param3: sub mode; an unknown main mode is taken for none."""
+    """Set the mode: param1 base_mode, param2 main mode, param3 sub mode; an unknown one changes nothing."""
     base_mode, main, sub = (whole(value) & 0xFF for value in (command.param1, command.param2, command.param3))
     number = _wanted_mode(base_mode, main, sub)
     if number is None:
@@ -70,7 +70,7 @@ def set_standard_mode(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
-    """A forced arming from outside is checked like any other; a forced disarming is not."""
+    """Arm or disarm; a forced arming is checked like any other, a forced disarming is not."""
     action = round(command.param1) if math.isfinite(command.param1) else -1
     if action == 1:
         return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
@@ -81,7 +81,7 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Mode TAKEOFF, to param7 above mean sea level; no number, or too low: to MIS_TAKEOFF_ALT above home."""
+    """Take off to param7 above mean sea level; NaN, or too low: MIS_TAKEOFF_ALT above home."""
     if not vehicle.modes.set(modes.TAKEOFF, now):
         return TEMPORARILY_REJECTED
     aim_m = command.z if math.isfinite(command.z) else None
@@ -108,7 +108,7 @@ def return_to_launch(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Mission mode, armed: it takes off by itself. param1: the first item, -1 the current one."""
+    """Start the mission, armed. param1: first item, -1: the current one."""
     if not vehicle.modes.mission_ready(now):
         vehicle.announce("no_mission_to_start")
         return DENIED
@@ -125,7 +125,7 @@ def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Starts the mission where its landing begins, which arms as any start does; accepted in any case."""
+    """Start the mission at its landing sequence, armed as in any start; always accepted."""
     landing = mission_landing(vehicle.mission.items)
     if landing is not None:
         mission_start(vehicle, replace(command, param1=float(landing[0])), now)
@@ -133,7 +133,7 @@ def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Hold, and there: in whatever frame, the altitude is above mean sea level. What is no number stays."""
+    """Fly to a position in Hold; the altitude is above mean sea level in every frame. NaN: unchanged."""
     if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):
@@ -142,7 +142,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
     lat_deg, lon_deg = (command.lat_deg, command.lon_deg) if placed else (here.lat_deg, here.lon_deg)
     if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= MAX_ALTITUDE_M:
-        return ACCEPTED  # the commander has answered before the navigator looks at the numbers
+        return ACCEPTED  # the commander answers before the navigator checks the numbers
     up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
     _go(vehicle, GeodeticPosition(lat_deg, lon_deg, up_m))
     if command.param1 > 0:
@@ -161,7 +161,7 @@ def _go(vehicle: Vehicle, place: GeodeticPosition) -> None:
 
 
 def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
-    """param1: altitude above mean sea level, held where the vehicle is."""
+    """Change to altitude param1 above mean sea level at the present position."""
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     if math.isfinite(command.param1):
@@ -171,14 +171,14 @@ def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Of whatever kind the speed is said to be, it is the cruising speed; none restores it."""
+    """Set the cruising speed for any speed type; no valid speed restores the default."""
     if not vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param2):
         vehicle.flight.restore_speed()
     return ACCEPTED
 
 
 def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Circle a place, a plane in Hold. param1: radius [m], left about if negative; param2: speed [m/s]."""
+    """Circle a point, a plane in Hold. param1: radius [m], counter-clockwise if negative; param2: speed."""
     if not vehicle.flight.flying or not vehicle.position_known(now):
         vehicle.announce("orbit_refused")
         return TEMPORARILY_REJECTED
@@ -225,7 +225,7 @@ def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """0 nothing, 1 reboot, 3 stay in the bootloader (which comes back as well); refused while armed."""
+    """Reboot: 0 nothing, 1 reboot, 3 bootloader (which reboots as well); refused while armed."""
     if command.param1 == 0:
         return ACCEPTED
     if command.param1 not in (1, 3) or vehicle.armed:
@@ -235,7 +235,7 @@ def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Says how it goes in texts. What needs the vehicle turned by hand fails: here nobody turns it."""
+    """Calibrate with progress in texts; calibrations that need the vehicle turned by hand fail."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
     wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
@@ -250,7 +250,7 @@ def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def storage(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """0 read, 1 write (nothing to do: what is set is kept); 2 and 4: back to the defaults."""
+    """Accept 0 (load) and 1 (save) without effect; 2 and 4 restore the defaults."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
     action = whole(command.param1)
@@ -285,7 +285,7 @@ def flight_information(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Only where SYS_FAILURE_EN allows it."""
+    """Inject a failure if SYS_FAILURE_EN allows it."""
     if vehicle.params["SYS_FAILURE_EN"] != 1:
         return DENIED
     return failures.inject_failure(
@@ -294,7 +294,7 @@ def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def actuator_test(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Motors and servos have nothing to show; what counts is when it is allowed."""
+    """Accept an actuator test when it is allowed; it has no visible effect."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
     output = whole(command.lat_deg)

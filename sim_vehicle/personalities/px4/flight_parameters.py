@@ -1,4 +1,4 @@
-"""PX4's parameters in SI units, as the vehicle flies by them."""
+"""PX4's parameters converted to flight parameters."""
 
 import math
 from collections.abc import Callable
@@ -42,7 +42,7 @@ _EMERGENCY_ACTIONS = {
     2: FailsafeAction.LAND,
     3: FailsafeAction.LAND,
 }
-# COM_OBL_RC_ACT; the first three are modes a pilot flies
+# COM_OBL_RC_ACT; the first three values are pilot modes
 _OFFBOARD_ACTIONS = {
     3: FailsafeAction.RETURN,
     4: FailsafeAction.LAND,
@@ -50,7 +50,7 @@ _OFFBOARD_ACTIONS = {
     6: FailsafeAction.TERMINATE,
     7: FailsafeAction.DISARM,
 }
-# COM_RCL_EXCEPT: by its bits, the modes that go on without a remote control
+# COM_RCL_EXCEPT: bit -> modes that continue without a remote control
 _RC_EXCEPTIONS = {1: (modes.MISSION,), 2: (modes.HOLD, modes.TAKEOFF), 4: (modes.OFFBOARD,)}
 
 
@@ -58,13 +58,13 @@ _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.A
 
 
 def _offboard_lost(params: Parameters) -> FailsafeAction:
-    """Without a pilot none of the modes that need one can run, and what is left is a return."""
+    """Return the action of a lost offboard link; pilot modes cannot run here, so a return replaces them."""
     without_pilot = FailsafeAction.RETURN if _pilot_missing(params) else FailsafeAction.HOLD
     return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
 
 
 def _pilot_missing(params: Parameters) -> bool:
-    # No vehicle here has a receiver; with stick input disabled altogether PX4 does not ask for one.
+    # No vehicle has a receiver here; with stick input disabled PX4 does not require one.
     return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
 
 
@@ -86,7 +86,7 @@ def _at_least(value: float) -> float:
 
 
 def _common(params: Parameters) -> dict[str, object]:
-    """What does not depend on the airframe."""
+    """Return the flight parameters independent of the airframe."""
     capacity_mah = params["BAT1_CAPACITY"]
     cells = max(int(params["BAT1_N_CELLS"]), 1)
     act = int(params["COM_LOW_BAT_ACT"])
@@ -145,10 +145,10 @@ def _common(params: Parameters) -> dict[str, object]:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float] | None:
-    """RTL_RETURN_ALT, but near home only as high as a cone over it; at home no climb at all.
+    """Return the height of a return: RTL_RETURN_ALT, limited near home by a cone; no climb at home.
 
-    Outside the radius in which it counts as there it keeps at least twice that height, so as not to touch the
-    ground while it still moves sideways.
+    Outside the acceptance radius the height is at least twice that radius, so that the vehicle does not touch
+    the ground while it moves sideways.
     """
     full_m, cone_deg, radius_m = params["RTL_RETURN_ALT"], params["RTL_CONE_ANG"], params["NAV_ACC_RAD"]
     near_m = params["RTL_MIN_DIST"]
@@ -163,7 +163,7 @@ def _return_height(params: Parameters) -> Callable[[float, float], float] | None
 
 
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
-    """The multicopter's parameters -> what it flies by."""
+    """Convert the multicopter's parameters."""
     cruise_m_s = _at_least(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
     descent_m_s = _at_least(min(params["MPC_Z_V_AUTO_DN"], params["MPC_Z_VEL_MAX_DN"]))
     return FlightParameters(
@@ -186,13 +186,13 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
 
 
 def _switch_m(params: Parameters) -> float:
-    """How far before a waypoint a fixed wing turns to the next (NPFG::switchDistance, at its usual speed)."""
+    """Return the switch distance of a fixed wing before a waypoint (NPFG::switchDistance, cruise) [m]."""
     error_bound_m = params["NPFG_PERIOD"] * params["NPFG_DAMPING"] * params["FW_AIRSPD_TRIM"]
     return float(max(params["NAV_ACC_RAD"], params["NPFG_SW_DST_MLT"] * error_bound_m))
 
 
 def plane_flight_parameters(params: Parameters) -> FlightParameters:
-    """The fixed wing's parameters -> what it flies by."""
+    """Convert the fixed wing's parameters."""
     sink_m_s = _at_least(params["FW_T_SINK_R_SP"])
     landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
     glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))

@@ -1,4 +1,4 @@
-"""What PX4 takes as a mission, fence or rally item: the commands, and the frame each of them needs."""
+"""Mission, fence and rally items of PX4: accepted commands and the frame each of them needs."""
 
 import math
 from dataclasses import replace
@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.mission import Item
 
-# Frames that name a place, and the frame an item is read back in.
+# Frames with a position, and the frame of the read-back.
 READ_BACK_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL_INT,
@@ -41,7 +41,7 @@ _ROI = frozenset({mavlink.MAV_CMD_NAV_ROI, mavlink.MAV_CMD_DO_SET_ROI})
 _ROI_WITH_PLACE = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
 _ROI_WITHOUT_PLACE = frozenset({mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX})
 
-# Commands without a place; they are taken in frame MISSION only.
+# Commands without a position; accepted in frame MISSION only.
 _WITHOUT_PLACE = frozenset(
     {
         mavlink.MAV_CMD_DO_JUMP,
@@ -82,10 +82,10 @@ _WITHOUT_PLACE = frozenset(
 
 
 def store_item(item: Item) -> Item | int:
-    """What PX4 keeps of an item; or the MAV_MISSION_RESULT it refuses it with.
+    """Return PX4's stored form of an item, or the MAV_MISSION_RESULT of a refusal.
 
-    All parameters are kept, and whether the numbers make sense is not looked at here: a NaN altitude, a
-    latitude of 100 degrees and a jump to an item that does not exist are stored and read back.
+    All parameters are stored without a check of their values: a NaN altitude, a latitude of 100 degrees and a
+    jump to a missing item are stored and read back.
     """
     if item.frame in READ_BACK_FRAME:
         commands, regions, frame = _WITH_PLACE, _ROI_WITH_PLACE, READ_BACK_FRAME[item.frame]

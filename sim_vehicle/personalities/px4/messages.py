@@ -1,4 +1,4 @@
-"""What PX4 sends without being asked, and what it answers to a request for a message."""
+"""Default streams of PX4, and its messages on request."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -43,11 +43,11 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
     mavlink.MAVLINK_MSG_ID_VIBRATION: 0.1,
     mavlink.MAVLINK_MSG_ID_WIND_COV: 0.5,
-    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: 1.0,  # strikes, where there are hostiles
+    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: 1.0,  # strikes, with hostiles
 }
 
 
-# Messages that pymavlink's ArduPilot dialect does not have.
+# Messages missing in pymavlink's ArduPilot dialect.
 _AVAILABLE_MODES = Layout(
     AVAILABLE_MODES,
     "AVAILABLE_MODES",
@@ -80,7 +80,7 @@ PROTOCOL_VERSION = Layout(
 
 
 def targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """A place where the navigator flies to one; locally also what an offboard computer has set."""
+    """Return (global, local): global in navigator modes, local also for offboard set-points."""
     mode = vehicle.mode
     steered = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
     return steered and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, steered
@@ -102,7 +102,7 @@ def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
 
 
 def available_modes(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
-    """Every mode (parameter 0), or the one with this index, counted from 1."""
+    """Return every mode (parameter 0), or the one with this index from 1."""
     every = list(vehicle.personality.modes.values())
     made = [_available_mode(index, len(every), mode) for index, mode in enumerate(every, start=1)]
     if parameter == 0:
@@ -111,7 +111,7 @@ def available_modes(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
 
 
 def protocol_version(_vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
-    """MAVLink 2.0, and 1.0 is understood as well."""
+    """Return PROTOCOL_VERSION: MAVLink 2.0, compatible with 1.0."""
     return [DefinedMessage(PROTOCOL_VERSION, version=200, min_version=100, max_version=200)]
 
 

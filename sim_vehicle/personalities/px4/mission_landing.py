@@ -1,7 +1,7 @@
-"""The landing that a PX4 1.15 mission says, and when a return uses it (navigator/rtl.cpp, mission_base.cpp).
+"""Landing sequence of a PX4 1.15 mission, and its use in a return (navigator/rtl.cpp, mission_base.cpp).
 
-It begins at DO_LAND_START and ends with the first landing of the list; where that comes earlier, it is that
-alone. RTL_TYPE says whether a return goes there.
+The sequence begins at DO_LAND_START and ends at the first landing of the list; a landing before DO_LAND_START
+is a sequence alone. RTL_TYPE decides about its use in a return.
 """
 
 import math
@@ -21,7 +21,7 @@ TO_BE_CLOSER_M = 2.0  # MIN_DIST_THRESHOLD
 
 
 def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
-    """Indices of where the landing begins and ends; None where there is none."""
+    """Return the first and last index of the landing sequence; None without one."""
     ends = next((i for i, item in enumerate(items) if item.command in LANDINGS), None)
     if ends is None:
         return None
@@ -30,7 +30,7 @@ def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
 
 
 def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
-    """Of the mission what a return flies, and the altitude above mean sea level to climb to before [m]."""
+    """Return the mission items of a return and the altitude to climb to first [m above mean sea level]."""
     mission, kind = vehicle.mission, int(vehicle.params["RTL_TYPE"])
     landing = mission_landing(mission.items) if mission.flyable else None
     if landing is None or kind not in (LANDING_OR_RALLY, BY_MISSION, CLOSEST):
@@ -53,7 +53,7 @@ def _flies(vehicle: Vehicle) -> bool:
 
 
 def _is_elsewhere_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
-    """Whether a rally point, or home where that counts, is nearer than where its mission lands."""
+    """Return True if a rally point (or home, if it counts) is nearer than the landing of the mission."""
     here_deg = vehicle.body.lat_lon_deg
     places = [point.place_deg for point in vehicle.home_and_rally.rally.items]
     if kind == CLOSEST:
@@ -64,7 +64,7 @@ def _is_elsewhere_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
 
 
 def _is_landing(vehicle: Vehicle, begins: int, ends: int) -> bool:
-    """Whether it lands by its mission already: past the first place of its landing, or circling there."""
+    """Return True during the mission landing: past its first position, or circling there."""
     mission = vehicle.mission
     if not _flies(vehicle) or not begins < mission.index <= ends:
         return False

@@ -1,7 +1,7 @@
-"""Flight modes of PX4 1.15: how they are numbered, and what they do with nobody at a stick.
+"""Flight modes of PX4 1.15: numbers, and behaviour without stick input.
 
-custom_mode on the wire is sub mode << 24 | main mode << 16. A mode that a pilot flies (`needs_pilot`) can be
-chosen on the ground, but neither armed in nor entered in the air while there is no manual control.
+custom_mode on the wire is sub mode << 24 | main mode << 16. A pilot's mode (`needs_pilot`) can be selected on
+the ground. Without manual control it can neither be armed in nor entered in the air.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -29,7 +29,7 @@ _AUTO = (
 
 
 def number(main: int, sub: int = 0) -> int:
-    """custom_mode of a main and a sub mode."""
+    """Return custom_mode of a main and a sub mode."""
     return sub << 24 | main << 16
 
 

@@ -1,9 +1,9 @@
 """Parameters of PX4 1.15, multicopter and fixed wing in simulation: names, units, types and defaults.
 
-An int is an INT32 and a float a REAL32 on the wire. `flight_parameters` makes of them what a vehicle flies by.
+An int is an INT32 and a float a REAL32 on the wire. `flight_parameters` converts them.
 """
 
-# Nothing acts by these: they are read by ground stations before they let anybody fly.
+# Parameters without an effect here; ground stations read them before a flight.
 _READ: dict[str, float | int] = {
     # battery, arming, modes
     "BAT1_V_EMPTY": 3.6,  # V a cell
@@ -40,7 +40,7 @@ _READ: dict[str, float | int] = {
     "SYS_HAS_GPS": 1,
     "SYS_HAS_MAG": 1,
     "SYS_HITL": 0,
-    # what a ground station takes for a calibrated vehicle
+    # marks of a calibrated vehicle
     "CAL_ACC0_ID": 1_310_988,
     "CAL_GYRO0_ID": 1_310_988,
     "CAL_MAG0_ID": 197_388,
@@ -102,7 +102,7 @@ _COMMON: dict[str, float | int] = _READ | {
     "BAT_LOW_THR": 0.15,
     "BAT_CRIT_THR": 0.07,
     "BAT_EMERGEN_THR": 0.05,
-    "COM_ARM_BAT_MIN": -1.0,  # share below which it does not arm; less than 0: BAT_CRIT_THR
+    "COM_ARM_BAT_MIN": -1.0,  # lowest share for arming; less than 0: BAT_CRIT_THR
     "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
     # arming, home, modes
     "COM_ARM_MIS_REQ": 0,  # 1: a valid mission is required to arm
@@ -139,7 +139,7 @@ _COMMON: dict[str, float | int] = _READ | {
     "SDLOG_MODE": 1,
     "SYS_FAILURE_EN": 0,  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     # environment of the simulation
-    "SIM_WIND_DIR": 180.0,  # deg the wind comes from; ours: PX4 leaves wind to its simulators
+    "SIM_WIND_DIR": 180.0,  # deg, origin of the wind; not a PX4 parameter: its simulators set the wind
     "SIM_WIND_SPD": 0.0,  # m/s, 0: the scenario's
 }
 

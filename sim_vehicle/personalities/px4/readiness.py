@@ -1,4 +1,4 @@
-"""Why a PX4 would not arm, and whether it has a mission that it would fly."""
+"""Arming checks of PX4, and the feasibility of missions."""
 
 from collections.abc import Sequence
 
@@ -36,7 +36,7 @@ _UNHEALTHY = {
 
 
 def refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """Everything that speaks against arming in the present mode, in PX4's words."""
+    """Return all reasons against arming in the present mode, in PX4's words."""
     return [*_estimate(vehicle, now), *_mode(vehicle, now), *_system(vehicle)]
 
 
@@ -66,7 +66,7 @@ def _mode(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _battery(vehicle: Vehicle) -> list[str]:
-    """A battery below COM_ARM_BAT_MIN, or in its place one at the critical level or worse."""
+    """Return the reasons of the battery: below COM_ARM_BAT_MIN, or else at the critical level or worse."""
     share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
     least_share = vehicle.params["COM_ARM_BAT_MIN"]
     if share >= (least_share if least_share >= 0 else flight_parameters.battery_low_share):
@@ -88,7 +88,7 @@ def _system(vehicle: Vehicle) -> list[str]:
 
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
-    """Whether a mission would be flown; why not is said in a text."""
+    """Return True for a mission that PX4 flies; announce the reason if not."""
     refusal = _far(vehicle, items)
     if refusal is None and vehicle.body.plane:
         refusal = _outside(vehicle, items)
@@ -102,7 +102,7 @@ def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
 
 
 def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Why the first place of a mission is too far from where the vehicle is; 0, 0 is in the Atlantic."""
+    """Return the reason if the first position is too far from the vehicle; 0, 0 is in the Atlantic."""
     limit_m = vehicle.params["MIS_DIST_1WP"]
     first = next((item for item in items if item.command in _PLACED), None)
     if first is None or limit_m <= 0 or not vehicle.position_known(vehicle.now):
@@ -112,9 +112,9 @@ def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
 
 def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Which place of a mission is outside of the fence, whatever a breach would lead to.
+    """Return the reason if a position of the mission is outside the fence, whatever its action.
 
-    Asked of fixed wings alone: of multicopters it was not observed whether they are refused such a mission.
+    This check applies to fixed wings only: for multicopters the refusal was not observed.
     """
     home_m = vehicle.flight.home().alt_amsl_m
     for number, item in enumerate(items, start=1):

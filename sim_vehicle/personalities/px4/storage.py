@@ -22,7 +22,7 @@ from sim_vehicle.vehicle.storage import Storage
 
 
 def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
-    """The storage of one vehicle."""
+    """Return the storage of one vehicle."""
     return Storage(
         vehicle,
         new_log=UlogLog,
@@ -40,7 +40,7 @@ def _metadata_of(vehicle: Vehicle) -> ComponentMetadata:
 
 @cache
 def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> ComponentMetadata:
-    """One object for all vehicles of a kind, made when the first of them is asked."""
+    """Return one object for all vehicles of a kind, made on the first call."""
     version = ".".join(str(flight_sw_version >> shift & 0xFF) for shift in (24, 16, 8))
     values = parameters.PLANE if plane else parameters.COPTER
     described = [ParameterMeta(name, value) for name, value in sorted(values.items())]

@@ -1,4 +1,4 @@
-"""What PX4 says, and when; `{...}` are facts of the occasion."""
+"""Texts of PX4 by event; `{...}` are values of the event."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 

@@ -1,4 +1,4 @@
-"""What PX4 asks of a fixed wing's mission before it flies it (MissionFeasibility/FeasibilityChecker.cpp)."""
+"""Feasibility of a fixed wing's mission on PX4 (MissionFeasibility/FeasibilityChecker.cpp)."""
 
 import math
 from collections.abc import Sequence
@@ -11,13 +11,13 @@ from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.numbers import finite
 from sim_vehicle.vehicle.rally import distance_m
 
-STEEPER_DEG = 0.1  # than the parameter says is not yet too steep
+STEEPER_DEG = 0.1  # tolerance of the glide slope
 LEAST_M = 1e-6
 _ABOVE_SEA = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 
 
 def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> str | None:
-    """Why a fixed wing would not fly these, in PX4's words; `steepest_deg` is FW_LND_ANG."""
+    """Return the reason against flying these items, in PX4's words; `steepest_deg` is FW_LND_ANG."""
     return _pattern(items) or next(
         (
             text
@@ -31,7 +31,7 @@ def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> s
 
 
 def _pattern(items: Sequence[Item]) -> str | None:
-    """What is wrong with where landings begin and end."""
+    """Return the error in the order of landing sequences, None without one."""
     starts = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_DO_LAND_START]
     ends = [i for i, item in enumerate(items) if item.command in LANDINGS]
     if len(starts) > 1:
@@ -47,7 +47,7 @@ def _pattern(items: Sequence[Item]) -> str | None:
 
 
 def _approach(before: Item, land: Item, home_amsl_m: float, steepest_deg: float) -> str | None:
-    """What is wrong with how a landing is come to from the place before it."""
+    """Return the error in the approach to a landing, None without one."""
     down_m = _amsl_m(before, home_amsl_m) - _amsl_m(land, home_amsl_m)
     if down_m < LEAST_M:
         return "Mission rejected: the approach waypoint must be above the landing point."

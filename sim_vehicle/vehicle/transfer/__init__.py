@@ -1,9 +1,8 @@
-"""The vehicle's side of the mission protocol: one machine an autopilot, without I/O.
+"""The vehicle's side of the mission protocol: one machine per autopilot, without I/O.
 
-ArduPilot serves missions, fences and rally points by three servers that know nothing of each other and
-write a mission item by item; PX4 has one machine with one partner for all three and swaps a complete list
-in at the end. What they share is small (items to messages and back, `wire`), so they are two machines and
-not one with switches.
+ArduPilot serves missions, fences and rally points by three independent servers and writes a mission item by
+item. PX4 has one machine with one partner for all three lists and swaps in a complete list at the end. The
+conversion of items to messages is common (`wire`).
 """
 
 from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer

@@ -1,8 +1,8 @@
-"""The mission protocol as ArduPilot serves it: three servers that know nothing of each other.
+"""The mission protocol of ArduPilot: three independent servers.
 
-An upload is asked for item by item with MISSION_REQUEST. Whether it is atomic is the store's business
-(`stores`): missions and rally points are written as items arrive, so an upload that dies leaves a mixture;
-a fence is written at the end. Downloads have no state.
+The vehicle requests an upload item by item with MISSION_REQUEST. The store (`stores`) decides about
+atomicity: missions and rally points are written as items arrive, so an aborted upload leaves a mixture. A
+fence is written at the end. Downloads have no state.
 """
 
 import math
@@ -28,7 +28,7 @@ from sim_vehicle.vehicle.transfer.wire import (
 
 REQUEST_AGAIN_S = 1.0
 ABANDON_AFTER_S = 8.0
-GUIDED, ALTITUDE = 2, 3  # MISSION_ITEM.current: not for the mission, but where to go now
+GUIDED, ALTITUDE = 2, 3  # MISSION_ITEM.current: a target for guided flight, not a mission item
 ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 ERROR = int(mavlink.MAV_MISSION_ERROR)
 DENIED = int(mavlink.MAV_MISSION_DENIED)
@@ -161,7 +161,7 @@ class _Server:
                 item_message(peer, message.seq, found, self._kind, as_int=as_int, autocontinue=autocontinue)
             )
             return
-        if self._kind == MISSION:  # tells the ground station how many there are
+        if self._kind == MISSION:  # reports the count first
             self._send(count_message(peer, self._store.count, self._kind))
         self.acknowledge(peer, found)
 
@@ -183,18 +183,18 @@ class _Server:
 
 
 class ArduPilotTransfer:
-    """Answers mission messages on behalf of one vehicle.
+    """Server of mission messages for one vehicle.
 
     Parameters
     ----------
-    stores: what is read and written, by MAV_MISSION_TYPE. Files may read and write it, too.
-    store_item: what is kept of a mission item, or the MAV_MISSION_RESULT it is refused with.
-    send: takes each outgoing message.
-    say: sends a STATUSTEXT (severity, text).
-    stored: called with MAV_MISSION_TYPE and what MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL has become.
-    guided: where to go at once (an item with `current` 2; 3: only its altitude, then the flag is True);
-        whether the vehicle obeys.
-    refusal: a fault that refuses uploads.
+    stores: the lists by MAV_MISSION_TYPE; file transfers use them too.
+    store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
+    send: receives each outgoing message.
+    send_text: sends a STATUSTEXT (severity, text).
+    stored: called with MAV_MISSION_TYPE and the new value of MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL.
+    guided: flies to an item with `current` 2 at once, or changes the altitude only (`current` 3, flag True);
+        returns False if the vehicle refuses.
+    refusal: returns a fault that refuses uploads, or None.
     """
 
     def __init__(
@@ -227,19 +227,19 @@ class ArduPilotTransfer:
 
     @property
     def ids(self) -> tuple[int, int, int]:
-        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: not kept by this autopilot."""
+        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: always 0 on this autopilot."""
         return 0, 0, 0
 
     @property
     def next_deadline_s(self) -> float:
-        """When `tick` has something to do [s]; inf where nothing is under way."""
+        """Time when `tick` has work [s]; inf without a transfer."""
         return min(server.next_deadline_s for server in self._servers.values())
 
     def handles(self, message_type: str) -> bool:
         return message_type in self._handlers
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one message of the mission protocol at `now` [s]."""
+        """Process one message of the mission protocol at `now` [s]."""
         peer, kind = peer_of(message), message.mission_type
         server = self._servers.get(kind)
         if server is None:
@@ -251,12 +251,12 @@ class ArduPilotTransfer:
             self._stored(kind, server.total)
 
     def tick(self, now: float) -> None:
-        """Ask again or give up, by the time `now` [s]."""
+        """Repeat requests or give up, by the time `now` [s]."""
         for server in self._servers.values():
             server.tick(now)
 
     def reset(self) -> None:
-        """The vehicle rebooted: transfers under way are forgotten, what is stored stays."""
+        """Forget transfers after a reboot; stored lists stay."""
         for server in self._servers.values():
             server.reset()
 

@@ -1,8 +1,8 @@
-"""The mission protocol as PX4 speaks it: one machine and one partner for missions, fences and rally points.
+"""The mission protocol of PX4: one machine and one partner for missions, fences and rally points.
 
-A new list is collected beside the stored one and takes its place when it is complete, so an upload that
-fails leaves everything as it was. Uploads are asked for with MISSION_REQUEST until the ground station has
-shown that it knows the _INT messages. Who is not the partner of the last transfer is told so in a text.
+A complete new list replaces the stored one; a failed upload changes nothing. The vehicle requests items with
+MISSION_REQUEST until the ground station has sent an _INT message. Another system than the partner of the last
+transfer gets a text.
 """
 
 import dataclasses
@@ -65,20 +65,21 @@ class _State(Enum):
 
 
 class Px4Transfer:
-    """Answers mission messages on behalf of one vehicle.
+    """Server of mission messages for one vehicle.
 
     Parameters
     ----------
-    mission, fence, rally: what is read, and (but for the mission) written.
-    sysid: only messages to this system, and to its autopilot, are for it: a broadcast is not.
-    store_item: what is kept of an item of whatever list, or the MAV_MISSION_RESULT it is refused with.
+    mission, fence, rally: lists to read, and (except the mission) to write.
+    sysid: messages for this system and its autopilot are processed; broadcasts are not.
+    store_item: converts an item of any list to its stored form, or returns the MAV_MISSION_RESULT of a
+        refusal.
     max_items: longer missions are refused with NO_SPACE.
-    send: takes each outgoing message.
-    say: sends a STATUSTEXT (severity, text).
-    replace: takes a complete new mission and its current index, -1 where none was marked.
-    set_current: MISSION_SET_CURRENT to an index that exists.
-    changed: called with MAV_MISSION_TYPE when the fence or the rally points became others.
-    refusal: a fault that refuses uploads.
+    send: receives each outgoing message.
+    send_text: sends a STATUSTEXT (severity, text).
+    replace: takes a complete new mission and its current index, -1 if none was marked.
+    set_current: receives MISSION_SET_CURRENT for an existing index.
+    changed: called with MAV_MISSION_TYPE after a change of the fence or the rally points.
+    refusal: returns a fault that refuses uploads, or None.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class Px4Transfer:
         self.reset()
 
     def reset(self) -> None:
-        """The vehicle rebooted: a transfer under way is forgotten, what is stored stays."""
+        """Forget a transfer after a reboot; stored lists stay."""
         self._state = _State.IDLE
         self._as_int = False
         self._partner: MissionPeer = (0, 0)
@@ -134,12 +135,12 @@ class Px4Transfer:
 
     @property
     def ids(self) -> tuple[int, int, int]:
-        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: checksums, 0 where empty."""
+        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: checksums, 0 if empty."""
         return self._ids[MISSION], self._ids[FENCE], self._ids[RALLY]
 
     @property
     def next_deadline_s(self) -> float:
-        """When `tick` has something to do [s]; inf where nothing is under way."""
+        """Time when `tick` has work [s]; inf without a transfer."""
         if self._state is _State.IDLE:
             return math.inf
         again_s = self._requested_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
@@ -149,7 +150,7 @@ class Px4Transfer:
         return message_type in self._handlers or message_type == "MISSION_WRITE_PARTIAL_LIST"
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one message of the mission protocol at `now` [s]; partial writes are not known here."""
+        """Process one message of the mission protocol at `now` [s]; partial writes are ignored."""
         handler = self._handlers.get(message.get_type())
         if (
             handler is not None
@@ -159,7 +160,7 @@ class Px4Transfer:
             handler(message, peer_of(message), now)
 
     def tick(self, now: float) -> None:
-        """Ask again or give up, by the time `now` [s]."""
+        """Repeat requests or give up, by the time `now` [s]."""
         if self._state is _State.IDLE:
             return
         if now - self._last_received_s >= TIMEOUT_S - EPSILON_S:
@@ -183,7 +184,7 @@ class Px4Transfer:
                 self._send_text(CRITICAL, "WPM: REJ. CMD: Busy")
                 self._acknowledge(peer, ERROR)
             else:
-                self._request_item(now)  # its first request seems lost; the old count stays
+                self._request_item(now)  # the first request was probably lost; the announced count stays
             return
         self._partner, self._kind = peer, message.mission_type
         refusal = self._refusal()
@@ -219,7 +220,7 @@ class Px4Transfer:
             self._send_text(CRITICAL, "IGN MISSION_ITEM: Busy")
             self._acknowledge(peer, ERROR)
         elif self._state is _State.IDLE:
-            if self._seq == message.seq + 1:  # the last one again: its acknowledgement seems lost
+            if self._seq == message.seq + 1:  # a repeated last item: the acknowledgement was probably lost
                 self._acknowledge(peer, ACCEPTED, self._new_id)
             else:
                 self._send_text(CRITICAL, "IGN MISSION_ITEM: No transfer")
@@ -252,7 +253,7 @@ class Px4Transfer:
         self._acknowledge(self._partner, ACCEPTED, self._new_id)
 
     def _kept(self, message: Any) -> Item | int:
-        """What is kept of an item, or the MAV_MISSION_RESULT it ends the upload with."""
+        """Return the stored form of an item, or the MAV_MISSION_RESULT that ends the upload."""
         refusal = self._refusal()
         if refusal is not None and refusal.at_item == message.seq:
             return refusal.result
@@ -323,7 +324,7 @@ class Px4Transfer:
         items = self._items()
         if seq == self._seq < self._announced:
             self._seq += 1
-        expected = seq == self._seq - 1  # also when it is asked for again
+        expected = seq == self._seq - 1  # a repeated request too
         if not expected or seq >= len(items):
             self._state = _State.IDLE
             self._acknowledge(self._partner, ERROR)
@@ -349,7 +350,7 @@ class Px4Transfer:
         elif self._state is _State.SENDING and message.mission_type == self._kind:
             self._state = _State.IDLE
         elif self._state is _State.GETTING:
-            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the kind of item that was asked for
+            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the partner rejects this kind of request
                 self._as_int = not self._as_int
                 self._request_item(now)
             elif message.type == mavlink.MAV_MISSION_OPERATION_CANCELLED:
@@ -368,7 +369,7 @@ class Px4Transfer:
 
 
 def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
-    """The item in the frame it is read back in: of the _INT kind if such items are spoken."""
+    """Return the item in its read-back frame, of the _INT kind with `as_int`."""
     if item.frame in _ABSOLUTE or (absolute and item.frame in _RELATIVE):
         frame = _ABSOLUTE[as_int]
     elif item.frame in _RELATIVE:
@@ -379,7 +380,7 @@ def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
 
 
 def _checksum(message: Any, before: int) -> int:
-    """CRC-32 over a list of items, as they came in, up to this one; starts with 0, without inversions."""
+    """Return the CRC-32 over the received items up to this one; initial value 0, no inversion."""
     parameters = (message.param1, message.param2, message.param3, message.param4)
     layout = _CHECKED_INT if message.get_type() == "MISSION_ITEM_INT" else _CHECKED
     head = (message.frame, message.command, message.autocontinue)

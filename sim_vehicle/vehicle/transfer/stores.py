@@ -1,4 +1,4 @@
-"""What ArduPilot keeps of missions, fences and rally points, and when it writes it."""
+"""Storage of missions, fences and rally points on ArduPilot, and the time of writing."""
 
 import math
 from collections.abc import Callable
@@ -18,7 +18,7 @@ INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 LATITUDE_E7, LONGITUDE_E7 = 900_000_000, 1_800_000_000
 
-# Bytes of storage of a simulated copter: a fence needs 4, and 2 + 8 a vertex for a polygon.
+# Storage of a simulated copter [B]: a fence needs 4, and 2 + 8 per vertex for a polygon.
 FENCE_STORAGE = 560
 RALLY_POINTS = 46
 _ANY_ALTITUDE = {
@@ -36,40 +36,40 @@ class Store(Protocol):
 
     name: str
     max_items: int
-    autocontinue: int  # what is read back
+    autocontinue: int  # value of autocontinue in downloads
 
     @property
     def count(self) -> int: ...
 
     @property
     def total(self) -> int:
-        """The parameter that says how much is stored."""
+        """Value of the parameter that counts stored items."""
         ...
 
     def begin(self, count: int) -> None:
-        """So many items are coming and will be all there are."""
+        """Begin an upload of `count` items, which replaces the list."""
 
     def begin_update(self) -> None:
-        """Some items are coming in place of stored ones."""
+        """Begin an upload that replaces some stored items."""
 
     def put(self, index: int, item: Item, last: int) -> int:
-        """Take one item; `last` is the index of the last that is coming."""
+        """Store one item; `last` is the last index of the upload."""
         ...
 
     def complete(self) -> int: ...
 
     def abandon(self) -> None:
-        """No more items are coming after all."""
+        """End an aborted upload."""
 
     def clear(self) -> bool: ...
 
     def read(self, index: int) -> Item | int:
-        """An item, or the result its request is answered with."""
+        """Return an item, or the result that answers its request."""
         ...
 
 
 class MissionStore:
-    """Items are written one by one, and the list is cut when a shorter one is announced."""
+    """Mission store: items are written one by one, and a shorter count truncates the list at once."""
 
     name, autocontinue = "Mission", 1
 
@@ -134,7 +134,7 @@ class MissionStore:
 
 
 class FenceStore:
-    """Items are collected, looked at together, and written at once; what is refused leaves the old fence."""
+    """Fence store: items are collected, checked together and written at once, or not at all."""
 
     name, autocontinue = "Fence", 0
     max_items = FENCE_STORAGE // 8
@@ -201,15 +201,15 @@ class FenceStore:
 
 
 def _kept_radius_m(radius_m: float) -> float:
-    """Radii near an integer are stored as one."""
+    """Return a radius as stored: rounded to an integer if it is within 1 mm above one."""
     if math.isfinite(radius_m) and 0 <= radius_m - int(radius_m) < 0.001:
         return float(int(radius_m))
     return as_float32(radius_m)
 
 
 def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
-    """What is wrong with a fence, as (severity, text)."""
-    left = whole = 0  # vertices of the polygon under way
+    """Return the error of a fence as (severity, text), None if it is valid."""
+    left = whole = 0  # vertices of the current polygon
     wanted: int | None = None
     seen_return_point = False
     for item in items:
@@ -237,7 +237,7 @@ def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
 
 
 def _fence_storage(items: list[Item]) -> int:
-    """Bytes that a valid fence takes."""
+    """Return the storage of a valid fence [B]."""
     size, index = 4, 0
     while index < len(items):
         item = items[index]
@@ -252,7 +252,7 @@ def _fence_storage(items: list[Item]) -> int:
 
 
 class RallyStore:
-    """Points are written one by one, like a mission."""
+    """Rally point store: points are written one by one, like a mission."""
 
     name, autocontinue, max_items = "Rally", 0, RALLY_POINTS
 

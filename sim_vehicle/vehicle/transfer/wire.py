@@ -15,7 +15,7 @@ FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 
-# Commands whose x and y are no coordinates: the legacy MISSION_ITEM carries them as they are.
+# Commands without coordinates in x and y: the legacy MISSION_ITEM carries them unscaled.
 _NO_COORDINATES = frozenset(
     {
         mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
@@ -54,21 +54,21 @@ def peer_of(message: Any) -> MissionPeer:
 
 
 def ack_message(peer: MissionPeer, result: int, kind: int, opaque_id: int = 0) -> Any:
-    """MISSION_ACK with a MAV_MISSION_RESULT."""
+    """Return MISSION_ACK with a MAV_MISSION_RESULT."""
     message = _MissionAck(*peer, result, kind)
     message.opaque_id = opaque_id
     return message
 
 
 def count_message(peer: MissionPeer, count: int, kind: int, opaque_id: int = 0) -> Any:
-    """MISSION_COUNT."""
+    """Return MISSION_COUNT."""
     message = _MissionCount(*peer, count, kind)
     message.opaque_id = opaque_id
     return message
 
 
 def item_from_message(message: Any) -> Item | None:
-    """MISSION_ITEM_INT or the legacy MISSION_ITEM -> Item; None where its coordinates are no numbers."""
+    """Return the item of MISSION_ITEM_INT or of the legacy MISSION_ITEM; None for invalid coordinates."""
     x, y = message.x, message.y
     if message.get_type() == "MISSION_ITEM":
         if not (math.isfinite(x) and math.isfinite(y)):
@@ -102,7 +102,7 @@ def item_message(
     current: bool = False,
     autocontinue: int = 1,
 ) -> Any:
-    """MISSION_ITEM_INT, or the legacy MISSION_ITEM, to a ground station."""
+    """Return MISSION_ITEM_INT, or the legacy MISSION_ITEM, for a ground station."""
     head = (*peer, seq, item.frame, item.command, int(current), autocontinue)
     parameters = (item.param1, item.param2, item.param3, item.param4)
     if as_int:

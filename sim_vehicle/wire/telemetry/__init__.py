@@ -1,8 +1,8 @@
-"""What a vehicle tells: the fields of each message, for any set of vehicles at once.
+"""Telemetry: the fields of each message, for any set of vehicles at once.
 
-A builder gets the fleet's columns and which vehicles are meant, and returns columns of its message; fields
-it does not name are 0. Units are those of the message definitions. `STREAMS` is the table of all messages
-that can be asked for at a rate.
+A builder receives the fleet's columns and the selected vehicles, and returns the columns of its message;
+other fields are 0. Units are those of the message definitions. `STREAMS` is the table of all messages that
+can be streamed.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One message that can be asked for at a rate: its columns, and which vehicles have it to tell."""
+    """One message that can be streamed: its columns, and the vehicles that have data for it."""
 
     layout: Layout
     columns: Builder
@@ -104,7 +104,7 @@ _BY_DEFINITION: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
     (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _everyone),
     (px4.CURRENT_MODE, px4.current_mode, _everyone),
 )
-# Extension fields that the dialect does not have yet; a checksum does not cover an extension's definition.
+# Extension fields missing in the dialect; the checksum does not cover an extension's definition.
 _EXTENSIONS = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: ("mission_id", "fence_id", "rally_points_id"),
 }

@@ -1,4 +1,4 @@
-"""Where a vehicle is and how it moves, as it estimates that itself."""
+"""Estimated position, motion and targets of a vehicle."""
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -39,7 +39,7 @@ def global_position_int(v: View) -> Columns:
 
 
 def local_position_ned(v: View) -> Columns:
-    """Relative to the origin: where the vehicle stood when it got its first position."""
+    """Return the position relative to the origin, which is the place of the first position estimate."""
     offset_m = v.world.estimate_m[v.i] - v.status.origin_m[v.i]
     velocity = v.world.estimate_velocity_m_s[v.i]
     return {
@@ -67,7 +67,7 @@ def attitude(v: View) -> Columns:
 
 
 def quaternion(angles_rad: Floats) -> Floats:
-    """(n, 3) roll, pitch, yaw [rad] -> (n, 4) w, x, y, z."""
+    """Convert roll, pitch, yaw [rad] (n, 3) to w, x, y, z (n, 4)."""
     half = angles_rad / 2
     (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
     return np.column_stack(
@@ -121,14 +121,14 @@ def nav_controller_output(v: View) -> Columns:
     }
 
 
-# POSITION_TARGET_TYPEMASK: what does not count of a target. ArduPilot also sets those bits that mean nothing.
+# POSITION_TARGET_TYPEMASK: ignored parts of a target. ArduPilot also sets the bits without a meaning.
 IGNORE_XYZ, IGNORE_Z, IGNORE_VELOCITY = 0x0007, 0x0004, 0x0038
 IGNORE_ACCELERATION, IGNORE_YAW = 0x01C0, 0x0C00  # yaw and its rate
 IGNORE_BUT_POSITION = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW
 MEANINGLESS = 0xF000
 PLACE_BITS = np.array([[1], [2], [4]])
 SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
-SIGNS = np.array([[1.0], [1.0], [-1.0]])  # of north, east, down where up is positive
+SIGNS = np.array([[1.0], [1.0], [-1.0]])  # signs of north, east, down for up positive
 
 
 def _is_px4(v: View) -> Bools:
@@ -140,21 +140,21 @@ def _flying(v: View) -> Bools:
 
 
 def has_global_target(v: View) -> Bools:
-    """ArduCopter only while it goes to the place of its mode, PX4 in the air; ArduPlane always has one."""
+    """Return the vehicles with a global target: ArduCopter on its way, PX4 in the air, ArduPlane always."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     goes = px4 | (dynamics.order[i] == MotionOrder.POSITION)
     return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (goes & _flying(v))))
 
 
 def has_local_target(v: View) -> Bools:
-    """None while it is told how to lean; PX4's only in the air."""
+    """Return the vehicles with a local target: none under attitude set-points, PX4 only in the air."""
     status, i = v.status, v.i
     controlled = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
     return np.asarray(status.has_setpoint[i] & status.has_origin[i] & controlled)
 
 
 def _set_points(v: View, px4: Bools) -> Floats:
-    """SET_POINT (8, n) that PX4 tells with a position: as a copter flies, no numbers of a plane."""
+    """Return the set-point that PX4 reports with a position, (8, n); NaN for planes."""
     dynamics, i = v.world.dynamics, v.i
     told = np.zeros((len(SET_POINT), len(i)))
     if px4.any():
@@ -168,7 +168,7 @@ def _set_points(v: View, px4: Bools) -> Floats:
 
 
 def _ned(east_north_up: Floats) -> Floats:
-    """(3, n) -> north, east, down."""
+    """Convert east, north, up to north, east, down, (3, n)."""
     return np.asarray(east_north_up[[1, 0, 2]] * SIGNS)
 
 
@@ -187,7 +187,7 @@ def position_target_global_int(v: View) -> Columns:
 
 
 def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
-    """POSITION_TARGET_TYPEMASK of a position, or of the velocity that it has been told and `moves` by."""
+    """Return POSITION_TARGET_TYPEMASK of a position, or of the velocity set-point it `moves` by."""
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
     mask = np.where(moves, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
@@ -200,9 +200,9 @@ def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
 
 
 def position_target_local_ned(v: View) -> Columns:
-    """A position, or the velocity it has been told.
+    """Return a position target or a velocity set-point.
 
-    What does not count ArduPilot leaves at 0; PX4 has no number there.
+    Ignored fields are 0 on ArduPilot and NaN on PX4.
     """
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     moves = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
@@ -249,7 +249,7 @@ def ekf_status_report(v: View) -> Columns:
 def estimator_status(v: View) -> Columns:
     known = v.status.position_known[v.i]
     eph_m = np.where(known, v.world.gps.eph_m[v.i], np.nan)
-    # Up to PRED_POS_HORIZ_ABS the flags of both messages are the same bits.
+    # Up to PRED_POS_HORIZ_ABS both messages use the same bits.
     return {
         "time_usec": v.boot_us(),
         "flags": np.where(known, EKF_POSITION, EKF_NO_POSITION),

@@ -1,6 +1,6 @@
-"""Messages that only PX4 streams; by their definitions, where pymavlink's ArduPilot dialect has none.
+"""Messages that only PX4 streams; defined here if pymavlink's ArduPilot dialect lacks them.
 
-A ground station that does not know them either sees frames of unknown ids, as it does with the real one.
+A ground station that does not know them sees frames of unknown ids, as with the real autopilot.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from sim_vehicle.wire.telemetry.view import Columns, View
 
 UNKNOWN_TIME_S = -1
 OUTPUTS = 4  # motors or servos
-DIAGONAL = (0, 6, 11, 15, 18, 20)  # of a symmetric 6 x 6 matrix whose upper triangle is written row by row
+DIAGONAL = (0, 6, 11, 15, 18, 20)  # diagonal of a symmetric 6 x 6 matrix, upper triangle by rows
 ANGLE_VARIANCE_RAD2, VELOCITY_VARIANCE_M2_S2 = 1e-4, 1e-2
 
 TIME_ESTIMATE_TO_TARGET = Layout(
@@ -43,7 +43,7 @@ CURRENT_MODE = Layout(
 
 
 def time_estimate_to_target(v: View) -> Columns:
-    """The way home at cruising speed [s]; nothing else is estimated."""
+    """Return the time home at cruising speed [s]; other times are not estimated."""
     status, dynamics = v.status, v.world.dynamics
     away_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
     speed_m_s = np.maximum(np.hypot(dynamics.velocity_m_s[v.i, 0], dynamics.velocity_m_s[v.i, 1]), 5.0)
@@ -53,7 +53,7 @@ def time_estimate_to_target(v: View) -> Columns:
 
 
 def current_event_sequence(_v: View) -> Columns:
-    """No events are sent, so the sequence stands at 0."""
+    """Return sequence 0: no events are sent."""
     return {"sequence": 0}
 
 
@@ -63,12 +63,12 @@ def current_mode(v: View) -> Columns:
 
 
 def _since_boot_us(v: View, at_s: Floats) -> Floats:
-    """Times of the simulation [s] by the vehicle's clock [us]; 0 where there is none."""
+    """Convert times of the simulation [s] to the vehicle's clock [us]; 0 for none."""
     return np.asarray(np.nan_to_num((at_s - v.status.boot_s[v.i]) * 1e6))
 
 
 def flight_information(v: View) -> Columns:
-    """Since the boot, although the fields are called UTC."""
+    """Return times since the boot, although the fields are called UTC."""
     return {
         "time_boot_ms": v.boot_ms(),
         "arming_time_utc": _since_boot_us(v, v.status.armed_since_s[v.i]),
@@ -78,7 +78,7 @@ def flight_information(v: View) -> Columns:
 
 
 def hil_state_quaternion(v: View) -> Columns:
-    """The truth, as PX4's simulators have it; PX4 leaves the time at 0."""
+    """Return the true state, as PX4's simulators do; PX4 leaves the time at 0."""
     dynamics, i = v.world.dynamics, v.i
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.position_m[i, 0], dynamics.position_m[i, 1])
     rates = dynamics.rates_rad_s[i]
@@ -102,7 +102,7 @@ def hil_state_quaternion(v: View) -> Columns:
 
 
 def odometry(v: View) -> Columns:
-    """Position and velocity in the local north, east, down frame, attitude and body rates."""
+    """Return position and velocity (north, east, down), attitude and body rates."""
     local = local_position_ned(v)
     rates = v.world.dynamics.rates_rad_s[v.i]
     horizontal_m2 = v.world.gps.eph_m[v.i] ** 2
@@ -127,7 +127,7 @@ def odometry(v: View) -> Columns:
 
 
 def actuator_output_status(v: View) -> Columns:
-    """Pulse widths of the motors [us], 1000 while they stand still."""
+    """Return the pulse widths of the motors [us], 1000 at rest."""
     pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = np.zeros((len(v.i), 32))
     outputs[:, :OUTPUTS] = pulse_us[:, None]

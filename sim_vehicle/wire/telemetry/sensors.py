@@ -1,4 +1,4 @@
-"""What the sensors of a vehicle say: satellites, battery, inertia, pressure, wind, clocks."""
+"""Sensor messages: satellites, battery, inertia, pressure, wind, clocks."""
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -64,12 +64,12 @@ def system_time(v: View) -> Columns:
 
 
 def timesync(v: View) -> Columns:
-    """The vehicle's own request for a synchronisation: tc1 is 0, ts1 its clock [ns]."""
+    """Return the vehicle's own TIMESYNC request: tc1 is 0, ts1 its clock [ns]."""
     return {"ts1": np.rint(v.boot_s() * 1e9).astype(np.int64)}
 
 
 def wind(v: View) -> Columns:
-    """The estimate ArduPilot reports; direction is where the wind comes from."""
+    """Return ArduPilot's wind estimate; direction is the origin of the wind."""
     east, north, up = v.world.wind_m_s[v.i].T
     return {
         "direction": np.rad2deg(np.arctan2(-east, -north)),
@@ -103,7 +103,7 @@ def scaled_pressure(v: View) -> Columns:
 
 
 def _magnetic_field_mgauss(v: View) -> Floats:
-    """The earth's field turned into the horizontal frame of each vehicle's heading, (n, 3)."""
+    """Return the earth's magnetic field in the horizontal frame of each vehicle's heading, (n, 3)."""
     yaw = v.world.dynamics.attitude_rad[v.i, 2]
     north, east, down = FIELD_MGAUSS
     forward = north * np.cos(yaw) + east * np.sin(yaw)
@@ -167,13 +167,13 @@ def power_status(_v: View) -> Columns:
 
 
 def rc_channels(v: View) -> Columns:
-    """No receiver is bound: no channels."""
+    """Return no channels: no receiver is bound."""
     channels = {f"chan{n}_raw": UNKNOWN_U16 for n in range(1, 19)}
     return {"time_boot_ms": v.boot_ms(), "chancount": 0, "rssi": 255, **channels}
 
 
 def distance_sensor(_v: View) -> Columns:
-    """No vehicle has one: it may be asked for at a rate, and nothing comes."""
+    """Return nothing: it can be requested at a rate, but no vehicle has a sensor."""
     return {}
 
 

@@ -1,4 +1,4 @@
-"""The fleet's columns as a message builder sees them."""
+"""The fleet's columns as message builders read them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ UNKNOWN = -1
 
 @dataclass(slots=True)
 class View:
-    """The fleet's columns at one time; `i` are the vehicles that are meant."""
+    """The fleet's columns at one time; `i` are the selected vehicles."""
 
     world: World
     status: Status
@@ -28,7 +28,7 @@ class View:
     now: float
 
     def boot_s(self) -> Floats:
-        """Each vehicle's own clock since its boot [s]."""
+        """Return each vehicle's own clock since its boot [s]."""
         status, i = self.status, self.i
         ahead_s = status.clock_offset_s[i] + (self.now - status.clock_since_s[i]) * status.clock_drift[i]
         return np.asarray(self.now - status.boot_s[i] + ahead_s, dtype=np.float64)
@@ -40,7 +40,7 @@ class View:
         return np.rint(self.boot_s() * 1e6).clip(0).astype(np.uint64)
 
     def e7(self) -> tuple[Ints, Ints]:
-        """Estimated latitude and longitude [1e-7 deg]; 0, 0 before the first fix."""
+        """Return estimated latitude and longitude [1e-7 deg]; 0, 0 before the first fix."""
         lat_deg, lon_deg = self.world.estimated_geodetic()
         seen = self.status.gps_seen[self.i]
         lat = np.rint(np.where(seen, lat_deg[self.i], 0.0) * 1e7).astype(np.int64)
@@ -50,7 +50,7 @@ class View:
         return np.asarray(np.rad2deg(self.world.dynamics.attitude_rad[self.i, 2]) % 360.0)
 
     def height_m(self) -> Floats:
-        """Above home [m]."""
+        """Return the height above home [m]."""
         status = self.status
         home = np.where(
             status.has_home[self.i], status.home_amsl_m[self.i], self.world.dynamics.ground_m[self.i]
