@@ -1,5 +1,6 @@
-"""A payload that reports its observations to its vehicle's agent, once a second. Needs `pip install eclipse-zenoh`.
+"""A payload that reports its observations to its vehicle's agent, once a second.
 
+Needs `pip install eclipse-zenoh`.
 For a swarm with `sensor: {source: external}` and `communication: {listen: tcp/127.0.0.1:7447}`:
 python configs/detector.py tcp/127.0.0.1:7447 first-flight 3
 """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import tempfile
 from pathlib import Path
 
@@ -29,28 +31,28 @@ def abort(words: str) -> Result:
         ("--all", "Missing argument"),
         ("stop --all", "Invalid value for"),
         ("launch --all", "Invalid value for"),
-        ("hold", "which vehicles? give --uav NAME"),
-        ("hold --all --uav 1", "which vehicles?"),
-        ("land --all --connect tcp/127.0.0.1:7447", "which swarm"),
-        ("return --all --config nowhere.yaml", "there is no such file"),
+        ("hold", "[which-vehicles]"),
+        ("hold --all --uav 1", "[which-vehicles]"),
+        ("land --all --connect tcp/127.0.0.1:7447", "[which-swarm]"),
+        ("return --all --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_what_is_not_clear_is_a_wrong_usage_and_says_what_is_missing(words: str, why: str) -> None:
+def test_an_unclear_abort_is_a_usage_error(words: str, why: str) -> None:
     result = abort(words)
     assert result.exit_code == 2
     assert why in result.stderr
 
 
-def test_where_nothing_flies_it_says_so() -> None:
+def test_an_abort_without_a_running_swarm_is_an_error() -> None:
     result = abort("hold --all")
     assert result.exit_code == 1
-    assert "no swarm of this user flies on this machine" in result.stderr
+    assert "[no-swarm]" in result.stderr
 
 
 @pytest.mark.parametrize(
     ("how", "order"), [("hold", FlightOrder.HOLD), ("return", FlightOrder.RETURN), ("land", FlightOrder.LAND)]
 )
-def test_all_are_told_and_what_each_says_is_printed(how: str, order: FlightOrder) -> None:
+def test_all_vehicles_get_the_order_and_their_answers_are_printed(how: str, order: FlightOrder) -> None:
     with station_in_a_thread() as station:
         result = abort(f"{how} --all")
     assert result.exit_code == 0
@@ -58,26 +60,39 @@ def test_all_are_told_and_what_each_says_is_printed(how: str, order: FlightOrder
     assert station.posted == [(uav, ev.OperatorCommand(order, 1)) for uav in (1, 2)]
 
 
-def test_one_is_told_by_its_name_and_the_other_flies_on() -> None:
+def test_an_abort_by_name_leaves_the_other_vehicle_flying() -> None:
     with station_in_a_thread() as station:
         result = abort("land --uav uav2 --swarm test")
     assert (result.exit_code, result.stdout) == (0, "uav2: land ordered\n")
     assert [uav for uav, _ in station.posted] == [2]
 
 
-def test_a_vehicle_that_is_not_there_is_said_and_nobody_is_told() -> None:
+def test_an_unknown_vehicle_is_refused_and_no_vehicle_gets_the_order() -> None:
     with station_in_a_thread() as station:
         result = abort("hold --uav 9")
     assert result.exit_code == 1
-    assert "test refused: nothing was changed: no vehicle has the system id or name 9" in result.stderr
+    assert "1 (uav1), 2 (uav2)" in result.stderr
     assert station.posted == []
 
 
-def test_a_name_that_is_misspelt_keeps_nobody_else_in_the_air() -> None:
+def test_a_misspelt_name_does_not_keep_the_others_in_the_air() -> None:
     with station_in_a_thread() as station:
         result = abort("land --uav nosuch --uav uav1")
     assert result.exit_code == 1
     assert [uav for uav, _ in station.posted] == [1]
     assert "uav1: land ordered" in result.stdout
     assert "nosuch: not ordered: " in result.stderr
-    assert "no vehicle has the system id or name nosuch" in result.stderr
+
+
+def test_an_abort_without_a_name_shows_the_flight_found_and_leaves_stale_records(tmp_path: Path) -> None:
+    folder = tmp_path / f"swarmctl-{os.getuid()}"
+    with station_in_a_thread() as station:
+        stale = folder / "killed.1.json"
+        stale.write_text('{"swarm": "killed", "endpoint": "tcp/127.0.0.1:4003", "pid": 1}')
+        result = abort("hold --all")
+    assert result.exit_code == 0
+    assert re.search(r"found test at tcp/127\.0\.0\.1:\d+ \(flying for \d+ s, process \d+\)", result.stderr)
+    assert "killed" not in result.stderr
+    assert stale.exists()
+    assert len(station.posted) == 2
+    assert "[flight-ended]" in abort("return --all --swarm test").stderr

@@ -65,7 +65,7 @@ UNITS = {
 
 
 def properties() -> Iterator[tuple[str, str]]:
-    """Yield each key of the schema with its description; a section's description may stand with the section."""
+    """Yield each key of the schema with its description, or with that of its section."""
     schema = model.Config.model_json_schema()
     for name, section in {"Config": schema, **schema["$defs"]}.items():
         for key, part in section.get("properties", {}).items():

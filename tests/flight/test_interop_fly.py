@@ -1,4 +1,4 @@
-"""`swarmctl fly` as a person runs it: a process of its own, real sockets, the simulator beside it."""
+"""`swarmctl fly` as a process of its own, with real sockets and the simulator process beside it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def free_port() -> int:
 
 
 def test_the_shipped_configuration_flies(tmp_path: Path) -> None:
-    """Hardly faster than shipped: on a machine that does other things as well it has to keep in time."""
+    """The speed-up is hardly higher than shipped, because a busy machine has to keep up."""
     config = tmp_path / "swarm.yaml"
     text = SHIPPED.read_text()
     assert text.count("  speedup: 10\n") == 1
@@ -65,7 +65,7 @@ def test_the_shipped_configuration_flies(tmp_path: Path) -> None:
     assert again.stdout.startswith("the same: ")
 
 
-def test_ctrl_c_once_brings_them_home(tmp_path: Path) -> None:
+def test_ctrl_c_once_lands_the_vehicles(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 2, speedup: 20}\nflight: {on_exit: land}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
@@ -73,25 +73,25 @@ def test_ctrl_c_once_brings_them_home(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         lines = read_until(process, "run folder:")
         assert process.wait(timeout=30.0) == 130
-    assert any("uav1, uav2 in flight to hold" in line for line in lines)
+    assert any("uav1, uav2" in line and "[stopping]" in line for line in lines)
     assert sum("land ordered; landed" in line for line in lines) >= 2
 
 
-def test_ctrl_c_twice_leaves_at_once_and_says_so(tmp_path: Path) -> None:
+def test_ctrl_c_twice_leaves_at_once_and_reports_it(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 2, speedup: 5, ready_s: 0}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
         read_until(process, "uav2: flying")
         process.send_signal(signal.SIGINT)
-        read_until(process, "to hold")
+        read_until(process, "[stopping]")
         process.send_signal(signal.SIGINT)
         lines = read_until(process, "run folder:")
         assert process.wait(timeout=30.0) == 130
-    assert any("left at once" in line for line in lines)
+    assert any("ended at once" in line for line in lines)
     assert sum("in the air" in line for line in lines) == 2
 
 
-def test_a_taken_port_is_named(tmp_path: Path) -> None:
+def test_a_port_in_use_is_named(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -100,7 +100,7 @@ def test_a_taken_port_is_named(tmp_path: Path) -> None:
         for command in ("fly", "check"):
             done = run(command, "--config", config, cwd=tmp_path)
             assert done.returncode == 1
-            assert f"port {port} is taken" in done.stderr
+            assert f"udpin://127.0.0.1:{port}: port {port} " in done.stderr
 
 
 def vehicles(port: int, *, timeout_s: float) -> str:
@@ -113,7 +113,7 @@ def vehicles(port: int, *, timeout_s: float) -> str:
     )
 
 
-def test_a_url_nobody_answers_at_is_named(tmp_path: Path) -> None:
+def test_a_url_without_a_vehicle_is_named(tmp_path: Path) -> None:
     port = free_port()
     config = tmp_path / "real.yaml"
     config.write_text(vehicles(port, timeout_s=1.0))
@@ -122,7 +122,7 @@ def test_a_url_nobody_answers_at_is_named(tmp_path: Path) -> None:
     assert f"alpha (system 7 at udpin://127.0.0.1:{port}): nobody answers; tried for 1 s" in done.stderr
 
 
-def test_a_vehicle_of_a_simulator_started_by_hand_is_flown_by_its_url(tmp_path: Path) -> None:
+def test_a_vehicle_of_a_separate_simulator_is_flown_by_its_url(tmp_path: Path) -> None:
     port = free_port()
     config = tmp_path / "by_url.yaml"
     config.write_text(vehicles(port, timeout_s=15.0))
@@ -138,13 +138,13 @@ def test_a_vehicle_of_a_simulator_started_by_hand_is_flown_by_its_url(tmp_path: 
     assert "1 of 1 arrived" in done.stdout
 
 
-VERSION_WITHOUT_OUR_MARK = mavlink.MAVLink_autopilot_version_message(
+VERSION_WITHOUT_MARK = mavlink.MAVLink_autopilot_version_message(
     0, 0x04060200, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, 0, bytes(range(18))
 )
 
 
-class Foreigner:
-    """An autopilot that is none of ours, on UDP: it has a heartbeat and says who it is."""
+class ExternalAutopilot:
+    """An autopilot that is not simulated, on UDP, with a heartbeat and a version."""
 
     def __init__(self, port: int) -> None:
         self.received: list[tuple[str, int]] = []
@@ -154,7 +154,7 @@ class Foreigner:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.settimeout(0.2)
 
-    def __enter__(self) -> Foreigner:
+    def __enter__(self) -> ExternalAutopilot:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -170,7 +170,7 @@ class Foreigner:
             for message in self._mav.parse_buffer(data) or ():
                 self.received.append((message.get_type(), getattr(message, "command", 0)))
                 if self.received[-1][1] == mavlink.MAV_CMD_REQUEST_MESSAGE:
-                    self._send(VERSION_WITHOUT_OUR_MARK)
+                    self._send(VERSION_WITHOUT_MARK)
 
     def _send(self, message: mavlink.MAVLink_message) -> None:
         self._socket.sendto(message.pack(self._mav), self._ground)
@@ -182,16 +182,16 @@ def test_an_autopilot_that_is_not_simulated_gets_no_mission_and_no_arming_withou
     port = free_port()
     config = tmp_path / "real.yaml"
     config.write_text(vehicles(port, timeout_s=15.0))
-    with Foreigner(port) as foreigner, started("fly", "--config", config, cwd=tmp_path) as process:
-        foreigner.live_while(process)
+    with ExternalAutopilot(port) as autopilot, started("fly", "--config", config, cwd=tmp_path) as process:
+        autopilot.live_while(process)
         assert process.stdout is not None
         said = process.stdout.read()
         assert process.returncode == 1
     assert "alpha: ArduPilot 4.6.2" in said
-    assert "is not played by the built-in simulator" in said
-    asked = {command for kind, command in foreigner.received if kind == "COMMAND_LONG"}
+    assert "[real-not-confirmed]" in said
+    asked = {command for kind, command in autopilot.received if kind == "COMMAND_LONG"}
     assert asked == {mavlink.MAV_CMD_REQUEST_MESSAGE}
-    assert {kind for kind, _ in foreigner.received} <= {"COMMAND_LONG", "HEARTBEAT"}
+    assert {kind for kind, _ in autopilot.received} <= {"COMMAND_LONG", "HEARTBEAT"}
 
 
 def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
     assert ends_within(simulator, 10.0), "the simulator outlived the ground station"
 
 
-def test_a_terminal_that_hangs_up_brings_them_home_first(tmp_path: Path) -> None:
+def test_a_terminal_that_hangs_up_lands_the_vehicles_first(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\nflight: {on_exit: land}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
@@ -216,7 +216,7 @@ def test_a_terminal_that_hangs_up_brings_them_home_first(tmp_path: Path) -> None
     assert any("uav1: land ordered; landed" in line for line in lines)
 
 
-def test_a_simulator_that_dies_is_named_and_so_are_its_vehicles(tmp_path: Path) -> None:
+def test_a_simulator_that_dies_is_reported_with_its_vehicles(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 1, speedup: 5, ready_s: 0}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:

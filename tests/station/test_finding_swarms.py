@@ -1,4 +1,4 @@
-"""How the command line finds a swarm in flight, and gives it commands."""
+"""The command line finds a swarm in flight, and sends it commands."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ from typer.testing import CliRunner
 from swarmctl.bus import directory
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import BusError
+from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.cli.main import cli
 from swarmctl.core import events as ev
+from swarmctl.core.messages import GiveOrder, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
+from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import client
 
 
@@ -50,11 +53,11 @@ def test_the_only_flight_need_not_be_named(nobody_flies: Path) -> None:
         assert client.find(None, None, None) == client.Station("one", HERE)
 
 
-def test_of_several_flights_none_is_guessed(nobody_flies: Path) -> None:
+def test_several_flights_need_a_name(nobody_flies: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
-        with pytest.raises(client.Unclear, match=r"one at tcp/127.0.0.1:4001 .*two at .*--swarm NAME"):
+        with pytest.raises(client.Unclear, match=r"one at tcp/127.0.0.1:4001 .*two at .*which-swarm"):
             client.find(None, None, None)
-        with pytest.raises(BusError, match=r"no swarm three of this user flies .*; there is one, two"):
+        with pytest.raises(BusError, match=r"three.*one at .*two at .*no-swarm"):
             client.find("three", None, None)
 
 
@@ -62,13 +65,13 @@ LISTED_FOR_EVER = """\
 import sys, time
 from swarmctl.bus import directory
 from swarmctl.bus.endpoint import BusEndpoint
-with directory.listed("killed", BusEndpoint("127.0.0.1", 4003)):
+with directory.registered("killed", BusEndpoint("127.0.0.1", 4003)):
     print("listed", flush=True)
     time.sleep(60)
 """
 
 
-def test_what_a_killed_flight_left_is_known_for_that_and_removed(nobody_flies: Path) -> None:
+def test_a_killed_flights_record_is_ignored_and_removed_by_the_next_flight(nobody_flies: Path) -> None:
     command = [sys.executable, "-c", LISTED_FOR_EVER]
     environment = {**os.environ, "TMPDIR": str(nobody_flies.parent)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
@@ -79,7 +82,10 @@ def test_what_a_killed_flight_left_is_known_for_that_and_removed(nobody_flies: P
         process.kill()
     assert len(list(nobody_flies.iterdir())) == 1
     assert directory.running_swarms() == []
-    assert list(nobody_flies.iterdir()) == []
+    assert len(list(nobody_flies.iterdir())) == 1, "readers leave a stale record alone"
+    with directory.registered("next", HERE):
+        assert [entry.swarm for entry in directory.running_swarms()] == ["next"]
+    assert list(nobody_flies.glob("killed*")) == []
 
 
 KILLED_BEFORE_IT_WAS_LISTED = """\
@@ -87,23 +93,27 @@ import os, pathlib, signal
 from swarmctl.bus import directory
 from swarmctl.bus.endpoint import BusEndpoint
 pathlib.Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
-with directory.listed("killed", BusEndpoint("127.0.0.1", 4003)):
+with directory.registered("killed", BusEndpoint("127.0.0.1", 4003)):
     pass
 """
 
 
-def test_what_a_flight_left_that_was_killed_before_it_was_listed_is_removed(nobody_flies: Path) -> None:
+def test_the_draft_record_of_a_killed_flight_is_ignored_and_removed_by_the_next_flight(
+    nobody_flies: Path,
+) -> None:
     command = [sys.executable, "-c", KILLED_BEFORE_IT_WAS_LISTED]
     subprocess.run(command, env={**os.environ, "TMPDIR": str(nobody_flies.parent)}, check=False)
     assert [path.name[:8] for path in nobody_flies.iterdir()] == [".killed."]
     assert directory.running_swarms() == []
-    assert list(nobody_flies.iterdir()) == []
+    with directory.registered("next", HERE):
+        pass
+    assert list(nobody_flies.glob(".killed*")) == []
 
 
-def test_a_flight_that_is_about_to_be_listed_is_neither_removed_nor_found(
+def test_a_flight_that_is_being_registered_is_neither_removed_nor_found(
     nobody_flies: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Somebody looks just before it has its lock, and just before it has its name."""
+    """Another process reads the directory just before the lock, and just before the file has its name."""
     lock, rename, looks = fcntl.flock, Path.rename, []
 
     def locks(file: Any, how: int) -> None:
@@ -120,10 +130,10 @@ def test_a_flight_that_is_about_to_be_listed_is_neither_removed_nor_found(
     with directory.registered("one", HERE):
         assert looks == [[], []]
         assert [entry.swarm for entry in directory.running_swarms()] == ["one"]
-    assert list(nobody_flies.iterdir()) == []
+    assert list(nobody_flies.glob("*.json")) == []
 
 
-def test_a_folder_that_can_not_be_written_to_is_said_and_nothing_is_left(
+def test_a_full_disk_is_an_error_and_leaves_no_record(
     nobody_flies: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
@@ -136,26 +146,26 @@ def test_a_folder_that_can_not_be_written_to_is_said_and_nothing_is_left(
 
 
 @pytest.mark.parametrize("name", [".", "..", ".dot", "-x", "_x", "", "a/b", "a*", "x" * 65])
-def test_a_name_that_nobody_could_find_is_refused(name: str) -> None:
+def test_an_invalid_swarm_name_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="name"):
         small(name=name)
 
 
 @pytest.mark.parametrize("name", ["a", "7", "a.b", "x" * 64])
-def test_a_swarm_of_any_other_name_is_found(name: str, nobody_flies: Path) -> None:
+def test_a_valid_swarm_name_is_found(name: str, nobody_flies: Path) -> None:
     assert small(name=name).config.name == name
     with directory.registered(name, HERE):
         assert client.find(name, None, None) == client.Station(name, HERE)
 
 
-def test_a_folder_that_others_can_write_to_is_not_believed(nobody_flies: Path) -> None:
+def test_a_folder_that_other_users_can_write_to_is_refused(nobody_flies: Path) -> None:
     nobody_flies.mkdir(mode=0o700)
     nobody_flies.chmod(0o777)
-    with pytest.raises(BusError, match="nobody else can write to"):
+    with pytest.raises(BusError, match="folder of this user"):
         directory.running_swarms()
 
 
-def test_a_flight_that_cannot_be_listed_says_how_it_is_reached(nobody_flies: Path) -> None:
+def test_a_flight_that_cannot_be_registered_shows_its_endpoint(nobody_flies: Path) -> None:
     nobody_flies.write_text("in the way")
     said: list[str] = []
 
@@ -171,7 +181,7 @@ def test_a_flight_that_cannot_be_listed_says_how_it_is_reached(nobody_flies: Pat
     ("listen", "warned"),
     [("tcp/127.0.0.1:0", False), ("tcp/localhost:0", False), ("none", False), ("tcp/0.0.0.0:0", True)],
 )
-def test_who_listens_to_others_than_this_machine_says_so(
+def test_an_endpoint_open_to_other_machines_is_a_warning(
     listen: str, warned: bool, nobody_flies: Path
 ) -> None:
     said: list[str] = []
@@ -182,7 +192,7 @@ def test_who_listens_to_others_than_this_machine_says_so(
             assert found == ([bus.endpoint.reachable] if bus.endpoint is not None else [])
 
     asyncio.run(scene())
-    assert any("can change this swarm's weights" in text for text in said) is warned
+    assert any("[open-endpoint]" in text for text in said) is warned
 
 
 def listening(**communication: object) -> Any:
@@ -197,7 +207,7 @@ def listening(**communication: object) -> Any:
         ("one", None, "tcp/[::1]:7447", ("one", BusEndpoint("::1", 7447))),
     ],
 )
-def test_an_endpoint_that_is_said_needs_no_search(
+def test_a_given_endpoint_needs_no_search(
     nobody_flies: Path, swarm: str | None, config: Any, connect: str | None, expected: tuple[str, BusEndpoint]
 ) -> None:
     assert client.find(swarm, config, connect) == client.Station(*expected)
@@ -206,28 +216,60 @@ def test_an_endpoint_that_is_said_needs_no_search(
 @pytest.mark.parametrize(
     ("swarm", "config", "connect", "why"),
     [
-        (None, None, "tcp/ground:7447", "which swarm"),
-        ("one", None, "ground:7447", "expected tcp/HOST:PORT"),
+        (None, None, "tcp/ground:7447", "which-swarm"),
+        ("one", None, "ground:7447", "tcp/HOST:PORT"),
         ("one", None, "tcp/ground:0", "port 0"),
-        ("o*", None, None, "expected a name"),
-        (".dot", None, None, "expected a name"),
-        ("a/b", None, None, "expected a name"),
-        ("one", listening(), None, "the configuration is that of small"),
-        (None, listening(listen="none"), None, "listens to nobody"),
-        (None, listening(bus="memory"), None, "listens to nobody"),
+        ("o*", None, None, "--swarm"),
+        (".dot", None, None, "--swarm"),
+        ("a/b", None, None, "--swarm"),
+        ("one", listening(), None, "--swarm one, .* small"),
+        (None, listening(listen="none"), None, "not-listening"),
+        (None, listening(bus="memory"), None, "not-listening"),
     ],
 )
-def test_what_does_not_say_which_swarm_is_meant_is_refused(
+def test_options_that_name_no_swarm_are_refused(
     nobody_flies: Path, swarm: str | None, config: Any, connect: str | None, why: str
 ) -> None:
     with pytest.raises(client.Unclear, match=why):
         client.find(swarm, config, connect)
 
 
-def test_the_configuration_refuses_what_is_no_endpoint() -> None:
-    with pytest.raises(ValueError, match="expected tcp/HOST:PORT"):
+def test_the_configuration_refuses_an_invalid_endpoint() -> None:
+    with pytest.raises(ValueError, match="tcp/HOST:PORT"):
         listening(listen="127.0.0.1:7447")
     assert json.loads(listening().model_dump_json())["communication"]["listen"] == "tcp/127.0.0.1:0"
+
+
+def test_a_flight_that_has_ended_is_reported_as_ended(nobody_flies: Path) -> None:
+    with directory.registered("one", HERE):
+        assert directory.ended_unix_s("one") is None
+    with pytest.raises(BusError, match="flight-ended"):
+        client.find("one", None, None)
+    with directory.registered("one", HERE):
+        assert client.find("one", None, None) == client.Station("one", HERE)
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_agents_that_have_landed_are_reported_as_ended(ended: bool, nobody_flies: Path) -> None:
+    if ended:
+        directory.record_end("s", 1)
+    station = client.Station("s", HERE, agents={1: "a", 2: "b"})
+
+    async def scene() -> list[VehicleAnswer]:
+        return list((await client.ask(MemoryBus(), station, GiveOrder(None, "return"))).vehicles)
+
+    answers = run_virtual(scene())
+    assert [answer.outcome for answer in answers] == ["silent", "silent"]
+    assert ["[flight-ended]" in answer.note for answer in answers] == [ended, False]
+    directory.forget_end("s", 1)
+    assert directory.ended_unix_s("s", 1) is None
+
+
+@pytest.mark.parametrize(
+    ("age_s", "text"), [(0.4, "0 s"), (119.0, "119 s"), (120.0, "2 min"), (7200.0, "2 h")]
+)
+def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
+    assert client.duration_text(age_s) == text
 
 
 # --- the command line
@@ -236,8 +278,8 @@ def test_the_configuration_refuses_what_is_no_endpoint() -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        ("--w 0.5", "which vehicles? give --uav NAME (or its system id), which may be repeated, or --all"),
-        ("--all --uav 1 --w 0.5", "which vehicles?"),
+        ("--w 0.5", "[which-vehicles]"),
+        ("--all --uav 1 --w 0.5", "[which-vehicles]"),
         ("--all", "nothing to change"),
         ("--all --w 1.5", "w = 1.5: expected 0"),
         ("--all --w nan", "w = nan: expected 0"),
@@ -246,22 +288,21 @@ def test_the_configuration_refuses_what_is_no_endpoint() -> None:
         ("--all --firing-strength 0.7,0.3", "found 2, expected three"),
         ("--all --firing-strength a,b,c", "expected three numbers"),
         ("--all --firing-strength 0.1,0.3,0.7", "decrease strictly"),
-        ("--all --firing-strength 0.7,0.3,0.1 --direct 0.7", "says all three"),
-        ("--all --w 0.5 --connect tcp/127.0.0.1:7447", "which swarm"),
-        ("--all --w 0.5 --config nowhere.yaml", "there is no such file"),
+        ("--all --firing-strength 0.7,0.3,0.1 --direct 0.7", "[strengths-twice]"),
+        ("--all --w 0.5 --connect tcp/127.0.0.1:7447", "[which-swarm]"),
+        ("--all --w 0.5 --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_a_command_that_is_not_clear_is_a_wrong_usage(words: str, why: str, nobody_flies: Path) -> None:
+def test_an_unclear_command_is_a_usage_error(words: str, why: str, nobody_flies: Path) -> None:
     result = CliRunner().invoke(cli, ["set", *words.split()])
     assert result.exit_code == 2
     assert why in result.stderr
 
 
-def test_where_no_swarm_flies_it_says_so(nobody_flies: Path) -> None:
+def test_a_command_without_a_running_swarm_is_an_error(nobody_flies: Path) -> None:
     result = CliRunner().invoke(cli, ["set", "--uav", "3", "--w", "0.2"])
     assert result.exit_code == 1
-    assert "no swarm of this user flies on this machine; a flight takes commands in real" in result.stderr
-    assert "--clock virtual" in result.stderr
+    assert "[no-swarm]" in result.stderr
 
 
 def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:
@@ -275,11 +316,11 @@ def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:
     assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
 
 
-def test_a_command_for_a_vehicle_that_is_not_there_is_an_error_said_by_the_swarm(nobody_flies: Path) -> None:
+def test_a_command_for_an_unknown_vehicle_is_refused_with_the_vehicles_there(nobody_flies: Path) -> None:
     with station_in_a_thread():
         result = CliRunner().invoke(cli, ["set", "--uav", "1", "--uav", "9", "--w", "0.2"])
     assert result.exit_code == 1
-    assert "test refused: nothing was changed: no vehicle has the system id or name 9" in result.stderr
+    assert "1 (uav1), 2 (uav2)" in result.stderr
 
 
 def test_a_command_names_vehicles_by_name_or_system_id(nobody_flies: Path) -> None:
