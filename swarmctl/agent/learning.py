@@ -25,10 +25,10 @@ def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> Step
 
 def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: float) -> StepResult:
     try:
-        return _learn(state, event.told), []
+        return _learn(state, event.items), []
     except ValueError:  # a cell outside the area, or one name with two contents: merge the valid ones singly
         pass
-    for item in event.told:
+    for item in event.items:
         try:
             state = _learn(state, (item,))
         except ValueError as error:

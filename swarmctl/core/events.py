@@ -33,7 +33,7 @@ class FlightOrder(StrEnum):
     LAND = "land"
 
 
-PlanLeft = Literal["old", "hold", "theirs", "unknown"]
+PlanAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 """The plan of a vehicle after a failed swap: the old one, hold mode, another station's, or unknown."""
 
 
@@ -68,7 +68,7 @@ class Observed(_Record, frozen=True):
 class ObservationsReceived(_Record, frozen=True, tag="Heard"):
     """Observations of others that are new to this agent."""
 
-    told: tuple[BeliefItem, ...]
+    items: tuple[BeliefItem, ...] = msgspec.field(name="told")
 
 
 class Neighbours(_Record, frozen=True):
@@ -80,7 +80,7 @@ class Neighbours(_Record, frozen=True):
 class Intents(_Record, frozen=True):
     """Intents that others have sent: (UAV, age of the message [s], its intent)."""
 
-    told: tuple[tuple[int, float, IntentShared], ...]
+    intents: tuple[tuple[int, float, IntentShared], ...] = msgspec.field(name="told")
 
 
 class MissionAccepted(_Record, frozen=True):
@@ -98,7 +98,7 @@ class MissionFailed(_Record, frozen=True):
     """The vehicle has not taken plan `plan_id`."""
 
     plan_id: int
-    flying: PlanLeft
+    flying: PlanAfterFailure
     reason: str
     stood_still_s: float = 0.0
     is_late: bool = False

@@ -313,9 +313,10 @@ class FrameCodec:
         return frame
 
     @staticmethod
-    def _check_source(frame: Frame, told: Observation | Checkpoint) -> None:
+    def _check_source(frame: Frame, item: Observation | Checkpoint) -> None:
         """Refuse observations of another observer than the sender."""
-        if told.source != (frame.sender, frame.incarnation):
+        if item.source != (frame.sender, frame.incarnation):
             raise MessageRefused(
-                RefusalReason.SOURCE, f"vehicle {frame.sender} tells what {told.observer} saw as its own"
+                RefusalReason.SOURCE,
+                f"vehicle {frame.sender} sent an observation of vehicle {item.observer} as its own",
             )

@@ -61,6 +61,11 @@ class FlightPlan:
     """at the time of planning the vehicle is in its hold mode, on its agent's order"""
 
     @property
+    def height_m(self) -> float:
+        """Height of the flight above home [m]."""
+        return self.landing.alt_rel_m
+
+    @property
     def waypoints(self) -> tuple[Waypoint, ...]:
         """All points of the flight before the descent, with the position at the time of planning."""
         return self.track if self.begins is None else (self.begins, *self.track)

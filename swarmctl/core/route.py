@@ -93,7 +93,7 @@ def landing_spot(grid: Grid, cell: Cell, index: int, count: int) -> LatLon:
     as the cell allows, and at most LANDING_SPACING_M.
     """
     if not 0 <= index < count:
-        raise ValueError(f"landing place {index} of {count}: expected 0 to {count - 1}")
+        raise ValueError(f"landing spot {index} of {count}: expected 0 to {count - 1}")
     east_m, north_m = grid.centre_m(cell)
     n_cols = math.isqrt(count - 1) + 1
     n_rows = -(-count // n_cols)

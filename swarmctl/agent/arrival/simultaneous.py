@@ -43,18 +43,18 @@ def earliest_in_s(state: AgentState) -> float | None:
         return None
     if state.arrived_boot_s is not None and (state.phase is Phase.LANDING or state.outcome == ARRIVED):
         return state.arrived_boot_s - state.vehicle.time_boot_s
-    way = _path_to_goal(state) if state.phase in WAITED_FOR else None
-    return None if way is None else way.arrives_in_s(state.task.arrival.speed_m_s)
+    path = _path_to_goal(state) if state.phase in WAITED_FOR else None
+    return None if path is None else path.arrives_in_s(state.task.arrival.speed_m_s)
 
 
-def note_arrival_times(state: AgentState, told: Sequence[tuple[int, StateShared]]) -> AgentState:
+def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShared]]) -> AgentState:
     """Note the earliest arrivals of others, by this vehicle's clock; forget those that do not fly to a
     goal."""
     if state.task.arrival_group is None:
         return state
     now_s = state.vehicle.time_boot_s
-    due = {uav: now_s + other.earliest_in_s for uav, other in told if other.earliest_in_s is not None}
-    gone = {uav for uav, other in told if other.earliest_in_s is None}
+    due = {uav: now_s + other.earliest_in_s for uav, other in states if other.earliest_in_s is not None}
+    gone = {uav for uav, other in states if other.earliest_in_s is None}
     kept = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav not in gone}
     return replace(state, others_earliest_s={**kept, **due})
 
@@ -68,13 +68,13 @@ def adjust_speed(state: AgentState) -> StepResult:
     if 0.0 <= now_s - state.speed_given_s < EVERY_S:
         return state, []
     full_m_s = state.task.arrival.speed_m_s
-    way = _path_to_goal(state)
-    if way is None or (soonest_s := way.arrives_in_s(full_m_s)) < NEAR_S:
+    path = _path_to_goal(state)
+    if path is None or (soonest_s := path.arrives_in_s(full_m_s)) < NEAR_S:
         return state, []
     known = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav in group.rank}
     due = due_s(group, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
     state = update_spare_time(state, due, now_s + soonest_s)
-    wanted_m_s = speed_for(way.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
+    wanted_m_s = speed_for(path.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
     flies_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
     if abs(wanted_m_s - flies_m_s) < WORTH_M_S:
         return replace(state, due_s=due), []

@@ -39,12 +39,7 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
     if task.wings is not None:
         return wing_trajectory.from_takeoff(task, plan, start)
     here = (*task.grid.frame.to_local(*start), 0.0)
-    return climb_then_fly(here, height_of(plan), waypoints_of(task, plan), task.arrival.speed_m_s, LIFT_S)
-
-
-def height_of(plan: FlightPlan) -> float:
-    """Return the height above home at which a plan is flown [m]."""
-    return plan.landing.alt_rel_m
+    return climb_then_fly(here, plan.height_m, waypoints_of(task, plan), task.arrival.speed_m_s, LIFT_S)
 
 
 def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
@@ -63,7 +58,7 @@ def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: floa
     The vehicle begins the climb or descent in `after_s`. Between waypoints vehicles climb evenly, so without
     the waypoint the vehicle would reach the height only at a far first waypoint.
     """
-    height_m, place = height_of(plan), waypoints_of(task, plan)[0]
+    height_m, place = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
     takes_s = abs(height_m - here[2]) / rate_m_s
     level_m, away_m = task.arrival.speed_m_s * (after_s + takes_s), math.dist(here[:2], place)

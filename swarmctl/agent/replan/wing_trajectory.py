@@ -29,86 +29,84 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
     """Return the trajectory of a whole flight, from arming at `start` to the standstill; up is above home
     [m]."""
     begin = task.grid.frame.to_local(*start)
-    flight = _Flight((*begin, 0.0), task.arrival.speed_m_s)
-    flight.stay(ROLL_S)
-    _on_its_way(flight, task, plan, [begin, *_places(task, plan)])
-    return flight.trajectory()
+    builder = _TrajectoryBuilder((*begin, 0.0), task.arrival.speed_m_s)
+    builder.stay(ROLL_S)
+    _fly_and_land(builder, task, plan, [begin, *_points_of(task, plan)])
+    return builder.trajectory()
 
 
 def in_flight(
     task: Task, plan: FlightPlan, here: LocalPoint, left: Sequence[PlanarPoint], speed_m_s: float
 ) -> Trajectory:
     """Return the trajectory from `here` at 0 s along the rest of a plan's track (`left`), and the landing."""
-    flight = _Flight(here, speed_m_s)
-    _on_its_way(flight, task, plan, [here[:2], *left])
-    return flight.trajectory()
+    builder = _TrajectoryBuilder(here, speed_m_s)
+    _fly_and_land(builder, task, plan, [here[:2], *left])
+    return builder.trajectory()
 
 
-def coming_down(
+def approach_from(
     task: Task, plan: FlightPlan, here: LocalPoint, heading_rad: float, speed_m_s: float
 ) -> Trajectory:
     """Return the trajectory of the approach from `here`, beyond the goal, at 0 s."""
-    flight = _Flight(here, speed_m_s)
-    _down(flight, task, plan, heading_rad)
-    return flight.trajectory()
+    builder = _TrajectoryBuilder(here, speed_m_s)
+    _land(builder, task, plan, heading_rad)
+    return builder.trajectory()
 
 
-def height_of(plan: FlightPlan) -> float:
-    return plan.landing.alt_rel_m
-
-
-def _places(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
+def _points_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
     return [task.grid.frame.to_local(point.lat_deg, point.lon_deg) for point in plan.track]
 
 
-def _on_its_way(flight: _Flight, task: Task, plan: FlightPlan, track: list[PlanarPoint]) -> None:
+def _fly_and_land(
+    builder: _TrajectoryBuilder, task: Task, plan: FlightPlan, track: list[PlanarPoint]
+) -> None:
     flown, _ = rounded(_distinct(track), task.turn_radius_m)
-    flight.over(flown[1:], height_of(plan))
+    builder.over(flown[1:], plan.height_m)
     heading_rad = 0.0
     if len(flown) > 1:
         (e0, n0), (e1, n1) = flown[-2:]
         heading_rad = math.atan2(e1 - e0, n1 - n0)
-    _down(flight, task, plan, heading_rad)
+    _land(builder, task, plan, heading_rad)
 
 
-def _down(flight: _Flight, task: Task, plan: FlightPlan, heading_rad: float) -> None:
+def _land(builder: _TrajectoryBuilder, task: Task, plan: FlightPlan, heading_rad: float) -> None:
     if plan.approach is None:
         return
-    found, final_m = pattern_from(plan.approach, task.grid.frame), plan.approach.final.alt_rel_m
-    way = path_to_circle(Pose(flight.place, heading_rad), found, task.turn_radius_m)
-    flight.over(way[1:], final_m)
-    around = _around(found, flight.place)
-    while flight.up_m > final_m + 1.0:
-        flight.over(around, final_m)
-    flight.over(_to_exit(found, around), final_m)
-    flight.over([found.final], final_m)
-    flight.down_to(found.touchdown)
-    flight.stay(ROLL_OUT_S)
+    pattern, final_m = pattern_from(plan.approach, task.grid.frame), plan.approach.final.alt_rel_m
+    path = path_to_circle(Pose(builder.point, heading_rad), pattern, task.turn_radius_m)
+    builder.over(path[1:], final_m)
+    around = _circle_from(pattern, builder.point)
+    while builder.up_m > final_m + 1.0:
+        builder.over(around, final_m)
+    builder.over(_to_exit(pattern, around), final_m)
+    builder.over([pattern.final], final_m)
+    builder.down_to(pattern.touchdown)
+    builder.stay(ROLL_OUT_S)
 
 
-def _around(found: LandingPattern, place: PlanarPoint) -> list[PlanarPoint]:
+def _circle_from(pattern: LandingPattern, point: PlanarPoint) -> list[PlanarPoint]:
     """Return points once around the circle, from its nearest point on."""
-    circle = found.circle()[:-1]
-    nearest = min(range(len(circle)), key=lambda i: math.dist(circle[i], place))
+    circle = pattern.circle()[:-1]
+    nearest = min(range(len(circle)), key=lambda i: math.dist(circle[i], point))
     return [*circle[nearest:], *circle[:nearest]]
 
 
-def _to_exit(found: LandingPattern, around: list[PlanarPoint]) -> list[PlanarPoint]:
+def _to_exit(pattern: LandingPattern, around: list[PlanarPoint]) -> list[PlanarPoint]:
     """Return the points of the circle up to its exit."""
-    exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], found.leaves))
-    return [*around[:exit_at], found.leaves]
+    exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], pattern.leaves))
+    return [*around[:exit_at], pattern.leaves]
 
 
 def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
     """Return the track without points within 0.1 m of the one before, which would have no direction."""
     kept: list[PlanarPoint] = []
-    for place in track:
-        if not kept or math.dist(kept[-1], place) > 0.1:
-            kept.append(place)
+    for point in track:
+        if not kept or math.dist(kept[-1], point) > 0.1:
+            kept.append(point)
     return kept
 
 
-class _Flight:
+class _TrajectoryBuilder:
     """A builder of a trajectory, leg by leg."""
 
     def __init__(self, begin: LocalPoint, speed_m_s: float) -> None:
@@ -116,7 +114,7 @@ class _Flight:
         self._speed_m_s = speed_m_s
 
     @property
-    def place(self) -> PlanarPoint:
+    def point(self) -> PlanarPoint:
         return self._points[-1][:2]
 
     @property
@@ -127,21 +125,21 @@ class _Flight:
         self._points.append(self._points[-1])
         self._times_s.append(self._times_s[-1] + seconds)
 
-    def over(self, places: Iterable[PlanarPoint], height_m: float) -> None:
+    def over(self, points: Iterable[PlanarPoint], height_m: float) -> None:
         """Add legs to these places, with a climb or descent towards a height [m]."""
-        for place in places:
-            took_s = math.dist(self.place, place) / self._speed_m_s
+        for point in points:
+            took_s = math.dist(self.point, point) / self._speed_m_s
             most_m = (CLIMB_M_S if height_m > self.up_m else SINK_M_S) * took_s
             change_m = min(max(height_m - self.up_m, -most_m), most_m)
-            self._add(place, self.up_m + change_m, took_s)
+            self._add(point, self.up_m + change_m, took_s)
 
-    def down_to(self, place: PlanarPoint) -> None:
+    def down_to(self, point: PlanarPoint) -> None:
         """Add a straight slope to the ground."""
-        self._add(place, 0.0, math.dist(self.place, place) / self._speed_m_s)
+        self._add(point, 0.0, math.dist(self.point, point) / self._speed_m_s)
 
-    def _add(self, place: PlanarPoint, up_m: float, took_s: float) -> None:
+    def _add(self, point: PlanarPoint, up_m: float, took_s: float) -> None:
         if took_s > 1e-6:
-            self._points.append((*place, up_m))
+            self._points.append((*point, up_m))
             self._times_s.append(self._times_s[-1] + took_s)
 
     def trajectory(self) -> Trajectory:

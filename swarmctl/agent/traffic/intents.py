@@ -19,7 +19,6 @@ from swarmctl.agent.replan import wing_trajectory
 from swarmctl.agent.replan.copter_trajectory import (
     climb_then_fly,
     fly_with_stop,
-    height_of,
     land_from,
     waypoints_of,
 )
@@ -162,9 +161,9 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
             state, wing_trajectory.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s)
         )
     if _climbs_on_the_spot(state, here, plan):
-        return to_shared_frame(state, climb_then_fly(here, height_of(plan), way, task.arrival.speed_m_s))
+        return to_shared_frame(state, climb_then_fly(here, plan.height_m, way, task.arrival.speed_m_s))
     stop = stop_for_new(state)
-    flight = fly_with_stop(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s, stop)
+    flight = fly_with_stop(here, plan.height_m, way, task.arrival.speed_m_s, begins_m_s, stop)
     return to_shared_frame(state, flight)
 
 
@@ -189,19 +188,19 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(
-                here, height_of(swap.plan), waypoints_of(task, swap.plan), speed_m_s, lift_s
+                here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s
             )
         case Phase.FLYING | Phase.LANDING if swap is not None and state.interrupted_plan is None:
             plan, way = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
-            if state.phase is Phase.LANDING and _descends_here(here, way[-1], height_of(plan)):
+            if state.phase is Phase.LANDING and _descends_here(here, way[-1], plan.height_m):
                 return land_from([(*way[-1], here[2])], [0.0])
             if _climbs_on_the_spot(state, here, plan):
-                return climb_then_fly(here, height_of(plan), way, speed_m_s)
+                return climb_then_fly(here, plan.height_m, way, speed_m_s)
             remaining = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
             begins_m_s = state.vehicle.ground_speed_m_s
-            return fly_with_stop(here, height_of(plan), remaining, speed_m_s, begins_m_s, stop_ahead(state))
+            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, begins_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopping_point(state, here)
             return Trajectory((0.0, STANDS_S), (stop, stop))
@@ -230,7 +229,7 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
         return wing_trajectory.in_flight(task, swap.plan, here, remaining, speed_m_s)
     if state.phase is Phase.LANDING and vehicle.ground_speed_m_s > 0.0:
         heading_rad = math.atan2(vehicle.east_m_s, vehicle.north_m_s)
-        return wing_trajectory.coming_down(task, swap.plan, here, heading_rad, speed_m_s)
+        return wing_trajectory.approach_from(task, swap.plan, here, heading_rad, speed_m_s)
     return None
 
 
@@ -239,7 +238,7 @@ def _climbs_on_the_spot(state: AgentState, here: LocalPoint, plan: FlightPlan) -
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.replans:
         return False
     home = state.task.grid.frame.to_local(vehicle.home_lat_deg, vehicle.home_lon_deg)
-    return math.dist(here[:2], home) < AT_HOME_M and here[2] < height_of(plan) - AIRBORNE_M
+    return math.dist(here[:2], home) < AT_HOME_M and here[2] < plan.height_m - AIRBORNE_M
 
 
 # --- intents received
@@ -249,7 +248,7 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
     """Store the recent intents of other vehicles."""
     now_s = state.vehicle.time_boot_s
     kept = dict(state.intents)
-    for uav, age_s, intent in event.told:
+    for uav, age_s, intent in event.intents:
         flight = _received_flight(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:

@@ -23,7 +23,7 @@ from dataclasses import replace
 import msgspec
 
 from swarmctl.agent.orders import StepResult, command
-from swarmctl.agent.replan.copter_trajectory import at_height, height_of, with_level_off
+from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
 from swarmctl.agent.state import AgentState, FlightComparison, Phase
 from swarmctl.agent.traffic.collision_avoidance import (
     AIRBORNE_M,
@@ -233,7 +233,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
 
 def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
     route = before.route
-    return route is not None and abs(height_of(plan) - height_of(route.plan)) >= AIRBORNE_M
+    return route is not None and abs(plan.height_m - route.plan.height_m) >= AIRBORNE_M
 
 
 def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
@@ -331,7 +331,7 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
 def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
     """Return the heights above home to try, lowest first: the task's, and just above each other vehicle."""
     task, vehicle = state.task, state.vehicle
-    flown_m = height_of(plan)
+    flown_m = plan.height_m
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return []
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m

@@ -150,8 +150,8 @@ class _Stretch:
         possible, which = np.unique(left, return_inverse=True)
         rest = possible[:, None] - np.arange(group.lo, group.end)[None, :] - before.lo
         inside = (rest >= 0) & (rest < before.values.size)
-        ways = np.where(inside, before.values[np.where(inside, rest, 0)], 0.0) * group.values
-        chance = np.cumsum(ways, axis=1)
+        weights = np.where(inside, before.values[np.where(inside, rest, 0)], 0.0) * group.values
+        chance = np.cumsum(weights, axis=1)
         reached = chance[which] <= (rng.random(left.size) * chance[which, -1])[:, None]
         return group.lo + np.asarray(reached.sum(axis=1), dtype=np.int64)
 
