@@ -12,7 +12,7 @@ import pytest
 from agent_stories import GRID, Story, codes, orders, publications
 from recall_stories import gathering
 from traffic_stories import AMSL_M, told
-from trouble import Trouble, suffer
+from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following
 from swarmctl.agent.failsafes.base import ActiveRule
@@ -391,12 +391,12 @@ def test_three_low_batteries_at_once_return_one_after_the_other(
 ) -> None:
     sag = {"fault": "battery_sag", "params": {"at_most": 0.24, "sag_v": 0.0}, "at_s": 44.0}
     trouble = Trouble(faults=[sag])
-    # They are 36 m from each other when they begin.
+    # 36 m from each other at the start of the returns.
     scenario = gathering(rules={"low_battery": {"wait_percent": 14.0}}, separation={"horizontal_m": 60.0})
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     assert trouble.modes[1] == ["AUTO", "RTL"]
     assert ["AUTO", "RTL", "GUIDED", "RTL"] in trouble.modes.values()
     assert not any(state.vehicle.armed for state in report.states.values())
-    begun = [i for i, text in enumerate(ui.said) if text.endswith(": its way home is clear: it returns")]
+    begun = [i for i, text in enumerate(ui.said) if text.endswith("[return-clear]")]
     assert begun
     assert record.replay(tmp_path / "run.mcap").difference == ""
