@@ -1,4 +1,4 @@
-"""A Zenoh echo beside a planner that never stops: whether planning keeps the interpreter from answering."""
+"""The latency of a Zenoh echo beside a planner that runs all the time in the same process."""
 
 from __future__ import annotations
 
@@ -30,8 +30,7 @@ with zenoh.open(config) as session:
 
 
 def round_trips_s(count: int, beside: Callable[[], object] | None) -> NDArray[np.float64]:
-    """How long `count` messages to another process and back take, (count,), while a thread of this process
-    calls `beside` again and again."""
+    """Return the round-trip times of messages to another process, (count,), while a thread calls `beside`."""
     config = zenoh.Config()
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("listen/endpoints", json.dumps([ENDPOINT]))

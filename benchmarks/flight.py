@@ -1,7 +1,7 @@
-"""How long a virtual flight takes for 5, 20 and 100 vehicles, and how fast an observation changes missions.
+"""Wall time of virtual flights of 5, 20 and 100 vehicles, and the latency from observation to mission.
 
-Run: `python benchmarks/flight.py`. Wall times are of this machine at this moment; the last column is the
-ratio to the flight of 5 vehicles in the same run, per vehicle.
+Run: `python benchmarks/flight.py`. Wall times are of this machine at this moment. The last column is the
+time per vehicle as a ratio to the flight of 5 vehicles in the same run.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Flight:
 
 
 def scenario(count: int) -> Scenario:
-    """The shipped configuration with another number of vehicles."""
+    """Return the shipped configuration with another number of vehicles."""
     config = load(SHIPPED, check_config)
     assert config.simulate is not None
     simulate = config.simulate.model_copy(update={"count": count})

@@ -1,16 +1,17 @@
-"""What the links take: uploads and swaps over bad radio, and CPU; `direct` beside `mavsdk`.
+"""Costs of the links `direct` and `mavsdk`: uploads and swaps over bad radio, and CPU.
 
-Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`; `--only uploads,swaps,cpu`,
-`--links direct,mavsdk`, `--vehicles 1,50`, `--items 10,50,200`, `--losses 0,0.3` and `--delays 0,1` choose.
-Nothing is asserted, and the load of the machine is said. `direct` flies on the virtual clock: its times are
-the vehicles' seconds, beside those of the wall; `mavsdk` keeps to the machine's clock, so that all of its
-rows take hours. Datagrams go in both directions, each lost and delayed by itself, and are also what streams
-meanwhile; messages are those among them that belong to missions. A mission counts as wrong where a link
-says that it is verified and the vehicle, asked without loss afterwards, has another one, its autopilot's
-roundings aside.
+Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`. Options choose the rows:
+`--only uploads,swaps,cpu`, `--links direct,mavsdk`, `--vehicles 1,50`, `--items 10,50,200`, `--losses 0,0.3`,
+`--delays 0,1`. Nothing is asserted; the load of the machine is printed.
 
-A swap's plan leaves the old one ahead, as an agent's does in flight, by default as far as an agent's longest
-(`--ahead-s`): who is past that place when it could be taken over is late. 0: a plan to fly to from anywhere.
+- `direct` flies on the virtual clock: its times are vehicle seconds, beside wall seconds.
+- `mavsdk` needs the machine's clock: all of its rows take hours.
+- Datagrams are lost and delayed one by one in both directions and include streams; messages are those of
+  missions.
+- A mission is wrong if the link reports it as verified and the vehicle, read without loss afterwards, has
+  another one. Roundings of its autopilot do not count.
+- A swap's plan leaves the old one ahead of the vehicle, as in flight, by default as far as an agent's longest
+  splice (`--ahead-s`). A vehicle that has passed this point before the swap is late. 0: a plan from anywhere.
 """
 
 from __future__ import annotations
@@ -62,19 +63,19 @@ LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
 AHEAD_S = swap_times.MOST_S
 SETTLE_S, MEASURE_S = 8.0, 15.0
 MISSION_MESSAGES = frozenset({37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
-"""ids of all that belong to transfers, and of MISSION_SET_CURRENT"""
+"""ids of transfer messages, and of MISSION_SET_CURRENT"""
 DIALECTS = {
     "ardupilot": dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR),
     "px4": dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR),
 }
 BEFORE_TRIES = 4
-"""of what is on a vehicle before a swap, put there without loss"""
+"""number of items on a vehicle before a swap, uploaded without loss"""
 MOST_SAID = 6
 """reasons of refusals"""
 
 
 class Radio:
-    """A fleet behind a wire that loses and delays, each datagram by itself."""
+    """A fleet behind a wire that loses and delays each datagram independently."""
 
     def __init__(self, personality: str, count: int, seed: int = 1) -> None:
         self.fleet = Fleet(default_scenario(count, home=HOME, personality=personality), ready_s=0)
@@ -114,7 +115,7 @@ class Radio:
             await asyncio.sleep(STEP_S)
 
     def mission_of(self, sysid: int) -> tuple[MissionItem, ...]:
-        """What the vehicle has, asked past the wire."""
+        """Return the vehicle's mission, read without the lossy wire."""
         encoder = Encoder(254, 190)
         ask = mavlink.MAVLink_mission_request_list_message(sysid, 1)
         (count,) = self._asked(encoder.pack(ask, 0), "MISSION_COUNT")
@@ -134,25 +135,25 @@ class Radio:
 
 @dataclass
 class Outcome:
-    """Of one case."""
+    """The results of one case."""
 
     times_s: list[float] = field(default_factory=list)
     endings: Counter[str] = field(default_factory=Counter)
     why: Counter[str] = field(default_factory=Counter)
-    """of what was refused, without names and numbers"""
+    """reasons of refusals, without names and numbers"""
     datagrams: int = 0
     messages: int = 0
     wall_s: float = 0.0
 
 
 def plan(items: int, east_deg: float, apart_deg: float = 1e-4) -> FlightPlan:
-    """A mission of about so many items, eleven metres apart."""
+    """Return a mission of about this many items, eleven metres apart."""
     points = tuple(Waypoint(HOME[0] + apart_deg * i, HOME[1] + east_deg, 20.0) for i in range(1, items - 2))
     return FlightPlan(20.0, points, points[-1])
 
 
 def change(items: int, state: VehicleState, ahead_s: float) -> FlightPlan:
-    """Another mission of so many items for who flies north; it leaves that way `ahead_s` before it."""
+    """Return another mission for a vehicle flying north, which leaves its track `ahead_s` ahead of it."""
     new = plan(items, 0.001)
     if not ahead_s or state.lat_deg is None:
         return new
@@ -218,7 +219,7 @@ async def ready(link: Link, swap: bool) -> None:
 
 
 async def uploaded(link: Link, old: FlightPlan) -> None:
-    """Fifty at once are too many for MAVSDK on a busy machine now and then, also without loss."""
+    """Upload with retries: on a busy machine fifty vehicles at once are sometimes too many for MAVSDK."""
     for _ in range(BEFORE_TRIES):
         try:
             await link.upload(old)
@@ -288,7 +289,7 @@ def swaps(chosen: argparse.Namespace) -> Iterator[Table]:
 
 
 def cpu(chosen: argparse.Namespace) -> Iterator[Table]:
-    """Real time, UDP: the fleet is a process of its own, the ground station this one."""
+    """Measure in real time over UDP: the fleet is a process of its own, the ground station this one."""
     made = table("the ground station's CPU, one core is 100 %", "link", "vehicles", "msg/s", "CPU [%]",
                  "most RSS so far [MB]")  # fmt: skip
     for count, name in itertools.product((1, 50, 250), chosen.links):
@@ -344,7 +345,7 @@ async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str
 
 
 def msgids_in(data: bytes) -> Iterator[int]:
-    """Of unsigned MAVLink 2 frames, by their headers; the fleet puts several into a datagram."""
+    """Count unsigned MAVLink 2 frames by their headers; the fleet puts several into a datagram."""
     at = 0
     while at + 12 <= len(data):
         yield int.from_bytes(data[at + 7 : at + 10], "little")
@@ -352,7 +353,7 @@ def msgids_in(data: bytes) -> Iterator[int]:
 
 
 def ask_for_streams(link: Link) -> None:
-    """More than the link wants by itself."""
+    """Request more messages than the link needs."""
     channel = link._channel  # type: ignore[attr-defined]
     channel.send(
         [

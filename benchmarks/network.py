@@ -1,8 +1,8 @@
-"""What the swarm's network takes: latencies, CPU, late joiners, an hour's memory, signatures.
+"""Costs of the swarm's network: latencies, CPU, late joiners, an hour's memory, signatures.
 
-Run: `python benchmarks/network.py [--quick]`; with `--only in_process,processes,joiners,hour,signatures` some
-of it. Times are of this machine at this moment, and said with its load; nothing is asserted. A latency is
-from the moment of an observation to the moment its last recipient has merged it into what it believes.
+Run: `python benchmarks/network.py [--quick]`; `--only in_process,processes,joiners,hour,signatures` chooses
+parts. Times are of this machine at this moment and printed with its load; nothing is asserted. A latency is
+the time from an observation until its last recipient has merged it into its belief.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def in_process(quick: bool) -> Iterator[Table]:
 
 
 async def member(there: str, uav: int, n: int, rate_per_s: float, seconds: float) -> None:
-    """One agent of many; says when it is ready, is told when to begin, and writes what it heard."""
+    """Run one agent of many: print that it is ready, read its start time, write its received observations."""
     with ZenohBus(zenoh_config.client(parse_endpoint(there))) as bus:
         transport: Transport = bus
         network = Network(transport, SWARM, range(1, n + 1), NodeOptions(ROWS, COLS), clock=clock())
@@ -110,7 +110,7 @@ async def member(there: str, uav: int, n: int, rate_per_s: float, seconds: float
 
 
 def own(*arguments: object) -> subprocess.Popen[bytes]:
-    """This file as another process."""
+    """Start this file as another process."""
     command = [sys.executable, __file__, *map(str, arguments)]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
@@ -297,7 +297,7 @@ def signatures(quick: bool) -> Iterator[Table]:
 
 
 def per_call_us(call: object) -> float:
-    """CPU time, the least of five hundreds."""
+    """Return the CPU time of a call, the least of five averages over a hundred calls."""
     assert callable(call)
     taken_s = []
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""Agents that plan nothing, observe at random and tell what they see: who hears it, and when."""
+"""Agents that observe at random and share observations without planning; the times of their arrival."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from swarmctl.bus.network import Network, RunClock
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import StateShared
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
-from swarmctl.core.observation import Observation, Told
+from swarmctl.core.observation import BeliefItem, Observation
 
 SWARM = "bench"
 ROWS = COLS = 100
 CELLS_SEEN = 9
 DRAIN_S = 1.0
-"""after the last observation; what has not come by then counts as not delivered"""
+"""time after the last observation from which a missing one counts as not delivered"""
 ERRING = SensorModel(p_miss=0.1, p_false_alarm=0.02)
 
 
 @dataclass
 class Heard:
-    """When what was said was merged elsewhere; times by the machine's monotonic clock [s]."""
+    """Times at which observations were merged elsewhere, by the machine's monotonic clock [s]."""
 
     said_s: dict[tuple[int, int], float] = field(default_factory=dict)
     recipients: dict[tuple[int, int], int] = field(default_factory=dict)
     merged: list[tuple[int, int, float]] = field(default_factory=list)
-    """(observer, seq, when)"""
+    """(observer, seq, time)"""
 
-    def add(self, told: Sequence[Told], now_s: float) -> None:
+    def add(self, told: Sequence[BeliefItem], now_s: float) -> None:
         for item in told:
             if isinstance(item, Observation):
                 self.merged.append((item.observer, item.seq, now_s))
 
     def figures(self) -> tuple[float, float, float]:
-        """(p50 and p99 to the last recipient [ms], delivered share).
+        """Return p50 and p99 to the last recipient [ms], and the delivered share.
 
         With a range, others get an observation seconds later from whom they ask: the first so many are taken
         for those it was sent to.
@@ -60,7 +60,7 @@ class Heard:
 
 
 class Agent:
-    """Observes at random, merges what it hears, tells its state once a second; plans nothing."""
+    """An agent that observes at random, merges observations and shares its state once a second."""
 
     def __init__(
         self, network: Network, uav: int, heard: Heard, rows: int = ROWS, sensor: SensorModel = PERFECT
@@ -74,7 +74,7 @@ class Agent:
         # Side by side on a line, ten metres apart.
         network.moved(uav, 46.0, 14.0 + 1.3e-4 * uav)
 
-    def _told(self, told: tuple[Told, ...]) -> None:
+    def _told(self, told: tuple[BeliefItem, ...]) -> None:
         self.belief = self.belief.merge(told)
         self.heard.add(told, time.monotonic())
 
@@ -88,7 +88,7 @@ class Agent:
         self.heard.recipients[self.uav, self.seq] = self.network.publish(self.uav, seen)
 
     def _cells(self, middle: tuple[int, int] | None = None) -> tuple[tuple[int, int, bool], ...]:
-        """Of one look."""
+        """Return the cells of one observation."""
         row, col = middle or self._rng.integers(1, self.rows - 1, 2).tolist()
         wrong = self._rng.random(CELLS_SEEN) < self.belief.sensor.p_false_alarm
         around = [(row + i, col + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
@@ -102,7 +102,7 @@ class Agent:
         self.network.publish(self.uav, StateShared(0.0, 46.0, lon_deg, 30.0, "flying", n_observed, 0))
 
     async def fly(self, rate_per_s: float, begin_s: float, seconds: float) -> None:
-        """From `begin_s` of the loop's clock on; who is late catches up."""
+        """Run from `begin_s` of the loop's clock on; a late agent catches up."""
         # What a sensor would show is made up beforehand: it is not what is measured.
         self.seen = [self._cells() for _ in range(round(seconds * rate_per_s))]
         async with asyncio.TaskGroup() as tasks:

@@ -1,6 +1,6 @@
-"""The libraries one could use instead, each brought to solve Eq. 5 from one goal as nearly as it can.
+"""Other libraries, each solving Eq. 5 from one goal as nearly as it can.
 
-Every peer is a function that prepares for a field and returns what is to be timed.
+Every peer is a function that prepares a field and returns the function to be timed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0
 
 
 def edges(shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Every edge backwards (the cell entered, the cell left) and its length."""
+    """Return every edge backwards (the cell entered, the cell left) and its length."""
     rows, cols = shape
     index = np.arange(rows * cols).reshape(shape)
     tails, heads, lengths = [], [], []
@@ -38,7 +38,7 @@ def edges(shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64],
 
 
 class Csr:
-    """The graph as scipy wants it, and which cell and length belongs to each stored weight."""
+    """Return the graph for scipy, and the cell and the length of each stored weight."""
 
     def __init__(self, exposure: Floats, w: float, psi: float) -> None:
         entered, left, length = edges(exposure.shape)
@@ -116,4 +116,4 @@ PEERS: dict[str, tuple[Callable[[Floats, Goal, float, float], Run], int]] = {
     "rustworkx": (rustworkx_dijkstra, 300),
     "networkx": (networkx_dijkstra, 300),
 }
-"""name -> how it is prepared, and up to which side it is tried: beyond, building its graph takes minutes"""
+"""name -> its preparation, and the largest side to try: beyond it, building the graph takes minutes"""

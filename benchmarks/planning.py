@@ -1,7 +1,7 @@
-"""How fast routes are found, as ratios to what one could use instead, all in one run and on one core.
+"""Planning times as ratios to other libraries, measured in one run on one core.
 
 Run: `pip install -e '.[bench]'`, then `python benchmarks/planning.py` (some minutes; `--quick` leaves out the
-largest area). Times are medians of this machine at this moment; what is compared was timed in turns.
+largest area). Times are medians of this machine at this moment; compared functions are timed alternately.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def timed(run: Callable[[], object]) -> float:
 
 
 def in_turns(runs: dict[str, Callable[[], object]], times: int) -> dict[str, float]:
-    """The median of each [s]; all take turns, so that a noisy moment meets all."""
+    """Return the median of each [s]; they run alternately, so that noise affects all of them."""
     found: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(times):
         for name, run in runs.items():
@@ -58,7 +58,7 @@ def table(title: str, *columns: str) -> Table:
 
 
 def full_fields(sides: tuple[int, ...]) -> Iterator[Table]:
-    """The cost-to-go field of the whole area against the peers."""
+    """Compare the cost-to-go field of the whole area with the peers."""
     for kind, make in (("as observed, w = 0.5", observed), ("random in [0, 0.3], w = 0.5", random_field)):
         made = table(
             f"cost to go from every cell, P_s {kind}: times longer than swarmctl takes",
@@ -87,7 +87,7 @@ def full_fields(sides: tuple[int, ...]) -> Iterator[Table]:
 
 
 def hard_fields(side: int) -> Table:
-    """Where the sweeps do not help: random costs with hardly any weight on the way's length, and walls."""
+    """Measure cases in which the sweeps do not help: random costs with little weight on length, and walls."""
     made = table(
         f"{side}², harder fields: ns a cell, and times scipy (graph built)", "P_s", "w", "ns a cell", "ratio"
     )
@@ -116,8 +116,10 @@ TURNS = 10
 
 
 def replans(side: int, times: int) -> Table:
-    """One 3 × 3 observation that brings news, then the new route, against the field of the whole area made
-    anew. Every tenth time another area, whose first field is not counted."""
+    """Compare a replan after one new 3 × 3 observation with a new field of the whole area.
+
+    Every tenth time another area is drawn; its first field does not count.
+    """
     made = table(
         f"{side}², vehicle half-way, one 3 × 3 observation: replanning against a fresh field",
         "who observes, where to, w",
@@ -171,7 +173,7 @@ def replans(side: int, times: int) -> Table:
 
 
 def swarm(side: int, count: int) -> Table:
-    """All vehicles with one goal share one search."""
+    """Measure vehicles with one goal, which share one search."""
     made = table(f"{count} vehicles with one goal on {side}²", "", "[ms]", "ratio")
     exposure, goal = observed(side), (side // 2, side - 1)
     starts = [(int(row), 0) for row in np.linspace(0, side - 1, count)]
@@ -186,8 +188,11 @@ def swarm(side: int, count: int) -> Table:
 
 
 def bounded(side: int, n_fields: int) -> Table:
-    """The planners that keep a bound. A search is a field of the whole area, in memory that is there already:
-    at w = 0.5, or at the weights that the planner searched, which take longer the nearer to 1 they are."""
+    """Measure the planners that keep a bound, in units of one search.
+
+    A search is a field of the whole area in reused memory, at w = 0.5 or at the weights that the planner
+    searched; weights nearer to 1 take longer.
+    """
     made = table(
         f"{side}², a bound halfway along the front, {n_fields} fields each: time in searches",
         "planner, P_s",
@@ -221,13 +226,13 @@ def bounded(side: int, n_fields: int) -> Table:
 
 
 def search_s(problem: Problem, w: float) -> float:
-    """One field of the whole area [s]."""
+    """Return the time of one field of the whole area [s]."""
     field = spread(problem.exposure, problem.goals, w, PSI)
     return min(timed(lambda: spread(problem.exposure, problem.goals, w, PSI, into=field)) for _ in range(3))
 
 
 def halfway(exposure: Floats) -> Problem:
-    """From side to side within the mean of the shortest and the least exposed route's lengths."""
+    """Return a crossing bounded by the mean of the shortest and the least exposed route's lengths."""
     side = exposure.shape[0]
     start, goals = (side // 2, 0), ((side // 3, side - 1),)
     lengths = []
@@ -239,7 +244,7 @@ def halfway(exposure: Floats) -> Problem:
 
 
 def memory(side: int) -> Table:
-    """What a field holds, and what a thousand replans leave behind."""
+    """Measure the memory of a field, and the growth after a thousand replans."""
     made = table("memory", "", "")
     process, exposure = psutil.Process(os.getpid()), observed(side)
     gc.collect()
@@ -263,7 +268,7 @@ def memory(side: int) -> Table:
 
 
 def echo(side: int, count: int) -> Table:
-    """Whether others in the process get their turn while a planner searches."""
+    """Measure whether other threads of the process run while a planner searches."""
     made = table(
         f"a Zenoh echo over TCP, {count} times", "beside it in the process", "p50 [ms]", "p99", "max"
     )

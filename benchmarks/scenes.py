@@ -1,4 +1,4 @@
-"""Areas to plan in, drawn by seed."""
+"""Planning areas drawn by seed."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Cell = tuple[int, int]
 
 
 def random_field(side: int, seed: int = 0) -> NDArray[np.float64]:
-    """Independent cells, which no belief looks like: the harder for a search."""
+    """Return independent random cells, which are harder for a search than any real belief."""
     return np.random.default_rng(seed).random((side, side)) * 0.3
 
 
 def observed(side: int, seed: int = 0) -> NDArray[np.float64]:
-    """P_s where a sixth of the cells were seen by 3 × 3 and hostiles found among them (Eq. 3, 4)."""
+    """Return P_s after 3 × 3 observations of a sixth of the cells with hostiles among them (Eq. 3, 4)."""
     rng = np.random.default_rng(seed)
     occupied = np.full((side, side), DENSITY)
     for row, col in rng.integers(1, side - 1, (side * side // 50, 2)):
@@ -31,7 +31,7 @@ def observed(side: int, seed: int = 0) -> NDArray[np.float64]:
 
 
 class Crossing:
-    """A vehicle half-way across, hostiles where nobody knows, and what is known of them in layers."""
+    """A vehicle half-way across, unknown hostiles, and the knowledge of them in layers."""
 
     def __init__(self, side: int, goal: Cell, seen: float, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)
@@ -45,8 +45,7 @@ class Crossing:
         self._share()
 
     def observe(self, *, anywhere: bool) -> list[Cell]:
-        """Around the vehicle, or anywhere in the area; returns the cells whose layers changed, none where all
-        was seen before."""
+        """Observe around the vehicle or anywhere, and return the cells whose layers changed."""
         row, col = self._rng.integers(0, self._seen.shape[0], 2).tolist() if anywhere else self.position
         near, wide = self._square(row, col, 1), self._square(row, col, 3)
         if self._seen[near].all():

@@ -1,10 +1,9 @@
-"""What a fleet of `sim_vehicle` costs: in real time over UDP, and on the virtual clock.
+"""Costs of a fleet of `sim_vehicle`: in real time over UDP, and on the virtual clock.
 
 Run: `pip install -e '.[bench]'`, then `python benchmarks/simulator.py`. A core is one of this machine's at
-this moment; every row is measured in the same run. In real time the fleet is a process of its own and the
-ground station another one, which asks every vehicle for 19 messages a second beside its heartbeat and notes
-when each heartbeat comes. A heartbeat is late by how much later it comes than the earliest of its vehicle's
-would have it.
+this moment; every row is measured in the same run. In real time the fleet is a process of its own, and
+the ground station another one, which requests 19 messages a second from every vehicle beside its heartbeat.
+The delay of a heartbeat is measured against the schedule of its vehicle's earliest one.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ RATES_HZ = {
 
 @dataclass
 class Heard:
-    """What a ground station received: frames, bytes, and when each vehicle's heartbeats came."""
+    """The traffic that a ground station received: frames, bytes, and times of each vehicle's heartbeats."""
 
     frames: int = 0
     size: int = 0
@@ -65,7 +64,7 @@ class Heard:
         self.size += len(data)
 
     def lateness_ms(self) -> tuple[float, float]:
-        """Median and 99th percentile."""
+        """Return the median and the 99th percentile."""
         late = []
         for times_s in self.heartbeats_s.values():
             offsets_s = np.array(times_s) - np.arange(len(times_s))
@@ -78,7 +77,7 @@ class Heard:
 
 @contextmanager
 def ports(count: int) -> Iterator[tuple[int, list[socket.socket]]]:
-    """Sockets on `count` free ports in a row of the loopback."""
+    """Open sockets on `count` consecutive free ports of the loopback."""
     for first in itertools.count(20_000, 50):
         with ExitStack() as stack:
             sockets = []
@@ -96,7 +95,7 @@ def ports(count: int) -> Iterator[tuple[int, list[socket.socket]]]:
 
 
 def listen(sockets: list[socket.socket], heard: Heard | None, seconds: float) -> dict[int, tuple[str, int]]:
-    """Receive for so long; where each port's fleet speaks from."""
+    """Receive for this time and return the sender address at each port."""
     selector = selectors.DefaultSelector()
     for index, udp in enumerate(sockets):
         selector.register(udp, selectors.EVENT_READ, index)
@@ -116,7 +115,7 @@ def listen(sockets: list[socket.socket], heard: Heard | None, seconds: float) ->
 
 
 def orders(sysid: int, personality: str = "ardupilot") -> Iterator[bytes]:
-    """What brings a vehicle into the air and makes it tell all of RATES_HZ."""
+    """Return the orders for take-off and for all messages of RATES_HZ."""
     codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     commands: list[tuple[float, ...]] = [(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)]
     if personality == "ardupilot":
@@ -177,7 +176,7 @@ def in_real_time(count: int) -> list[str]:
 
 
 def on_the_virtual_clock(personality: str, count: int, simulated_s: float) -> list[str]:
-    """One row: every vehicle in the air, everything that streams encoded."""
+    """Return one row: all vehicles in the air, all streams encoded."""
     fleet = Fleet(default_scenario(count, home=HOME, personality=personality), ready_s=0)
     fleet.step(1.0)
     for link, sysid in zip(fleet.links, fleet.sysids, strict=True):

@@ -305,13 +305,14 @@ class Director:
             # A healthy vehicle waits for its estimator, too: only a long wait is worth a line.
             if reasons and clock() - reported_s >= NOT_READY_S * self._seconds_per_delay:
                 reported_s = clock()
+                member.is_overdue = True
                 self._say(
                     f"{member.name}: not ready yet: {'; '.join(reasons)} (waiting "
                     f"{self._flight.ready_timeout_s:g} s at most) [not-ready]"
                 )
 
         await member.runner.link.prepare(self._flight.ready_timeout_s, waiting)
-        member.waiting_for, member.not_ready_because = (), ""
+        member.waiting_for, member.is_overdue, member.not_ready_because = (), False, ""
         where = member.runner.link.state()
         if where.lat_deg is None or where.lon_deg is None:
             raise PreflightFailed([f"{member.name}: reports that it is ready, but no position"])

@@ -37,7 +37,7 @@ async def show(
             vehicle_row(
                 m.state,
                 m.runner.link.age_s(),
-                "; ".join(m.waiting_for),
+                "; ".join(m.waiting_for) if m.is_overdue else "",
                 network.counters(m.spec.sysid).refused.total(),
                 lost_timeout_s=scenario.config.flight.lost_timeout_s,
             )

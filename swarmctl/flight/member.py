@@ -22,6 +22,9 @@ class Member:
     runner: Runner
     identity: Identity | None = None
     waiting_for: tuple[str, ...] = ()
+    """conditions that it does not meet yet, while it is made ready"""
+    is_overdue: bool = False
+    """it waits for these longer than a healthy vehicle"""
     not_ready_because: str = ""
     """the reason why it could not be made ready"""
 

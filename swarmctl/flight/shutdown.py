@@ -48,7 +48,7 @@ class Shutdown:
         stopped = [m for m in in_flight if m not in returning]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
             self._say(f"{names(released)}: released in the air, so no order is sent; {HEARTBEATS_END}")
-        self._say(f"stopping: hold ordered of {names(stopped) or 'no vehicle'}")
+        self._say(f"stopping: hold ordered of {names(stopped) or 'no vehicle'} [stopping]")
         self._order([m for m in self._members if m not in returning], ev.FlightOrder.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, stopped)
         if order is ev.FlightOrder.HOLD:
@@ -103,7 +103,7 @@ class Shutdown:
         """Land each vehicle where it holds; one that holds above another waits until that is down."""
         waiting = [m for m in flying if self._is_above_another(m, flying)]
         if waiting:
-            self._say(f"{names(waiting)}: landing when the vehicles below are down")
+            self._say(f"{names(waiting)}: landing when the vehicles below are down [waits-to-land]")
         self._order([m for m in flying if m not in waiting], ev.FlightOrder.LAND)
 
         def all_down(member: Member) -> bool:

@@ -1,4 +1,4 @@
-"""Calling vehicles back: what an agent makes of its turn, and whole swarms, by an operator and by Ctrl-C."""
+"""Recall in turns: one agent, and whole swarms recalled by an operator or by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from agent_stories import Story, orders
 from companion_world import NAMES, STATION, Swarm
-from flights import Ui, fly, small
+from flights import Ui, coded, fly, small
 from interruptions import interrupting
-from recall_stories import Looker, gathering
-from trouble import Trouble, chooses, play, suffer
+from recall_stories import ReturnMonitor, gathering
+from trouble import Trouble, fly_with, inject, select_mode
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
@@ -45,7 +45,7 @@ def answer_of(effects: list[ev.Effect]) -> VehicleAnswer:
 
 
 def queued(**changes: Any) -> Story:
-    """Called back, with 10 s to wait, by a vehicle whose clock shows 100 s."""
+    """A recalled vehicle that waits 10 s for its turn; its clock shows 100 s."""
     story = Story(**changes).flying()
     story.over((4, 1), time_boot_s=100.0)
     assert orders(story(ev.OperatorCommand(RETURN, 1, after_s=10.0))) == [HOLD]
@@ -108,7 +108,7 @@ def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
 
 
 async def told_in_flight(tmp_path: Path, *commands: tuple[float, Request]) -> tuple[Report, Ui, list[Any]]:
-    """One process flies all; an operator gives commands at these times."""
+    """Fly all vehicles in one process; an operator gives commands at these times."""
     bus, ui, answers = MemoryBus(), Ui(), []
     flight = asyncio.create_task(
         app.fly(gathering(), tmp_path, ui, clock="virtual", permission=lambda foreign: None, bus=bus)
@@ -123,17 +123,15 @@ def outcomes(answer: OperatorAnswer) -> list[str]:
     return [vehicle.outcome for vehicle in answer.vehicles]
 
 
-def test_a_swarm_in_one_process_returns_in_turns(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    looker = Looker()
-    play(Trouble(note=looker), monkeypatch)
+def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monitor = ReturnMonitor()
+    inject(Trouble(on_step=monitor), monkeypatch)
     back = GiveOrder(None, "return")
     report, ui, answers = run_virtual(told_in_flight(tmp_path, (45.0, back), (60.0, back)))
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
     assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
-    assert len(set(looker.since_s.values())) > 1
-    assert looker.least_m > MIN_HORIZONTAL_M
+    assert len(set(monitor.since_s.values())) > 1
+    assert monitor.least_m > MIN_HORIZONTAL_M
     assert [state.outcome for state in report.states.values()] == ["return ordered; landed"] * 3
     assert any(text.startswith("returning: ") and "at once" in text for text in ui.said)
 
@@ -149,7 +147,9 @@ def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> Non
     ]
 
 
-def test_vehicles_recalled_before_the_launch_stay_on_the_ground_until_a_launch_is_ordered(tmp_path: Path) -> None:
+def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
+    tmp_path: Path,
+) -> None:
     back, launch = GiveOrder(None, "return"), GiveOrder(None, "launch")
     report, _, answers = run_virtual(told_in_flight(tmp_path, (3.0, back), (60.0, launch)))
     assert "[stays-on-ground]" in answers[0].vehicles[0].note
@@ -158,8 +158,8 @@ def test_vehicles_recalled_before_the_launch_stay_on_the_ground_until_a_launch_i
 
 
 @dataclass
-class Known:
-    """As much of a member as the rule about orders looks at."""
+class KnownMember:
+    """The fields of a member that the rule about orders reads."""
 
     name: str
     identity: None = None
@@ -168,25 +168,25 @@ class Known:
 @pytest.mark.parametrize(
     ("order", "listen", "refused"),
     [
-        ("launch", "tcp/127.0.0.1:0", "only `swarmctl fly` launches it"),
+        ("launch", "tcp/127.0.0.1:0", "[launch-by-fly-only]"),
         ("return", "tcp/127.0.0.1:0", ""),
         ("land", "none", ""),
-        ("land", "tcp/0.0.0.0:7447", "others than this machine reach tcp/0.0.0.0:7447"),
+        ("land", "tcp/0.0.0.0:7447", "[orders-need-keys]"),
     ],
 )
 def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
     order: Any, listen: str, refused: str
 ) -> None:
     scenario = small(communication={"bus": "memory", "listen": listen})
-    members: Any = [Known("alpha")]
+    members: Any = [KnownMember("alpha")]
     found = operator_orders.orders_closed(scenario, members, GiveOrder(None, order))
     assert refused in found
     assert bool(found) is bool(refused)
 
 
 def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    looker = Looker()
-    play(Trouble(note=looker), monkeypatch)
+    monitor = ReturnMonitor()
+    inject(Trouble(on_step=monitor), monkeypatch)
 
     async def scene() -> tuple[list[OperatorAnswer], list[Report]]:
         swarm = Swarm(tmp_path, gathering())
@@ -204,41 +204,39 @@ def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch
     (first, second), reports = run_virtual(scene())
     assert outcomes(first) == outcomes(second) == ["taken"] * 3
     assert any(vehicle.note.endswith("[already-done]") for vehicle in second.vehicles)
-    assert len({round(at_s) for at_s in looker.since_s.values()}) > 1
+    assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
     states = [state for report in reports for state in report.states.values()]
     assert [state.outcome for state in states] == ["return ordered; landed"] * 3
 
 
 def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    trouble = Trouble(note=(looker := Looker()))
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(45.0))
+    trouble = Trouble(on_step=(monitor := ReturnMonitor()))
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(45.0))
     assert report.ended == "stopped"
-    assert looker.least_m > MIN_HORIZONTAL_M
-    assert len(set(looker.since_s.values())) > 1
+    assert monitor.least_m > MIN_HORIZONTAL_M
+    assert len(set(monitor.since_s.values())) > 1
     (told,) = (text for text in ui.said if text.startswith("returning: "))
     assert "all have landed within" in told
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
-def test_at_the_deadline_all_waiting_vehicles_return(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
-    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(45.0))
+    report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(45.0))
     assert len(report.final_states) == 3
     assert all("mode RTL" in line for line in report.final_states)
-    assert any(text.endswith("to return now, whoever else is in the air") for text in ui.said)
+    assert any(text.endswith("[return-now]") for text in ui.said)
 
 
 def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address_of = interrupting(45.0, 45.5)
-    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=gathering(), address_of=address_of)
+    report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=gathering(), address_of=address_of)
     assert report.ended == "abandoned"
     assert len(report.final_states) == 3
     assert all("mode RTL" in line for line in report.final_states)
-    assert "not waited for: uav1, uav2, uav3 to return, all at once" in ui.said
+    assert any("uav1, uav2, uav3" in text and text.endswith("[emergency]") for text in ui.said)
 
 
 def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_path: Path) -> None:
@@ -250,7 +248,7 @@ def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_pat
     ui = Ui()
     report = fly(scenario, tmp_path, address_of=interrupting(66.0), ui=ui)
     assert [line.partition("; ")[2] for line in report.final_states] == ["landed", "landed"]
-    assert "to land when those under them are down: uav2" in ui.said
+    assert coded(ui.said, "uav2", "waits-to-land")
     down_s = [report.statistics.vehicles[uav].last_s for uav in (1, 2)]
     assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
 
@@ -258,28 +256,28 @@ def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_pat
 def test_ctrl_c_lands_vehicles_beside_each_other_at_once(tmp_path: Path) -> None:
     ui = Ui()
     report = fly(small(flight={"on_exit": "land"}), tmp_path, address_of=interrupting(30.0), ui=ui)
-    assert not any("when those under them" in line for line in ui.said)
+    assert not any(line.endswith("[waits-to-land]") for line in ui.said)
     assert all("landed" in line for line in report.final_states)
 
 
-class Breaks(Ui):
-    def refresh(self, picture: SwarmView) -> None:
-        super().refresh(picture)
-        if picture.flown_s > 40.0:
+class FaultyUi(Ui):
+    def refresh(self, view: SwarmView) -> None:
+        super().refresh(view)
+        if view.flown_s > 40.0:
             raise RuntimeError("a bug")
 
 
 def test_a_failed_flight_returns_the_vehicles_in_turns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trouble = Trouble(note=(looker := Looker()))
-    play(trouble, monkeypatch)
-    ui = Breaks()
+    trouble = Trouble(on_step=(monitor := ReturnMonitor()))
+    inject(trouble, monkeypatch)
+    ui = FaultyUi()
     report = fly(gathering(), tmp_path, ui=ui, broken=True)
     assert isinstance(report.bug, ExceptionGroup)
-    assert "the flight is broken: uav1, uav2, uav3 to return, in turns" in ui.said
+    assert any("uav1, uav2, uav3" in text and text.endswith("[emergency]") for text in ui.said)
     assert any(text.startswith("returning: uav1, uav3 at once; uav2 after") for text in ui.said)
-    assert looker.least_m > MIN_HORIZONTAL_M
+    assert monitor.least_m > MIN_HORIZONTAL_M
     # The process ends when the last is sent home.
     assert trouble.modes == {1: ["AUTO", "RTL"], 2: ["AUTO", "GUIDED"], 3: ["AUTO", "RTL"]}
     assert all("mode RTL" in line for line in report.final_states)
@@ -288,8 +286,8 @@ def test_a_failed_flight_returns_the_vehicles_in_turns(
 def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trouble = Trouble(deeds=[(60.0, chooses(2, "LOITER"))])
-    play(trouble, monkeypatch)
-    report = fly(gathering(), tmp_path, ui=Breaks(), broken=True)
+    trouble = Trouble(actions=[(60.0, select_mode(2, "LOITER"))])
+    inject(trouble, monkeypatch)
+    report = fly(gathering(), tmp_path, ui=FaultyUi(), broken=True)
     assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
     assert ["mode RTL" in line for line in report.final_states] == [True, False, True]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from flights import AREA, fly, small
-from mcap.reader import make_reader
+from recorded import effects
 
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import flown_route, pulled_track
@@ -45,12 +44,7 @@ def scenario(counting: ExposureMeasure | None, seed: int = 3) -> Scenario:
 
 def missions(folder: Path) -> list[dict[str, Any]]:
     """Every mission given to a vehicle, in the order of the record."""
-    with (folder / "run.mcap").open("rb") as file:
-        return [
-            json.loads(message.data)["effect"]
-            for _, channel, message in make_reader(file).iter_messages()
-            if channel.topic.endswith("/effect/SwapMission")
-        ]
+    return [recorded["effect"] for recorded in effects(folder, "SwapMission")]
 
 
 def n_items(folder: Path) -> float:

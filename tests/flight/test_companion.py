@@ -1,4 +1,4 @@
-"""Agents that fly one vehicle each, and their operator: three processes' worth in one virtual time."""
+"""Agents that fly one vehicle each, and their operator, together on one virtual clock."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from swarmctl.agent.state import ARRIVED, Phase
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.cli.asking import Seals
-from swarmctl.cli.flying import conclude
+from swarmctl.cli.flights import conclude
+from swarmctl.cli.operator_command import Seals
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import (
     GiveOrder,
@@ -34,8 +34,8 @@ from swarmctl.flight.director import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
 from swarmctl.report.outcome import Report
-from swarmctl.security.issue import make
-from swarmctl.security.participant import load
+from swarmctl.security.issue import make_keys
+from swarmctl.security.participant import load_keyring
 from swarmctl.station import client
 
 pytestmark = pytest.mark.virtual
@@ -88,7 +88,7 @@ def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> 
     assert states[1].w == 0.9
     assert states[2].outcome == "land ordered; landed"
     assert states[3].outcome == "return ordered; landed"
-    # What each has seen, the others know.
+    # Each vehicle's observations are known to the others.
     for uav, state in states.items():
         others = [other for other in NAMES if other != uav]
         assert all(state.belief.n_cells_from(other) > 0 for other in others), uav
@@ -96,7 +96,7 @@ def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> 
 
 @pytest.fixture(scope="module")
 def returned(tmp_path_factory: pytest.TempPathFactory) -> Report:
-    """The flight of a vehicle that its operator has called back."""
+    """The flight of a vehicle that its operator has recalled."""
 
     async def scene() -> Report:
         swarm = Swarm(tmp_path_factory.mktemp("returned"))
@@ -131,18 +131,18 @@ def test_a_recalled_vehicle_is_not_held_to_its_time_bound(returned: Report, tmp_
     assert code_of(replace(returned, summary=late), tmp_path) == 0
 
 
-NOT_OBEYED: list[tuple[str, dict[str, Any]]] = [
-    ("it has failed", {"phase": Phase.FAILED}),
-    ("it was let go", {"phase": Phase.RELEASED}),
-    ("it is still under way, and lost", {"phase": Phase.LEAVING}),
-    ("it was not seen to follow", {"order_followed": False}),
-    ("nobody ordered it", {"ordered": None}),
-    ("it was ordered to hold", {"ordered": FlightOrder.HOLD}),
-    ("it never took off", {"armed_seen": False}),
+NOT_FOLLOWED: list[tuple[str, dict[str, Any]]] = [
+    ("failed", {"phase": Phase.FAILED}),
+    ("released", {"phase": Phase.RELEASED}),
+    ("lost on its way", {"phase": Phase.LEAVING}),
+    ("not confirmed by telemetry", {"order_followed": False}),
+    ("no order", {"ordered": None}),
+    ("ordered to hold", {"ordered": FlightOrder.HOLD}),
+    ("never took off", {"armed_seen": False}),
 ]
 
 
-@pytest.mark.parametrize("changes", [row[1] for row in NOT_OBEYED], ids=[row[0] for row in NOT_OBEYED])
+@pytest.mark.parametrize("changes", [row[1] for row in NOT_FOLLOWED], ids=[row[0] for row in NOT_FOLLOWED])
 def test_a_vehicle_that_neither_arrives_nor_follows_an_order_has_failed(
     changes: dict[str, Any], returned: Report, tmp_path: Path
 ) -> None:
@@ -174,8 +174,8 @@ def test_an_agent_alone_flies_the_same_task_as_in_one_process(tmp_path: Path) ->
 
 def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(tmp_path: Path) -> None:
     now = dt.datetime.now(dt.UTC)
-    make(tmp_path / "keys", ["uav1", "uav2", "operator"], 5, now)
-    keyring = {name: load(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
+    make_keys(tmp_path / "keys", ["uav1", "uav2", "operator"], 5, now)
+    keyring = {name: load_keyring(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
     commands: list[tuple[str, bytes]] = []
 
     class Operators(Seals):
@@ -184,7 +184,7 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
             return commands[-1][1]
 
     async def scene(folder: Path, own: str) -> tuple[list[VehicleAnswer], list[VehicleAnswer]]:
-        """What the operator and what a vehicle that gives orders is answered."""
+        """Return the answers to the operator, and to a vehicle that gives orders."""
         folder.mkdir()
         bus, ui = MemoryBus(), Ui()
         flight = asyncio.create_task(
@@ -213,7 +213,7 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
     assert (operators.outcome, vehicles.outcome) == ("taken", "refused")
     assert "not signed by the operator" in vehicles.note
     commands.clear()
-    # An agent that has another vehicle's keys is not the vehicle that was asked.
+    # An agent with another vehicle's keys is not the asked vehicle.
     (operators,), _ = run_virtual(scene(tmp_path / "other", "uav2"))
     assert operators.outcome == "unconfirmed"
     assert operators.note.startswith("none of its own, and 1 answer in its name that it did not sign")
@@ -226,7 +226,7 @@ def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
     buses: list[MemoryBus] = []
 
     class Buggy(MemoryBus):
-        """Nobody of this process copes with what comes under one key."""
+        """A bus with a handler that fails on every message of one key."""
 
         def __init__(self, on_failure: Failure) -> None:
             super().__init__(on_failure)
@@ -326,8 +326,8 @@ def test_one_process_with_all_vehicles_takes_orders_for_simulated_ones(tmp_path:
 
 
 @dataclass
-class Known:
-    """As much of a member as the rule about orders looks at."""
+class KnownMember:
+    """The fields of a member that the rule about orders reads."""
 
     name: str
     identity: Identity | None
@@ -348,7 +348,7 @@ def test_without_keys_only_simulated_vehicles_take_orders(
     uid2: bytes | None, has_keys: bool, closed: bool
 ) -> None:
     identity = None if uid2 is None else Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0"))
-    who: Any = Known("alpha", identity)
-    why = companion.orders_closed([who], has_keys=has_keys)
-    assert bool(why) is closed
-    assert not closed or ("alpha" in why and "`swarmctl keys`" in why)
+    member: Any = KnownMember("alpha", identity)
+    reason = companion.orders_closed([member], has_keys=has_keys)
+    assert bool(reason) is closed
+    assert not closed or ("alpha" in reason and reason.endswith("[orders-need-keys]"))

@@ -1,4 +1,4 @@
-"""Whole flights of swarms that speak like PX4, and of mixed ones, on the virtual clock."""
+"""Whole flights of PX4 and mixed swarms on the virtual clock."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ARDUPILOT, PX4 = 3, 12
 
 
 def autopilots(folder: Path, names: tuple[str, ...]) -> list[int]:
-    """MAV_AUTOPILOT of each vehicle, by its own heartbeats in its tlog."""
+    """Return MAV_AUTOPILOT of each vehicle, by the heartbeats in its tlog."""
     found = []
     for sysid, name in enumerate(names, start=1):
         log = mavutil.mavlink_connection(str(folder / f"{name}.tlog"))
@@ -35,7 +35,7 @@ def autopilots(folder: Path, names: tuple[str, ...]) -> list[int]:
 
 
 def last_minute(file: Path, sysid: int) -> list[Any]:
-    """What a vehicle has told in the last minute of its tlog."""
+    """Return a vehicle's messages in the last minute of its tlog."""
     log = mavutil.mavlink_connection(str(file))
     told = []
     while (message := log.recv_match()) is not None:
@@ -49,7 +49,7 @@ def last_minute(file: Path, sysid: int) -> list[Any]:
     ("autopilot", "expected"),
     [("px4", [PX4, PX4, PX4]), ("mixed", [ARDUPILOT, PX4, ARDUPILOT])],
 )
-def test_a_swarm_arrives_whatever_its_autopilots_are(autopilot, expected, tmp_path: Path) -> None:
+def test_a_swarm_of_px4_or_mixed_autopilots_arrives(autopilot, expected, tmp_path: Path) -> None:
     simulate = {"count": 3, "ready_s": 3.0, "autopilot": autopilot}
     ui = Ui()
     report = fly(small(simulate=simulate), tmp_path, ui=ui)
@@ -71,7 +71,7 @@ def test_the_shipped_mixed_swarm_arrives(tmp_path: Path) -> None:
     assert autopilots(tmp_path, tuple(f"uav{n}" for n in range(1, 7))) == [ARDUPILOT, PX4] * 3
 
 
-def test_over_radios_that_carry_little_a_swarm_is_asked_for_little_and_arrives(tmp_path: Path) -> None:
+def test_a_swarm_with_reduced_telemetry_arrives(tmp_path: Path) -> None:
     simulate = {"count": 2, "ready_s": 3.0, "autopilot": "mixed"}
     scenario = small(simulate=simulate, links={"position_hz": 2.0, "stop_other_streams": True})
     report = fly(scenario, tmp_path)

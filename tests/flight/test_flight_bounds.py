@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.time_bound import arrives_s
-from swarmctl.cli import loading, main
+from swarmctl.cli import main
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.route import ends_and_turns
 from swarmctl.planners import BoundTooTight
@@ -33,7 +33,7 @@ def swarm(planner: dict[str, Any], **bounds: float) -> Scenario:
 
 
 def flown(scenario: Scenario, folder: Path, ui: Ui | None = None) -> list[dict[str, Any]]:
-    """The vehicles of the summary, of a flight that ended well and is decided the same when folded again."""
+    """Fly, check arrivals and replay, and return the vehicles of the summary."""
     report = fly(scenario, folder, ui=ui)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * len(scenario.specs)
     verdict = record.replay(folder / "run.mcap")
@@ -48,14 +48,14 @@ def unbounded(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     return flown(swarm({"name": "dijkstra", "w": 1.0}), tmp_path_factory.mktemp("unbounded"))
 
 
-def test_without_a_bound_the_least_exposed_ways_take_longer(unbounded: list[dict[str, Any]]) -> None:
+def test_without_a_bound_the_least_exposed_routes_take_longer(unbounded: list[dict[str, Any]]) -> None:
     assert all(vehicle["arrived_s"] > WITHIN_S for vehicle in unbounded)
     assert all(vehicle["arrival_bound_kept"] is None for vehicle in unbounded)
     assert all(vehicle["last_plan"]["searched"] == [] for vehicle in unbounded)
 
 
 @pytest.mark.parametrize("planner", ["time_bound", "constrained"])
-def test_with_one_the_swarm_arrives_in_time(
+def test_with_a_bound_the_swarm_arrives_in_time(
     planner: str, unbounded: list[dict[str, Any]], tmp_path: Path
 ) -> None:
     vehicles = flown(swarm({"name": planner}, arrive_within_s=WITHIN_S), tmp_path)
@@ -67,7 +67,7 @@ def test_with_one_the_swarm_arrives_in_time(
         assert vehicle["last_plan"]["searched"]
 
 
-def test_what_is_proven_of_the_last_plan_is_in_the_summary(tmp_path: Path) -> None:
+def test_the_lower_bound_of_the_last_plan_is_in_the_summary(tmp_path: Path) -> None:
     for vehicle in flown(swarm({"name": "constrained"}, arrive_within_s=WITHIN_S), tmp_path):
         plan = vehicle["last_plan"]
         assert plan["lower_bound"] == pytest.approx(plan["cost"])
@@ -85,13 +85,13 @@ def test_an_arrival_window_is_kept_at_both_ends(unbounded: list[dict[str, Any]],
         assert vehicle["arrival_bound_kept"] is True
 
 
-def test_survival_flies_too(tmp_path: Path) -> None:
+def test_the_survival_planner_flies(tmp_path: Path) -> None:
     for vehicle in flown(swarm({"name": "survival"}), tmp_path):
         assert vehicle["arrived_s"] > 90.0
         assert vehicle["arrive_within_s"] is None
 
 
-def test_a_bound_that_cannot_be_met_is_said_once_and_nobody_stops(tmp_path: Path) -> None:
+def test_a_bound_that_cannot_be_met_is_reported_once_and_stops_no_vehicle(tmp_path: Path) -> None:
     """`judge` would refuse this bound; flown all the same, it is missed by as little as can be."""
     ui = Ui()
     vehicles = flown(swarm({"name": "constrained"}, arrive_within_s=84.0), tmp_path, ui)
@@ -108,9 +108,7 @@ def test_a_bound_that_cannot_be_met_is_said_once_and_nobody_stops(tmp_path: Path
 
 
 @pytest.mark.parametrize("speed_m_s", [6.0, 10.0])
-def test_the_tightest_bound_that_is_accepted_is_kept_around_many_corners(
-    speed_m_s: float, tmp_path: Path
-) -> None:
+def test_the_tightest_accepted_bound_is_kept_around_many_corners(speed_m_s: float, tmp_path: Path) -> None:
     gaps = {2: 5, 5: 8, 8: 5, 11: 8}  # column: row
     walls = [[row, col] for col, gap in gaps.items() for row in range(14) if row != gap]
     sections = {"area": {**AREA, "no_fly": walls}, "threats": {"count": 0}, "planner": {"name": "time_bound"}}
@@ -132,10 +130,12 @@ def test_the_tightest_bound_that_is_accepted_is_kept_around_many_corners(
     assert not [text for text in ui.said if "no route meets" in text]
 
 
-def test_a_flight_that_missed_its_bound_does_not_look_fine(
+def test_a_missed_bound_changes_the_exit_code_and_is_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(loading, "judge", lambda config: ())  # which would refuse the bound
+    monkeypatch.setattr(
+        "swarmctl.config.checks.check_config", lambda config: ()
+    )  # which would refuse the bound
     file = tmp_path / "late.yaml"
     sections = "threats: {count: 0}\nplanner: {name: time_bound}\ncommunication: {bus: memory}\n"
     area = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}\n"
@@ -145,4 +145,4 @@ def test_a_flight_that_missed_its_bound_does_not_look_fine(
         result = CliRunner().invoke(main.cli, words, env={"COLUMNS": "200"})
         assert result.exit_code == code, result.output
         assert f"/ {within_s}" in result.output
-        assert ("out of time: uav1" in result.output) is (code == 1)
+        assert ("missed their time bounds: uav1" in result.output) is (code == 1)

@@ -1,4 +1,4 @@
-"""Flights drawn by chance, with faults, other stations and orders at drawn moments: what must never be."""
+"""Randomly drawn flights with faults, other stations and orders: rules that no flight may break."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import importlib
 from pathlib import Path
 
 import pytest
-from drawn_flights import Drawn, draw
+from drawn_flights import DrawnFlight, draw
 from flights import Ui, fly, small
 from gap_scenario import through_the_gap
-from trouble import Trouble, chooses, play
-from witness import Witness, findings
+from trouble import Trouble, inject, select_mode
+from witness import FlightMonitor, findings
 
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.state import AgentState
@@ -22,16 +22,16 @@ from swarmctl.preflight.waivers import Waiver
 pytestmark = pytest.mark.virtual
 
 WAIVED = FlightOptions(waivers=(Waiver("separation"),))
-"""In flight they are to keep apart all the same."""
+"""the preflight check is waived; in flight the vehicles still keep their separation"""
 FILES = ("run.mcap", "evidence.jsonl", "summary.json", "uav1.tlog", "uav2.tlog")
 
 
-def flown(drawn: Drawn, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What is found in the flight that must never be."""
-    witness = Witness(drawn)
+def flown(drawn: DrawnFlight, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Fly and return a line for each broken rule."""
+    witness = FlightMonitor(drawn)
     witness.attend()
     with monkeypatch.context() as patched:
-        play(drawn.trouble, patched)
+        inject(drawn.trouble, patched)
         report = fly(drawn.scenario, folder, ui=Ui(), options=WAIVED, bus=drawn.bus)
     return findings(witness, report, folder)
 
@@ -49,7 +49,7 @@ def test_equal_seeds_leave_equal_files(tmp_path: Path, monkeypatch: pytest.Monke
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "other" / file).read_bytes(), file
 
 
-# --- what would be found
+# --- broken rules are found
 
 
 def slow_wire(uav: int) -> Trouble:
@@ -59,13 +59,13 @@ def slow_wire(uav: int) -> Trouble:
 def test_a_mission_written_over_the_flown_one_is_found_as_a_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def plain() -> Drawn:
-        return Drawn(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
+    def plain() -> DrawnFlight:
+        return DrawnFlight(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
 
     assert flown(plain(), tmp_path / "behind", monkeypatch) == []
     monkeypatch.setattr(ArduPilot, "uploads_atomically", True)
     found = flown(plain(), tmp_path / "over", monkeypatch)
-    assert any("1 flies what no plan was" in text for text in found)
+    assert any(text.endswith("[mixture]") for text in found)
 
 
 def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,11 +74,11 @@ def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: py
         state, ordered = command(state, ev.FlightOrder.HOLD, by_person=True)
         return state, [*released, *ordered]
 
-    def taken_over() -> Drawn:
+    def taken_over() -> DrawnFlight:
         trouble = slow_wire(1)
         trouble.faults.append({"fault": "absent_ack", "vehicles": [1], "at_s": 25.0})
-        trouble.deeds += [(30.0, chooses(1, "LOITER")), (60.0, chooses(1, "LAND"))]
-        return Drawn(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
+        trouble.actions += [(30.0, select_mode(1, "LOITER")), (60.0, select_mode(1, "LAND"))]
+        return DrawnFlight(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
 
     assert flown(taken_over(), tmp_path / "let go", monkeypatch) == []
     monkeypatch.setattr(
@@ -86,14 +86,14 @@ def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: py
     )
     found = flown(taken_over(), tmp_path / "fought", monkeypatch)
     assert found
-    assert all("1 was let go at" in text for text in found)
+    assert all(text.endswith("[order]") for text in found)
 
 
 def test_two_vehicles_too_close_without_a_warning_are_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def drawn_together() -> Drawn:
-        return Drawn(through_the_gap(), Trouble())
+    def drawn_together() -> DrawnFlight:
+        return DrawnFlight(through_the_gap(), Trouble())
 
     assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
     step = importlib.import_module("swarmctl.agent.step")
@@ -101,4 +101,4 @@ def test_two_vehicles_too_close_without_a_warning_are_found(
     monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
     monkeypatch.setattr(step, "avoid_collisions", lambda state: (state, []))
     found = flown(drawn_together(), tmp_path / "together", monkeypatch)
-    assert any("(1, 2) are too close, and nobody says so" in text for text in found)
+    assert any("(1, 2)" in text and text.endswith("[no-warning]") for text in found)

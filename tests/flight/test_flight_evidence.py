@@ -1,4 +1,4 @@
-"""The evidence of whole flights, held against what was on the wire."""
+"""The evidence of whole flights, compared with the messages on the wire."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 from flights import Ui, fly, small
-from mcap.reader import make_reader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from recorded import effects
 from typer.testing import CliRunner, Result
 
 from swarmctl.bus import keys
@@ -29,11 +29,11 @@ from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.flight import app
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.waivers import parse_waivers
-from swarmctl.report.evidence.book import FILE_NAME
 from swarmctl.report.evidence.chain import CheckedChain, canonical, check, sha256
+from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.evidence.story import event_entries, state_changes
 from swarmctl.report.outcome import Report
-from swarmctl.security.issue import make
+from swarmctl.security.issue import make_keys
 from swarmctl.station import client
 
 COMMAND_LONG = "COMMAND_LONG"
@@ -53,7 +53,7 @@ def evidence(folder: Path) -> CheckedChain:
 
 
 def sent_to(tlog: Path) -> list[Any]:
-    """What the ground station sent, by the log of the link's bytes."""
+    """Return the ground station's messages from the tlog."""
     data, at, messages = tlog.read_bytes(), 0, []
     codec = mavlink.MAVLink(None)
     while at < len(data):
@@ -67,7 +67,7 @@ def sent_to(tlog: Path) -> list[Any]:
 
 
 @pytest.mark.virtual
-def test_the_chain_of_a_flight_is_whole_and_names_the_run(flown: Path) -> None:
+def test_the_evidence_of_a_flight_is_whole_and_names_the_run(flown: Path) -> None:
     checked = evidence(flown)
     assert checked.fault is None
     assert checked.closing == {"entries": len(checked.entries) - 1}
@@ -95,7 +95,27 @@ def test_every_command_on_the_wire_is_in_the_evidence(flown: Path) -> None:
 
 
 @pytest.mark.virtual
-def test_a_changed_plan_is_in_the_evidence_before_it_is_sent_and_its_items_are_one_line(flown: Path) -> None:
+def test_a_changed_plan_is_recorded_before_it_is_sent_and_its_items_are_one_line(flown: Path) -> None:
+    """The hash of the decision is that of the plan in the record of the run."""
+    entries, n_changes = evidence(flown).entries, 0
+    plans = [(recorded["vehicle"], recorded["effect"]["plan"]) for recorded in effects(flown, "SwapMission")]
+    for name in ("uav1", "uav2", "uav3"):
+        recorded = [e["what"] for e in entries if e["vehicle"] == name and e["kind"] == "command"]
+        sent = sent_to(flown / f"{name}.tlog")
+        commands = [m for m in sent if m.get_type() == COMMAND_LONG]
+        assert [(m.param1, m.param2) for m in commands] == [
+            (w["param1"], w["param2"]) for w in recorded if w["message"] == COMMAND_LONG
+        ]
+        kinds = Counter(m.get_type() for m in sent)
+        told_of = Counter(w["message"] for w in recorded)
+        for kind in ("MISSION_COUNT", "MISSION_REQUEST_LIST", "MISSION_ACK"):
+            assert told_of[kind] == kinds[kind]
+        items = sum(w["items"] for w in recorded if w["message"] == "MISSION_ITEM_INT")
+        assert items == kinds["MISSION_ITEM_INT"] > 0
+
+
+@pytest.mark.virtual
+def test_a_changed_plan_is_recorded_before_it_is_sent_and_its_items_are_one_line(flown: Path) -> None:
     """The hash of the decision is that of the plan in the record of the run."""
     entries, n_changes = evidence(flown).entries, 0
     with (flown / "run.mcap").open("rb") as file:
@@ -120,7 +140,7 @@ def test_a_changed_plan_is_in_the_evidence_before_it_is_sent_and_its_items_are_o
 
 
 @pytest.mark.virtual
-def test_arming_is_followed_by_its_acknowledgement_and_by_what_was_seen(flown: Path) -> None:
+def test_arming_is_followed_by_its_acknowledgement_and_its_effect(flown: Path) -> None:
     story = [
         (e["kind"], e["what"].get("command") or e["what"].get("changed"), e["what"].get("to"))
         for e in evidence(flown).entries
@@ -140,7 +160,7 @@ def test_equal_seeds_leave_equal_evidence(flown: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.virtual
-def test_what_people_do_is_in_the_evidence(tmp_path: Path) -> None:
+def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     scenario = small(sensor={"source": "external"})
     station = client.Station("small", BusEndpoint("127.0.0.1", 7447))
     report = json.dumps({"version": 1, "cells": [[0, 0, False]], "source": "operator"}).encode()
@@ -172,15 +192,15 @@ def test_what_people_do_is_in_the_evidence(tmp_path: Path) -> None:
     assert asked == [("uav1", "weights"), ("uav2", "observe")]
     said = [e["what"].get("said") for e in entries if e["kind"] == "note" and e["vehicle"] == "uav2"]
     assert "camera reports 1 cells" in said
-    # Nothing failed that would have had to be waived.
+    # No check failed, so no waiver was used.
     assert not [e for e in entries if e["kind"] == "waiver"]
 
 
 @pytest.mark.virtual
 @pytest.mark.parametrize("besides", [", router: tls/127.0.0.1:7447", ""], ids=["a router", "nothing else"])
-def test_with_keys_the_operator_signs_what_one_process_flew(besides: str, tmp_path: Path) -> None:
+def test_with_keys_the_operator_signs_the_evidence_of_one_process(besides: str, tmp_path: Path) -> None:
     keyring, runs = tmp_path / "keys", tmp_path / "runs"
-    make(keyring, ["operator"], 30, dt.datetime.now(dt.UTC))
+    make_keys(keyring, ["operator"], 30, dt.datetime.now(dt.UTC))
     file = tmp_path / "small.yaml"
     file.write_text(
         "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}\n"
@@ -199,7 +219,7 @@ def test_with_keys_the_operator_signs_what_one_process_flew(besides: str, tmp_pa
     assert "signed by operator with the key" in audited.output
 
 
-def test_what_a_vehicle_is_seen_to_do_is_told_change_by_change() -> None:
+def test_each_change_of_a_vehicles_state_is_an_entry() -> None:
     before = VehicleState(mode="GUIDED", mission_seq=1)
     after = VehicleState(mode="AUTO", mission_seq=2, landed=Landed.IN_AIR, alt_rel_m=3.0)
     assert [(what["changed"], what["from"], what["to"]) for _, what in state_changes(before, after)] == [
@@ -210,7 +230,7 @@ def test_what_a_vehicle_is_seen_to_do_is_told_change_by_change() -> None:
     assert state_changes(after, after) == []
 
 
-def test_what_an_operator_asks_is_told_with_the_answer() -> None:
+def test_an_operators_request_and_its_answer_are_one_entry() -> None:
     refused = ev.Answer(3, VehicleAnswer(1, "uav1", "refused", note="its link is lost"))
     ((kind, what),) = event_entries(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 3), [refused])
     assert (kind, what) == (
@@ -222,6 +242,6 @@ def test_what_an_operator_asks_is_told_with_the_answer() -> None:
     assert what == {"asks": "weights", "w": 0.2, "firing_strength": (0.7, 0.3, 0.1)}
 
 
-def test_what_its_own_process_orders_is_a_decision_and_no_operator_s_action() -> None:
+def test_an_order_of_its_own_process_is_a_decision_and_no_operators_action() -> None:
     entries = event_entries(ev.OperatorCommand(ev.FlightOrder.HOLD), [ev.Command(ev.FlightOrder.HOLD)])
     assert entries == [("note", {"decided": "hold"})]

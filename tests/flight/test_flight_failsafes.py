@@ -1,4 +1,4 @@
-"""The rules of flight, as stories: whole flights in which something goes wrong."""
+"""Failsafe rules in whole flights with faults."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from failsafe_faults import outage, sagging
 from flights import Ui, coded, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import Trouble, chooses, play, suffer
+from trouble import Trouble, fly_with, inject, select_mode
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
@@ -26,7 +26,7 @@ def test_a_vehicle_with_a_low_battery_returns_while_the_other_flies_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = sagging(0.2)
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert trouble.modes[2] == ["AUTO", "RTL"]
     assert ["20 %" in line for line in coded(ui.said, "uav2", "low-battery")] == [True]
     assert report.states[1].outcome == "arrived"
@@ -40,7 +40,7 @@ def test_a_vehicle_with_a_critical_battery_lands_where_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = sagging(0.05)
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert trouble.modes[2] == ["AUTO", "LAND"]
     assert any("5 %" in line for line in coded(ui.said, "uav2", "low-battery"))
     assert report.states[2].cell is not None
@@ -50,7 +50,7 @@ def test_a_disabled_rule_leaves_the_vehicle_to_its_own_failsafe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = sagging(0.05)
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair(rules={"low_battery": None}))
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair(rules={"low_battery": None}))
     assert trouble.modes[2] == ["AUTO", "RTL"]
     assert not any("rules.low_battery" in text for text in ui.said)
     assert report.states[2].phase == "released"
@@ -63,8 +63,8 @@ def test_a_pilot_or_another_station_takes_over_and_is_not_fought(
 ) -> None:
     """A switch of the radio control changes the mode just as a station's command does, and no heartbeat
     tells which it was."""
-    trouble = Trouble(deeds=[(30.0, chooses(2, mode)), (120.0, chooses(2, "LAND"))])
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    trouble = Trouble(actions=[(30.0, select_mode(2, mode)), (120.0, select_mode(2, "LAND"))])
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert trouble.modes[2] == ["AUTO", mode, *["LAND"] * (mode == "GUIDED")]  # the others come down before
     assert any(line.startswith(f"uav2: flying → released (in mode {mode}") for line in ui.said)
     assert report.states[2].phase == "released"
@@ -75,18 +75,16 @@ def test_a_pilot_takes_over_from_a_vehicle_that_is_on_its_way_home(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = sagging(0.2)
-    trouble.deeds.append((40.0, chooses(2, "LOITER")))
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    trouble.actions.append((40.0, select_mode(2, "LOITER")))
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert trouble.modes[2] == ["AUTO", "RTL", "LOITER"]
     assert any(line.startswith("uav2: leaving → released (in mode LOITER") for line in ui.said)
     assert report.states[2].phase == "released"
 
 
-def test_vehicles_blown_off_their_routes_return(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_vehicles_blown_off_their_routes_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(wind={"speed_m_s": 25.0, "from_deg": 0.0, "gust_m_s": 0.0})
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert [modes[:2] for modes in trouble.modes.values()] == [["AUTO", "RTL"]] * 2
     for name in ("uav1", "uav2"):
         (told,) = coded(ui.said, name, "not-following")
@@ -100,7 +98,7 @@ def test_the_autopilots_failsafe_after_a_lost_gps_is_not_fought(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = Trouble(faults=[{"fault": "gps_loss", "vehicles": [2], "at_s": 30.0}])
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert trouble.modes[2] == ["AUTO", "LAND"]
     assert coded(ui.said, "uav2", "gps-loss")
     assert report.states[2].outcome.startswith("in mode LAND")
@@ -108,11 +106,9 @@ def test_the_autopilots_failsafe_after_a_lost_gps_is_not_fought(
     assert report.states[1].outcome == "arrived"
 
 
-def test_a_vehicle_whose_gps_comes_back_flies_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_vehicle_whose_gps_comes_back_flies_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(faults=[{"fault": "gps_loss", "vehicles": [2], "at_s": 30.0, "for_s": 4.0}])
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert report.all_arrived
     assert len(coded(ui.said, "uav2", "gps-loss")) == 2, "begin and end"
 
@@ -125,7 +121,7 @@ def test_the_configured_lost_link_action_is_not_fought_after_the_link_is_restore
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = outage(20.0)
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair(preflight=RETURNS))
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair(preflight=RETURNS))
     assert trouble.modes[2] == ["AUTO", "RTL"]
     assert any("returns after 10 s" in line for line in coded(ui.said, "uav2", "lost-link"))
     assert report.states[2].phase == "released"
@@ -137,14 +133,14 @@ def test_a_vehicle_flies_on_after_a_short_loss_of_its_link(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = outage(8.0)
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair(preflight=RETURNS))
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair(preflight=RETURNS))
     assert set(trouble.modes[2]) <= {"AUTO", "GUIDED"}
     assert len(coded(ui.said, "uav2", "lost-link")) == 2, "begin and end"
     assert report.all_arrived
 
 
 def test_the_lost_link_action_may_be_to_fly_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    report, ui = suffer(outage(25.0), tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(outage(25.0), tmp_path, monkeypatch, scenario=pair())
     assert any("mission" in line for line in coded(ui.said, "uav2", "lost-link"))
     assert report.states[2].outcome == "arrived"
 
@@ -154,7 +150,7 @@ def test_a_vehicle_blown_towards_the_fence_holds_before_it_and_returns_from_beyo
 ) -> None:
     trouble = Trouble(wind={"speed_m_s": 25.0, "from_deg": 0.0, "gust_m_s": 0.0})
     scenario = pair(rules={"not_following": None})
-    _, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    _, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     holds, returns, *_ = coded(ui.said, "uav1", "fence-ahead")
     assert "; holds" in holds
     assert "; returns" in returns
@@ -182,7 +178,7 @@ def test_rules_act_on_a_vehicle_without_position_messages(
     sag: list[float], code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = sagging(sag[0]) if sag else Trouble()
-    play(trouble, monkeypatch)
+    inject(trouble, monkeypatch)
 
     class Blind(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def step(self, now: float) -> Any:

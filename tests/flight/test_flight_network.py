@@ -1,4 +1,4 @@
-"""Whole flights on a network that loses, delays and falls apart, on the virtual clock."""
+"""Whole flights on a network with loss, delay and partitions, on the virtual clock."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def test_a_swarm_on_a_poor_network_arrives_and_agrees(tmp_path: Path) -> None:
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
-def test_what_the_network_does_follows_the_seed(tmp_path: Path) -> None:
+def test_the_network_follows_the_seed(tmp_path: Path) -> None:
     for name in ("a", "b"):
         fly(small(communication=POOR, simulate=FOUR), tmp_path / name)
     for file in ("run.mcap", "summary.json", "map.png"):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
 
 
-def test_delay_comes_between_what_is_seen_and_what_is_believed(tmp_path: Path) -> None:
+def test_network_delay_separates_observation_and_belief(tmp_path: Path) -> None:
     at_once = fly(small(), tmp_path / "at once").summary["latency"]["observation_to_last_peers_belief_s"]
     late = {"bus": "memory", "delay_s": 1.5}
     delayed = fly(small(communication=late), tmp_path / "late").summary["latency"]
@@ -56,11 +56,11 @@ def test_delay_comes_between_what_is_seen_and_what_is_believed(tmp_path: Path) -
     assert delayed["observation_to_last_peers_belief_s"]["p50"] == pytest.approx(1.5, abs=0.1)
 
 
-def test_who_keeps_a_minimum_distance_does_not_exchange_below_it(tmp_path: Path) -> None:
+def test_vehicles_below_the_minimum_distance_exchange_nothing(tmp_path: Path) -> None:
     near = {"bus": "memory", "min_distance_m": 5000.0}
     report = fly(small(communication=near), tmp_path)
     assert report.all_arrived
     for row in report.summary["vehicles"]:
-        # Until the first position is known nobody is too near.
+        # Before the first position no vehicle is too near.
         assert row["network"]["lost"]["too_near"] > 50
         assert row["cells_heard"] == 0

@@ -1,4 +1,4 @@
-"""Flights to one goal at one time, on the virtual clock, judged by where the simulator has the vehicles."""
+"""Simultaneous flights to one goal on the virtual clock, checked against the simulator's positions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from flights import AREA, Ui, fly, small
-from trouble import Trouble, play
+from trouble import Trouble, inject
 
 from sim_vehicle.fleet import Truth
 from swarmctl.agent.traffic import landing_queue
@@ -25,8 +25,8 @@ pytestmark = pytest.mark.virtual
 UP_M = 1.0
 
 
-class Apart:
-    """For how long which two were too close in the air."""
+class SeparationMonitor:
+    """The times at which pairs of vehicles were too close in the air."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.limits, self.tasks = scenario.config.separation, scenario.tasks
@@ -82,13 +82,15 @@ def six() -> Scenario:
     )
 
 
-def flown(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Report, Apart, Ui]:
-    apart, ui = Apart(scenario), Ui()
+def flown(
+    scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Report, SeparationMonitor, Ui]:
+    monitor, ui = SeparationMonitor(scenario), Ui()
     with monkeypatch.context() as patched:
-        play(Trouble(note=apart.look), patched)
+        inject(Trouble(on_step=monitor.look), patched)
         report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert report.all_arrived, [state.outcome for state in report.states.values()]
-    return report, apart, ui
+    return report, monitor, ui
 
 
 SWARMS = [two, three, six]
@@ -98,8 +100,8 @@ SWARMS = [two, three, six]
 def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report, apart, ui = flown(swarm(), tmp_path, monkeypatch)
-    assert apart.too_close == {}
+    report, monitor, ui = flown(swarm(), tmp_path, monkeypatch)
+    assert monitor.too_close == {}
     waits = [line for line in ui.said if line.endswith("[landing-queue]")]
     assert waits
     goes_on = [line for line in ui.said if line.endswith("[descent-clear]")]
@@ -109,14 +111,16 @@ def test_vehicles_that_arrive_at_one_goal_together_land_apart(
 
 
 @pytest.mark.parametrize("swarm", SWARMS)
-def test_if_nobody_waited_above_they_would_come_too_close(
+def test_without_the_landing_queue_vehicles_come_too_close(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(landing_queue, "_may_wait", lambda _state: False)
-    _, apart, _ = flown(swarm(), tmp_path, monkeypatch)
-    assert any(len(times) > 1 for times in apart.too_close.values())
+    _, monitor, _ = flown(swarm(), tmp_path, monkeypatch)
+    assert any(len(times) > 1 for times in monitor.too_close.values())
 
 
-def test_who_waits_above_has_arrived_with_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_vehicle_in_the_landing_queue_has_arrived_with_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     report, _, _ = flown(two(), tmp_path, monkeypatch)
     assert report.summary["arrival"]["spread_s"] < 3.0

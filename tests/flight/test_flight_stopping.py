@@ -1,4 +1,4 @@
-"""Where vehicles are told to be with a new plan, against where the simulator then has them."""
+"""Broadcast positions of a changed plan, compared with the simulator's positions."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Told:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_changed_plan_is_flown_at_the_times_that_were_told(
+def test_a_changed_plan_is_flown_at_the_broadcast_times(
     autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = Told(monkeypatch)

@@ -1,4 +1,4 @@
-"""Whole flights in which something goes wrong with a fixed wing of PX4."""
+"""Whole flights with faults of a PX4 fixed wing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from failsafe_faults import outage, sagging
 from flights import coded
-from trouble import Trouble, suffer
+from trouble import Trouble, fly_with
 from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
@@ -19,13 +19,15 @@ pytestmark = pytest.mark.virtual
 
 
 def pair(**sections: Any) -> Scenario:
-    """The second is the fixed wing."""
+    """Return a copter and a fixed wing, in this order."""
     return winged(simulate={"autopilot": ["ardupilot", "px4plane"]}, **sections)
 
 
-def test_a_fixed_wing_with_a_low_battery_lands_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fixed_wing_with_a_low_battery_lands_at_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     trouble, scenario = sagging(0.2), pair()
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     assert trouble.modes[2] == ["Hold", "Mission", "Return"]
     assert coded(ui.said, "uav2", "low-battery")
     assert report.states[2].outcome.startswith("battery at 20 %")
@@ -39,7 +41,7 @@ def test_a_fixed_wing_with_a_critical_battery_lands_at_its_nearest_landing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble, scenario = sagging(0.099), pair()
-    report, _ = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    report, _ = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     assert trouble.modes[2] == ["Hold", "Mission", "Return", "Mission"]
     state = report.states[2]
     assert state.outcome.startswith("battery at 9 %")
@@ -56,7 +58,7 @@ def test_a_fixed_wing_without_link_lands_at_home_by_its_own_failsafe(
 ) -> None:
     policy = {"lost_link": "return", "lost_link_after_s": 10}
     trouble, scenario = outage(25.0), pair(preflight={"policy": policy})
-    report, _ = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    report, _ = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     assert trouble.modes[2] == ["Hold", "Mission", "Hold", "Return"]
     assert report.states[2].phase == "released"
     assert away_m(report, 2, scenario.specs[1].start) < ROLL_OUT_M
@@ -66,7 +68,7 @@ def test_a_fixed_wing_without_link_lands_at_home_by_its_own_failsafe(
 def test_a_fixed_wing_at_the_emergency_battery_level_is_left_to_its_own_failsafe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """PX4 comes down where it is then, which nobody orders and nobody fights."""
+    """PX4 then lands where it is; no order contradicts it."""
     trouble = Trouble(
         faults=[
             {
@@ -77,7 +79,7 @@ def test_a_fixed_wing_at_the_emergency_battery_level_is_left_to_its_own_failsafe
             }
         ]
     )
-    report, _ = suffer(trouble, tmp_path, monkeypatch, scenario=pair(rules={"low_battery": None}))
+    report, _ = fly_with(trouble, tmp_path, monkeypatch, scenario=pair(rules={"low_battery": None}))
     assert trouble.modes[2][-1] == "Land"
     assert report.states[2].phase == "released"
     assert not report.states[2].vehicle.armed

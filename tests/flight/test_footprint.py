@@ -1,4 +1,4 @@
-"""The paper's sensor, and one that errs."""
+"""The paper's sensor, perfect and with errors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def sensor(model: SensorModel = PERFECT, seed: int = 0) -> Footprint:
     ],
     ids=["inside", "in a corner", "just outside", "farther out", "beyond the corner"],
 )
-def test_it_sees_three_by_three_cells_of_the_area(
+def test_the_sensor_sees_three_by_three_cells_of_the_area(
     east_m: float, north_m: float, cells: set[tuple[int, int]]
 ) -> None:
     seen = sensor().look(at(east_m, north_m))
@@ -43,7 +43,7 @@ def test_it_sees_three_by_three_cells_of_the_area(
     assert all(occupied is ((row, col) in HOSTILES) for row, col, occupied in seen)
 
 
-def test_it_looks_once_over_each_cell() -> None:
+def test_the_sensor_looks_once_over_each_cell() -> None:
     eye = sensor()
     assert eye.look(at(125.0, 125.0))
     assert eye.look(at(130.0, 120.0)) == ()
@@ -56,20 +56,20 @@ def test_it_looks_once_over_each_cell() -> None:
     [{"armed": False}, {"landed": Landed.ON_GROUND}, {"alt_rel_m": 0.5}],
     ids=["disarmed", "on the ground", "hardly off the ground"],
 )
-def test_on_the_ground_it_sees_nothing(changes: dict[str, object]) -> None:
+def test_the_sensor_sees_nothing_on_the_ground(changes: dict[str, object]) -> None:
     assert sensor().look(at(125.0, 125.0, **changes)) == ()
 
 
-def test_without_a_position_it_sees_nothing() -> None:
+def test_the_sensor_sees_nothing_without_a_position() -> None:
     assert sensor().look(VehicleState(armed=True)) == ()
 
 
 def there_and_back(eye: Footprint, n_times: int) -> list[tuple[int, int, bool]]:
-    """What is seen from (1, 1) and (2, 1), over and over."""
+    """Return the observations from (1, 1) and (2, 1), alternately."""
     return [cell for i in range(n_times) for cell in eye.look(at(75.0, 75.0 + 50.0 * (i % 2)))]
 
 
-def test_it_misses_and_imagines_as_often_as_it_is_said_to() -> None:
+def test_misses_and_false_alarms_have_the_configured_rates() -> None:
     seen = there_and_back(sensor(SensorModel(0.2, 0.05)), 4000)
     of_hostile = [occupied for row, col, occupied in seen if (row, col) == (1, 1)]
     of_clear = [occupied for row, col, occupied in seen if (row, col) != (1, 1)]

@@ -1,4 +1,4 @@
-"""A swarm on many machines, as processes: a router, an agent a vehicle, a ground station, an operator."""
+"""A swarm of processes: a router, an agent for each vehicle, a ground station, an operator."""
 
 from __future__ import annotations
 
@@ -90,12 +90,12 @@ def eventually(seen: Callable[[], bool], within_s: float = 40.0) -> bool:
     return False
 
 
-def test_agents_wait_for_their_order_fly_it_and_fly_on_without_the_router(place: Field) -> None:
+def test_agents_launch_by_order_and_fly_on_without_the_router(place: Field) -> None:
     one, two = place.agent("uav1"), place.agent("2")  # before there is a router
-    read_until(one, "nobody of the swarm's network is reached")
+    read_until(one, "[network-missing]")
     router = place.start("router")
     for agent in (one, two):
-        read_until(agent, "in touch with the swarm's network")
+        read_until(agent, "[network-reached]")
 
     def both_stand_by() -> bool:
         seen = place.run("watch", "--once")
@@ -117,11 +117,11 @@ def test_agents_wait_for_their_order_fly_it_and_fly_on_without_the_router(place:
     assert gone.returncode == 1
 
 
-def test_ctrl_c_ends_every_process_whatever_the_router_does(place: Field) -> None:
+def test_ctrl_c_ends_every_process_even_with_a_stopped_router(place: Field) -> None:
     router = place.start("router")
     lines = read_until(router, "listening at")
     agent, station = place.agent("uav1"), place.start("watch")
-    lines += read_until(agent, "the order to launch is waited for")
+    lines += read_until(agent, "[ready]")
     lines += read_until(station, "uav1: standby")
     assert all(re.match(r"\d\d:\d\d:\d\d \S", line) for line in lines), lines
     router.send_signal(signal.SIGSTOP)
@@ -136,9 +136,9 @@ def test_ctrl_c_ends_every_process_whatever_the_router_does(place: Field) -> Non
     assert router.wait(timeout=20.0) == 0
 
 
-def test_an_agent_in_touch_with_nobody_is_stopped_and_without_orders_flies_by_itself(place: Field) -> None:
+def test_an_agent_without_network_flies_alone_and_can_be_stopped(place: Field) -> None:
     waiting = place.agent("uav1")
-    read_until(waiting, "the order to launch is waited for")
+    read_until(waiting, "[ready]")
     flown = place.agent("uav2", "--launch", "when-ready")
     read_until(flown, "1 of 1 arrived")
     assert flown.wait(timeout=20.0) == 0

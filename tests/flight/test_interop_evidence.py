@@ -1,4 +1,4 @@
-"""A flight in real time that a ground station watches, and the audit of what it left."""
+"""A flight in real time with a forwarded ground station, and the audit of its evidence."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ simulate: {count: 2, speedup: 15}
 LIMIT_S = 90.0
 
 
-def test_a_station_sees_the_whole_flight_and_its_evidence_is_whole(tmp_path: Path) -> None:
+def test_a_forwarded_station_sees_the_whole_flight_and_the_evidence_is_whole(tmp_path: Path) -> None:
     (tmp_path / "watched.yaml").write_text(SMALL)
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", source_system=250)
     port = station.port.getsockname()[1]
@@ -65,7 +65,7 @@ def audit(cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_a_flight_that_is_ended_says_who_did_it_and_one_that_is_killed_is_not_closed(
+def test_evidence_names_the_end_by_signal_and_is_not_closed_after_a_kill(
     tmp_path: Path, how: signal.Signals
 ) -> None:
     (tmp_path / "watched.yaml").write_text(f"{SMALL}flight: {{on_exit: land}}\n")

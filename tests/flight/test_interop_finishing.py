@@ -1,4 +1,4 @@
-"""Ctrl-C when all has landed: what a run leaves is written all the same."""
+"""Ctrl-C after the landing: the files of the run are written all the same."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ AGENT = ["agent", "--uav", "uav1", "--launch", "when-ready"]
 def flown(
     words: list[str], folder: Path, where: str, number: str, times: int
 ) -> subprocess.CompletedProcess[str]:
-    """A whole flight, in the process of which signals arrive at a place after its landing."""
+    """Run a whole flight whose process gets signals at a place after the landing."""
     (folder / "small.yaml").write_text(SMALL)
     whose, name = where.split(".")
     code = INTERRUPTED_WHERE.replace("WHOSE", whose).replace("NAME", name)
@@ -62,16 +62,16 @@ def flown(
     ],
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )
-def test_what_comes_after_the_landing_takes_no_summary(
+def test_a_signal_after_the_landing_does_not_cost_the_summary(
     words: list[str], where: str, number: str, tmp_path: Path
 ) -> None:
     done = flown(words, tmp_path, where, number, 1)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "its files are being written; Ctrl-C again leaves without them" in done.stderr
+    assert "its files are being written; Ctrl-C again" in done.stderr
     (folder,) = (tmp_path / "runs").iterdir()
     assert json.loads((folder / "summary.json").read_text())["arrived"] == 1
     assert (folder / "map.png").exists()
 
 
-def test_twice_leaves_at_once(tmp_path: Path) -> None:
+def test_two_signals_after_the_landing_leave_at_once(tmp_path: Path) -> None:
     assert flown(AGENT, tmp_path, "outputs.write_run", "SIGINT", 2).returncode == 130

@@ -1,4 +1,4 @@
-"""`swarmctl set` as a person uses it: two swarms fly in processes of their own, commands come from others."""
+"""`swarmctl set` with two swarms in processes of their own and commands from a third."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ flight: {on_exit: hold}
 
 @dataclass
 class Place:
-    """A folder in which swarms fly and are found."""
+    """A folder in which swarms fly and in which commands find them."""
 
     folder: Path
 
@@ -73,7 +73,7 @@ def place(tmp_path: Path) -> Place:
     return Place(tmp_path)
 
 
-def test_one_of_two_swarms_takes_a_command_and_the_other_hears_nothing_of_it(place: Place) -> None:
+def test_one_of_two_swarms_takes_a_command_and_the_other_is_unaffected(place: Place) -> None:
     with place.fly("one") as one, place.fly("two") as two:
         try:
             for flight in (one, two):
@@ -83,7 +83,7 @@ def test_one_of_two_swarms_takes_a_command_and_the_other_hears_nothing_of_it(pla
             assert taken.stdout.startswith("uav2: w = 0.9 from plan ")
             read_until(one, taken.stdout.strip().partition(";")[0])
 
-            # Neither changes anything, so both may be on their way at once.
+            # Neither changes anything, so both may run at once.
             with ThreadPoolExecutor() as pool:
                 refused = [
                     pool.submit(place.set, *words, "--w", "0.1")

@@ -1,4 +1,4 @@
-"""Swarms of processes, each on a machine of its own: killed, cut off, and seen to go on."""
+"""Swarms of processes in network namespaces: killed, cut off, and restored."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import msgspec
 import namespaces
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from namespaces import Ether, Process, ether, until
+from recorded import effects, events
 from swarmctl_process import SWARMCTL, run
 
 from swarmctl.config.checks import check_config
@@ -25,7 +25,6 @@ from swarmctl.config.scenario import build
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.observation import BeliefItem, Observation
-from swarmctl.report.record import EffectRecord, EventRecord
 
 pytestmark = pytest.mark.interop
 
@@ -41,10 +40,10 @@ flight: {{on_exit: hold, altitude_m: 40, altitude_step_m: 4}}
 ROUTER, STATION = "router", "station"
 AT = {ROUTER: "10.231.0.1", STATION: "10.231.0.2"} | {f"uav{n}": f"10.231.0.{10 + n}" for n in range(1, 7)}
 STARTED_S = 90.0
-"""Many programs start at once, on as many cores as there are."""
+"""time limit of a start; many programs start at once on few cores"""
 LOADED = "import swarmctl.cli.main; print('loaded'); input(); from swarmctl.cli.entry import main; main()"
-"""What has to act while others fly is loaded before: on a busy machine that takes as long as a flight."""
-IN_TOUCH, ALONE = "in touch with the swarm's network", "nobody of the swarm's network is reached"
+"""program text of a process that is loaded before a flight: on a busy machine loading takes long"""
+REACHED, MISSING = "[network-reached]", "[network-missing]"
 
 
 @dataclass
@@ -55,8 +54,8 @@ class Swarm:
     folder: Path
     names: list[str]
     starts: int = 0
-    left: dict[str, Process] = field(default_factory=dict)
-    """the agents that have not been killed"""
+    agents: dict[str, Process] = field(default_factory=dict)
+    """the running agents by vehicle name"""
 
     def start(self, machine: str, *words: str, program: Sequence[str] = SWARMCTL) -> Process:
         self.starts += 1
@@ -69,15 +68,15 @@ class Swarm:
 
     def start_agents(self) -> None:
         for name in self.names:
-            self.left[name] = self.start(name, "agent", "--uav", name, "--launch", "ordered")
+            self.agents[name] = self.start(name, "agent", "--uav", name, "--launch", "ordered")
 
     def wait_until_ready(self) -> None:
-        for agent in self.left.values():
-            agent.says("the order to launch is waited for", within_s=STARTED_S)
-            agent.says(IN_TOUCH)
+        for agent in self.agents.values():
+            agent.says("[ready]", within_s=STARTED_S)
+            agent.says(REACHED)
 
     def order(self, process: Process, what: str) -> bool:
-        """Whether all have taken it, of whom each answers for itself; `process` is loaded."""
+        """Give the order and return whether all agents have taken it; `process` is loaded."""
         process.says("loaded", within_s=STARTED_S)
         process.enter()
         all_have = process.ended(20.0) == 0
@@ -90,30 +89,26 @@ class Swarm:
         return content
 
     def beliefs(self, until_s: float = float("inf")) -> dict[str, Belief]:
-        """What each agent that is left knew at a time [Unix s], or at its end, by its own record."""
+        """Return what each running agent knew at a time [Unix s], or at its end, by its own record."""
         prior = build(load(self.folder / "swarm.yaml", check_config)).prior
-        return {name: prior.merge(_told(self._run(name), until_s)) for name in self.left}
+        return {name: prior.merge(_observations(self._run(name), until_s)) for name in self.agents}
 
     def _run(self, name: str) -> Path:
         (folder,) = (self.folder / "runs").glob(f"*-{name}")
         return folder
 
 
-def _told(run: Path, until_s: float) -> Iterator[BeliefItem]:
-    """What an agent saw, and heard of others."""
-    with (run / "run.mcap").open("rb") as file:
-        for _, channel, message in make_reader(file).iter_messages():
-            if message.log_time / 1e9 > until_s:
-                continue
-            if channel.topic.endswith("/event/Heard"):
-                event = msgspec.json.decode(message.data, type=EventRecord).event
-                assert isinstance(event, ev.ObservationsReceived)
-                yield from event.told
-            elif channel.topic.endswith("/effect/Publish"):
-                effect = msgspec.json.decode(message.data, type=EffectRecord).effect
-                assert isinstance(effect, ev.Publish)
-                if isinstance(effect.message, Observation):
-                    yield effect.message
+def _observations(run: Path, until_s: float) -> Iterator[BeliefItem]:
+    """Yield an agent's own observations and those it received."""
+    for record in [*events(run, "Heard"), *effects(run, "Publish")]:
+        if record["log_time_ns"] / 1e9 > until_s:
+            continue
+        if "event" in record:
+            yield from msgspec.convert(record["event"], ev.ObservationsReceived).told
+        else:
+            message = msgspec.convert(record["effect"], ev.Publish).message
+            if isinstance(message, Observation):
+                yield message
 
 
 def differ(one: Belief, other: Belief) -> bool:
@@ -139,7 +134,7 @@ def swarm(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Swarm]:
 @pytest.mark.parametrize(
     "swarm", [(6, 20, f"router: tls/{AT[ROUTER]}:7447", ("air",))], indirect=True, ids=["star"]
 )
-def test_a_star_outlives_its_router_a_cut_link_and_an_agent(swarm: Swarm) -> None:
+def test_a_star_network_survives_its_router_a_cut_link_and_an_agent(swarm: Swarm) -> None:
     for machine in (ROUTER, STATION, *swarm.names):
         swarm.net.machine(machine, AT[machine], "air")
     router = swarm.start(ROUTER, "router")
@@ -155,10 +150,10 @@ def test_a_star_outlives_its_router_a_cut_link_and_an_agent(swarm: Swarm) -> Non
 
     _router_killed_and_started_again(swarm, router, again, station)
     router = again
-    dead = swarm.left.pop("uav6")
+    dead = swarm.agents.pop("uav6")
     missed_s = _one_dies_and_one_is_cut_off(swarm, router, station, dead, "uav2")
 
-    for agent in swarm.left.values():
+    for agent in swarm.agents.values():
         agent.says("1 of 1 arrived", within_s=60.0)
         assert agent.ended(10.0) == 0
     for process in (station, router):
@@ -169,47 +164,47 @@ def test_a_star_outlives_its_router_a_cut_link_and_an_agent(swarm: Swarm) -> Non
 
 
 def _router_killed_and_started_again(swarm: Swarm, router: Process, again: Process, station: Process) -> None:
-    before = marks([station, *swarm.left.values()])
+    before = marks([station, *swarm.agents.values()])
     router.kill()
-    for agent in swarm.left.values():
-        agent.says(ALONE, since=before[agent])
+    for agent in swarm.agents.values():
+        agent.says(MISSING, since=before[agent])
     station.says("not reached", since=before[station])
-    before = marks([station, *swarm.left.values()])
+    before = marks([station, *swarm.agents.values()])
     again.enter()
-    for agent in swarm.left.values():
-        agent.says(IN_TOUCH, since=before[agent])
+    for agent in swarm.agents.values():
+        agent.says(REACHED, since=before[agent])
     station.says(": reached", since=before[station])
 
 
 def _one_dies_and_one_is_cut_off(
     swarm: Swarm, router: Process, station: Process, dead: Process, cut: str
 ) -> float:
-    """Returns when the link was there again [Unix s]."""
-    agent = swarm.left[cut]
+    """Return the time at which the link was restored [Unix s]."""
+    agent = swarm.agents[cut]
     before = marks([station, router, agent])
     swarm.net.cut(cut)
     dead.kill()
-    agent.says(ALONE, since=before[agent])
+    agent.says(MISSING, since=before[agent])
     router.says(f"{cut} at ", " has gone", since=before[router])
     for silent in (cut, "uav6"):
         station.says(f"{silent}: flying", " ago", since=before[station])
     missed_s = time.time()
     before = marks([station, agent])
     swarm.net.heal(cut)
-    agent.says(IN_TOUCH, since=before[agent])
+    agent.says(REACHED, since=before[agent])
     station.says(f"{cut}: flying", since=before[station], but_not=" ago")
     return missed_s
 
 
 def _all_know_the_same(swarm: Swarm, station: Process, missed_s: float, apart: tuple[str, str]) -> None:
-    """At the end, though two that were `apart` knew different things before they met again."""
+    """Check that all beliefs are equal at the end, and that those of `apart` differed before."""
     then = swarm.beliefs(missed_s)
     assert differ(*(then[name] for name in apart)), "nothing was seen during the cut: it shows nothing"
     at_the_end = swarm.beliefs()
     known = {name: (belief.n_observed, belief.n_found) for name, belief in at_the_end.items()}
     first = at_the_end[apart[0]]
     assert not [name for name, belief in at_the_end.items() if differ(first, belief)], known
-    for name in swarm.left:
+    for name in swarm.agents:
         (vehicle,) = swarm.summary(name)["vehicles"]
         assert (vehicle["cells_own"] + vehicle["cells_heard"], vehicle["hostiles_known"]) == known[name]
         assert vehicle["network"]["refused"] == {}
@@ -223,7 +218,7 @@ MESH = ", ".join(f'uav{n}: "tls/{AT[f"uav{n}"]}:7447"' for n in range(1, 5))
 @pytest.mark.parametrize(
     "swarm", [(4, 40, f"relay: true, mesh: {{{MESH}}}", ("west", "east"))], indirect=True, ids=["mesh"]
 )
-def test_a_mesh_falls_apart_and_grows_together(swarm: Swarm) -> None:
+def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
     sides = {STATION: "west", "uav1": "west", "uav2": "west", "uav3": "east", "uav4": "east"}
     for machine, side in sides.items():
         swarm.net.machine(machine, AT[machine], side)
@@ -249,12 +244,12 @@ def test_a_mesh_falls_apart_and_grows_together(swarm: Swarm) -> None:
     for name in ("uav3", "uav4"):
         station.says(f"{name}: flying", since=before, but_not=" ago")
 
-    # What is asked before all routes are back may be lost; the operator is told, and orders again.
+    # A request before all routes are back may be lost; the operator sees that and orders again.
     _until_all_follow(swarm, hold, "hold")
     _until_all_tell_the_same(swarm)
-    for process in (*swarm.left.values(), station):
+    for process in (*swarm.agents.values(), station):
         process.interrupt()
-    for agent in swarm.left.values():
+    for agent in swarm.agents.values():
         assert agent.ended(15.0) == 130
     assert station.ended(15.0) == 0
     _all_know_the_same(swarm, station, missed_s, ("uav1", "uav3"))
@@ -293,13 +288,13 @@ ALL = "hears 1 2 3 4"
 
 
 @pytest.mark.parametrize("swarm", [(4, 4, f"mesh: {{{MESH}}}", ("west", "east"))], indirect=True, ids=["bus"])
-def test_all_routes_of_a_mesh_come_back_each_time_it_was_cut(swarm: Swarm) -> None:
-    """Also where the two ends of a link do not agree on whether it was ever lost, as after a short cut."""
+def test_all_routes_of_a_mesh_return_after_each_cut(swarm: Swarm) -> None:
+    """After a short cut the two ends of a link may not agree on whether it was lost."""
     nodes = []
     for uav in range(1, 5):
         name = f"uav{uav}"
         swarm.net.machine(name, AT[name], "west" if uav < 3 else "east")
-        # One of each two connects.
+        # One node of each pair connects.
         places = [f"tls/{AT[f'uav{n}']}:7447" for n in range(uav, 0, -1)]
         words = [sys.executable, "-c", NODE, "apart", str(uav), *places]
         nodes.append(swarm.net.start(name, words, swarm.folder / f"{name}.log"))
@@ -332,7 +327,7 @@ def _until_all_follow(swarm: Swarm, process: Process, what: str) -> None:
 
 
 def _until_all_tell_the_same(swarm: Swarm) -> None:
-    """As the station sees it."""
+    """Wait until the station shows equal beliefs."""
     seen = ""
 
     def all_the_same() -> bool:

@@ -1,4 +1,4 @@
-"""Orders of operators: what an agent makes of each in each state, and the desk they come to."""
+"""Operators' orders: an agent's answers by phase, and the operator service."""
 
 from __future__ import annotations
 
@@ -217,14 +217,14 @@ def test_an_order_during_a_lost_link_is_sent_when_the_link_is_restored() -> None
     assert orders(story.over((4, 1))) == [LAND]
 
 
-# --- the desk
+# --- the operator service
 
 
 OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
 
 
 class Guarded:
-    """Takes what the operator has put its name before, and puts the vehicle's before its answers."""
+    """A seal that checks the operator's name before requests and puts the vehicle's before answers."""
 
     def open(self, key: str, payload: bytes) -> bytes:
         if not payload.startswith(OPERATORS):
@@ -236,7 +236,7 @@ class Guarded:
 
 
 class Operators:
-    """The other side of it."""
+    """The operator's side of the seal."""
 
     def close(self, _key: str, command: bytes) -> bytes:
         return OPERATORS + command
@@ -249,7 +249,7 @@ class Operators:
 
 
 class Ground:
-    """The desk of one vehicle whose agent takes everything, unless it is slow."""
+    """The service of one vehicle whose agent takes every command, unless it is slow."""
 
     def __init__(
         self, bus: MemoryBus, *, slow: bool = False, closed: str = "", unseal: CommandSeal = NO_SEAL
@@ -435,7 +435,7 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
     assert answer.note.startswith("none of its own, and 1 answer in its name that it did not sign")
 
 
-def test_of_two_who_answer_for_a_whole_swarm_neither_is_believed() -> None:
+def test_two_answers_for_one_swarm_both_count_for_nothing() -> None:
     async def scene() -> None:
         bus = Crowd(forged)
         bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
@@ -451,7 +451,7 @@ STATION = client.Station(
 )
 
 
-def test_each_agent_answers_for_itself_and_none_keeps_the_others_waiting() -> None:
+def test_each_agent_answers_for_itself_without_delaying_others() -> None:
     async def scene() -> tuple[OperatorAnswer, float]:
         bus = MemoryBus()
         Ground(bus)
@@ -476,7 +476,7 @@ def test_each_agent_answers_for_itself_and_none_keeps_the_others_waiting() -> No
     assert "cannot be understood" in lines[3]
 
 
-def test_a_vehicle_that_is_not_of_the_swarm_is_asked_nothing() -> None:
+def test_an_order_for_an_unknown_vehicle_asks_no_agent() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         ground = Ground(bus)

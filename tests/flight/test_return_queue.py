@@ -1,4 +1,4 @@
-"""Vehicles of many processes are called back at once, and nobody tells them turns."""
+"""The return queue of vehicles in several processes, to which no process assigns turns."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import msgspec
 import pytest
 from companion_world import NAMES, Swarm
 from flights import small
-from recall_stories import Looker, gathering
-from trouble import Trouble, play
+from recall_stories import ReturnMonitor, gathering
+from trouble import Trouble, inject
 
 from sim_vehicle.fleet import Truth
 from swarmctl.agent.state import Phase
-from swarmctl.agent.traffic.return_turns import LEAST_APART_M, SILENT_S
+from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, SILENT_S
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import StateShared
 from swarmctl.core.geo import LatLon
@@ -40,73 +40,73 @@ def state(
 
 
 class Peers:
-    """What a vehicle has heard of the others."""
+    """A vehicle's queue and the states that it has received."""
 
     def __init__(self, uav: int = 2) -> None:
         self.told: dict[int, StateShared] = {}
         self.turns = ReturnQueue(uav, lambda: self.told)
 
-    def may_go(self, now_s: float) -> bool:
-        return self.turns.may_go(OWN, now_s)
+    def may_return(self, now_s: float) -> bool:
+        return self.turns.may_return(OWN, now_s)
 
 
-def test_it_goes_when_nobody_else_is_there() -> None:
-    assert Peers().may_go(0.0)
+def test_a_vehicle_alone_returns_at_once() -> None:
+    assert Peers().may_return(0.0)
 
 
-def test_it_holds_while_another_is_on_the_way_that_it_would_take_and_goes_when_that_is_down() -> None:
+def test_a_vehicle_waits_for_another_on_its_return_path_until_that_is_down() -> None:
     peers = Peers()
     for second in range(60):
         peers.told[3] = state(second, Phase.LEAVING)
-        assert not peers.may_go(float(second))
+        assert not peers.may_return(float(second))
     peers.told[3] = state(61.0, Phase.DONE)
-    assert peers.may_go(61.0)
+    assert peers.may_return(61.0)
 
 
-def test_whose_way_is_elsewhere_is_not_waited_for() -> None:
+def test_a_vehicle_does_not_wait_for_a_return_path_that_does_not_meet_its_own() -> None:
     peers = Peers()
     peers.told[3] = state(0.0, Phase.LEAVING, lon_deg=14.42, home=(46.0, 14.42))
-    assert peers.may_go(0.0)
+    assert peers.may_return(0.0)
 
 
 @pytest.mark.parametrize("phase", [Phase.HOLDING, Phase.FLYING])
-def test_of_two_that_wait_the_one_with_the_lower_system_id_is_first(phase: Phase) -> None:
-    """That it holds is told a moment after it does."""
+def test_of_two_waiting_vehicles_the_lower_system_id_returns_first(phase: Phase) -> None:
+    """A vehicle reports its hold a moment after it begins."""
     peers = Peers()
     for tenth in range(int(10.0 * SLOT_S)):
         peers.told[1] = state(0.1 * tenth, phase)
-        assert not peers.may_go(0.1 * tenth)
+        assert not peers.may_return(0.1 * tenth)
     lower = Peers(1)
     lower.told[2] = state(0.0, Phase.HOLDING)
-    assert lower.may_go(0.0)
+    assert lower.may_return(0.0)
 
 
-def test_one_that_holds_on_is_not_waited_for_for_ever() -> None:
+def test_a_vehicle_that_keeps_holding_does_not_block_the_queue() -> None:
     peers = Peers()
     peers.told[1] = state(0.0, Phase.HOLDING)
-    assert not peers.may_go(0.0)
+    assert not peers.may_return(0.0)
     peers.told[1] = state(SLOT_S, Phase.HOLDING)
-    assert peers.may_go(SLOT_S)
+    assert peers.may_return(SLOT_S)
 
 
-def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None:
+def test_a_silent_returning_vehicle_counts_until_it_must_be_down() -> None:
     peers = Peers()
     peers.told[3] = state(0.0, Phase.LEAVING)
     # 10 s to react, 10 to climb to 60 m, 445 m at half its speed, 75 to come down.
-    assert not peers.may_go(0.0)
-    assert not peers.may_go(180.0)
-    assert peers.may_go(190.0)
+    assert not peers.may_return(0.0)
+    assert not peers.may_return(180.0)
+    assert peers.may_return(190.0)
 
 
-def test_one_that_fell_silent_while_it_held_is_not_waited_for() -> None:
+def test_a_silent_holding_vehicle_does_not_block_the_queue() -> None:
     peers = Peers()
     peers.told[1] = state(0.0, Phase.HOLDING)
-    assert not peers.may_go(0.0)
-    assert peers.may_go(SILENT_S + 1.0)
+    assert not peers.may_return(0.0)
+    assert peers.may_return(SILENT_S + 1.0)
 
 
 def lands(**changes: Any) -> bool:
-    """Whether vehicle 2, 40 m above home, may while it hears this of vehicle 3."""
+    """Return whether vehicle 2, 40 m above home, may land with this state of vehicle 3."""
     peers = Peers()
     told: dict[str, Any] = {"lat_deg": OWN.lat_deg, "lon_deg": OWN.lon_deg, "alt_amsl_m": 330.0, **changes}
     peers.told[3] = msgspec.structs.replace(state(0.0, Phase.HOLDING), **told)
@@ -125,11 +125,11 @@ def lands(**changes: Any) -> bool:
     ],
     ids=["under it", "and on its way down", "on the ground", "22 m away", "above it", "at its height"],
 )
-def test_nobody_lands_on_another_that_is_flown_elsewhere(changes: dict[str, Any], *, may: bool) -> None:
+def test_a_vehicle_does_not_land_on_one_of_another_process(changes: dict[str, Any], *, may: bool) -> None:
     assert lands(**changes) is may
 
 
-def test_of_two_at_one_height_the_one_with_the_lower_system_id_lands_first() -> None:
+def test_of_two_vehicles_at_one_height_the_lower_system_id_lands_first() -> None:
     peers = Peers()
     peers.told[1] = msgspec.structs.replace(
         state(0.0, Phase.HOLDING), lat_deg=OWN.lat_deg, alt_amsl_m=OWN.alt_amsl_m
@@ -137,7 +137,7 @@ def test_of_two_at_one_height_the_one_with_the_lower_system_id_lands_first() -> 
     assert not peers.turns.may_land(OWN, 0.0)
 
 
-def test_one_that_falls_silent_under_it_is_waited_for_until_it_must_be_down() -> None:
+def test_a_silent_vehicle_below_blocks_the_landing_until_it_must_be_down() -> None:
     peers = Peers()
     peers.told[3] = msgspec.structs.replace(state(0.0, Phase.LEAVING), lat_deg=OWN.lat_deg, alt_amsl_m=330.0)
     assert not peers.turns.may_land(OWN, 0.0)
@@ -148,7 +148,7 @@ def test_one_that_falls_silent_under_it_is_waited_for_until_it_must_be_down() ->
 def pressing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: Scenario, at_s: float
 ) -> list[Report]:
-    """Several agents in flight, on each of which Ctrl-C is pressed at one time."""
+    """Fly several agents and press Ctrl-C on each at the same time."""
     pressed: list[Callable[[], None]] = []
 
     @contextlib.contextmanager
@@ -178,18 +178,18 @@ def pressing(
 
 
 @pytest.mark.virtual
-def test_ctrl_c_of_several_agents_brings_them_home_in_turns(
+def test_ctrl_c_of_several_agents_returns_them_in_turns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    looker = Looker()
-    play(Trouble(note=looker), monkeypatch)
+    monitor = ReturnMonitor()
+    inject(Trouble(on_step=monitor), monkeypatch)
     pressing(tmp_path, monkeypatch, gathering(), 38.0)
-    assert len({round(at_s) for at_s in looker.since_s.values()}) > 1
-    assert looker.least_m > LEAST_APART_M
+    assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
+    assert monitor.least_m > MIN_HORIZONTAL_M
 
 
 @pytest.mark.virtual
-def test_ctrl_c_of_several_agents_lands_who_holds_above_another_when_that_is_down(
+def test_ctrl_c_of_several_agents_lands_the_upper_vehicle_when_the_lower_one_is_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario = small(
@@ -204,6 +204,6 @@ def test_ctrl_c_of_several_agents_lands_who_holds_above_another_when_that_is_dow
             if armed:
                 down_s[int(sysid)] = now
 
-    play(Trouble(note=note), monkeypatch)
+    inject(Trouble(on_step=note), monkeypatch)
     pressing(tmp_path, monkeypatch, scenario, 60.0)
     assert down_s[2] - down_s[1] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s

@@ -1,4 +1,4 @@
-"""The jobs of a runner: one at a time, whatever comes in which order, and none of them lost or left over."""
+"""The jobs of a runner: one at a time, in any order of events, and none of them lost or left over."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ TAKES_S = 5.0
 
 
 @dataclass
-class Slow:
-    """A link on which everything takes its time, and that notes what begins and how it ends."""
+class SlowLink:
+    """A link whose calls take TAKES_S; `log` holds their starts and ends."""
 
     log: list[str] = field(default_factory=list)
 
@@ -61,14 +61,14 @@ class Slow:
 
 
 Script = Sequence[tuple[float, Sequence[ev.Event]]]
-"""what is posted at once, at which times [s]"""
+"""times [s], and the events posted then"""
 
 
-def flown(script: Script) -> Slow:
-    """What a vehicle in flight is told over its link; a coroutine that nobody awaits is a failure."""
+def flown(script: Script) -> SlowLink:
+    """Post the script to a vehicle in flight and return its link; a coroutine never awaited is a failure."""
 
-    async def scene() -> Slow:
-        scenario, link = small(), Slow()
+    async def scene() -> SlowLink:
+        scenario, link = small(), SlowLink()
         runner = Runner(
             scenario.tasks[0],
             scenario.prior,
@@ -102,18 +102,20 @@ def order(name: str) -> ev.OperatorCommand:
     return ev.OperatorCommand(ev.FlightOrder(name))
 
 
-def test_of_orders_that_come_at_one_moment_the_last_is_followed() -> None:
+def test_the_last_of_simultaneous_orders_is_followed() -> None:
     link = flown([(0.0, [order("hold"), order("return"), order("land")])])
     assert link.log == ["land begins", "land done"]
 
 
-def test_what_ran_has_ended_before_the_last_of_several_orders_begins() -> None:
+def test_a_job_ends_before_the_last_of_several_orders_begins() -> None:
     link = flown([(0.0, [order("hold")]), (1.0, [order("return"), order("land")])])
     assert link.log == ["hold begins", "hold cancelled", "land begins", "land done"]
 
 
-def test_who_is_let_go_right_after_an_order_is_sent_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    # The agent lets go of what somebody else has taken over; here at the very moment of an order.
+def test_a_vehicle_released_right_after_an_order_is_sent_nothing_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # The agent releases a vehicle that another station has taken over, here at the moment of an order.
     def step(state: AgentState, event: ev.Event, now: float) -> tuple[AgentState, list[ev.Effect]]:
         orders = [ev.Command(event.order)] if isinstance(event, ev.OperatorCommand) else []
         return state, [*orders, *([ev.Release()] if event == ev.LinkRestored() else [])]
@@ -123,7 +125,7 @@ def test_who_is_let_go_right_after_an_order_is_sent_nothing_more(monkeypatch: py
     assert link.log == ["hold begins", "hold cancelled"]
 
 
-def test_an_order_waits_for_what_it_has_ended() -> None:
+def test_an_order_waits_for_the_end_of_the_job_it_cancels() -> None:
     link = flown([(0.0, [order("hold")]), (1.0, [order("return")]), (2.0, [order("land")])])
     begun = ["hold begins", "hold cancelled", "return begins", "return cancelled", "land begins", "land done"]
     assert link.log == begun

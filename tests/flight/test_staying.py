@@ -1,4 +1,4 @@
-"""Who was let go in the air has link, heartbeat and record for as long as he flies; and how each was left."""
+"""Released and lost vehicles: their heartbeats, and the final state of each."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import Ui, fly, small
+from flights import Ui, coded, fly, small
 from interruptions import interrupting, silent
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console
-from trouble import Trouble, chooses, play, suffer
+from trouble import Trouble, fly_with, inject, select_mode
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
@@ -28,9 +28,9 @@ pytestmark = pytest.mark.virtual
 
 HEARD_FOR_S = 10
 GUARDED: dict[str, Any] = {"policy": {"lost_link": "return", "lost_link_after_s": HEARD_FOR_S}}
-"""without our heartbeat for so long a vehicle returns by itself, whoever has it"""
+"""a vehicle without a station's heartbeat returns by itself after this time"""
 LANDS_AT_S = 200.0
-"""long after the others have"""
+"""long after the others have landed"""
 
 
 def pair(**sections: object) -> Scenario:
@@ -38,78 +38,74 @@ def pair(**sections: object) -> Scenario:
 
 
 def taken(*then: tuple[float, str]) -> Trouble:
-    """A pilot has the second vehicle from the 30th second on, and then does this."""
-    return Trouble(deeds=[(at_s, chooses(2, mode)) for at_s, mode in ((30.0, "GUIDED"), *then)])
+    """A pilot takes over the second vehicle after 30 s, and then selects these modes."""
+    return Trouble(actions=[(at_s, select_mode(2, mode)) for at_s, mode in ((30.0, "GUIDED"), *then)])
 
 
 def test_a_released_vehicle_keeps_its_heartbeats_until_it_lands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = taken((LANDS_AT_S, "LAND"))
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
-    assert trouble.modes[2] == ["AUTO", "GUIDED", "LAND"]  # not RTL, as without our heartbeat
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
+    assert trouble.modes[2] == ["AUTO", "GUIDED", "LAND"]  # not RTL, as without heartbeats
     assert report.ended == "ended"
     assert not report.states[2].vehicle.armed
-    (staying,) = (text for text in ui.said if "uav2" in text and "heartbeat" in text)
-    assert "Ctrl-C" in staying
-    (how,) = (text for text in report.final_states if text.startswith("uav2"))
-    assert "in mode LAND" in how
+    assert coded(ui.said, "uav2", "waiting-for-released")
+    (final_state,) = (text for text in report.final_states if text.startswith("uav2"))
+    assert "in mode LAND" in final_state
     evidence = [json.loads(text) for text in (tmp_path / "evidence.jsonl").read_text().splitlines()]
     (down,) = (e for e in evidence if e["vehicle"] == "uav2" and e["what"].get("to") is False)
     assert down["run_s"] > LANDS_AT_S
 
 
-def test_ctrl_c_sends_no_order_to_a_released_vehicle(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = taken((LANDS_AT_S, "LAND"))
-    play(trouble, monkeypatch)
+    inject(trouble, monkeypatch)
     ui = Ui()
     report = fly(pair(), tmp_path, address_of=interrupting(150.0), ui=ui)
     assert report.ended == "stopped"
     assert trouble.modes[2] == ["AUTO", "GUIDED"]
-    (left,) = (text for text in report.final_states if text.startswith("uav2"))
-    assert "in the air" in left
-    assert "heartbeats" in left
-    assert "failsafe" in left
-    assert not any("uav2" in text and text.startswith("stopping") for text in ui.said)
+    (final_state,) = (text for text in report.final_states if text.startswith("uav2"))
+    assert "in the air" in final_state
+    assert "failsafe" in final_state
+    assert not any("uav2" in text and text.endswith("[stopping]") for text in ui.said)
 
 
 def test_the_header_tells_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ui = Ui()
-    play(taken((LANDS_AT_S, "LAND")), monkeypatch)
+    inject(taken((LANDS_AT_S, "LAND")), monkeypatch)
     fly(pair(flight={"altitude_m": 15.0, "on_exit": "land"}), tmp_path, ui=ui)
-    footers = list(dict.fromkeys(picture.on_ctrl_c for picture in ui.pictures))
-    assert footers == ["leave", "hold, then land", "leave who was let go in the air"]
+    on_ground, in_flight, with_released = dict.fromkeys(view.on_ctrl_c for view in ui.views)
+    assert "hold" in in_flight
+    assert "land" in in_flight
+    assert "released" in with_released
+    assert on_ground not in with_released or on_ground == "end"
 
 
 def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp_path: Path) -> None:
     ui = Ui()
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
     report = fly(scenario, tmp_path, address_of=silent(2, 25.0), ui=ui)
-    (said,) = (text for text in ui.said if text.startswith("uav2: given up"))
-    assert "40 s" in said
-    assert "may still be in the air" in said
+    (line,) = coded(ui.said, "uav2", "given-up")
+    assert "40 s" in line
     (outcome,) = (v["outcome"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert outcome.startswith("lost")
-    assert "flying" not in list(flight_table(report.summary).columns[-1].cells)[1]
+    assert "flying" not in str(list(flight_table(report.summary).at().columns[-1].cells)[1])
     assert "lost" in next(text for text in report.final_states if text.startswith("uav2"))
     (phase,) = (v["phase"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert phase == "lost"
-    lines = [plain_line(row) for picture in ui.pictures for row in picture.rows if row.name == "uav2"]
+    lines = [plain_line(row) for view in ui.views for row in view.rows if row.name == "uav2"]
     (at_first, *_), (*_, at_last) = (text for text in lines if "link lost" in text), lines
     assert at_first.startswith("uav2: lost, was flying AUTO, ")
     assert at_last.startswith("uav2: given up, was flying AUTO, ")
     console = Console(width=120, file=(page := io.StringIO()))
-    console.print(live_table(ui.pictures[-1], 120, 40))
+    console.print(live_table(ui.views[-1], 120, 40))
     (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])
     assert "given up" in shown
     assert "flying" not in shown
 
 
-def test_the_map_marks_a_lost_vehicle(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_map_marks_a_lost_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[MapPicture] = []
     monkeypatch.setattr(outputs, "draw_map", lambda path, picture: drawn.append(picture))
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
@@ -132,26 +128,26 @@ def arms(sysid: int) -> Callable[[Fleet], None]:
 
 
 def armed_early() -> Trouble:
-    """The second vehicle is, by another station, while the first is not ready yet."""
+    """Another station arms the second vehicle while the first is not ready yet."""
     unfit = {"fault": "sensor_unhealthy", "params": {"sensor": "mag"}, "vehicles": [1], "for_s": 15.0}
-    return Trouble(faults=[unfit], deeds=[(10.0, arms(2))])
+    return Trouble(faults=[unfit], actions=[(10.0, arms(2))])
 
 
 def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report, ui = suffer(armed_early(), tmp_path, monkeypatch, scenario=pair())
+    report, ui = fly_with(armed_early(), tmp_path, monkeypatch, scenario=pair())
     assert report.ended == "ended"
     assert report.states[1].outcome == "arrived"
     assert (report.states[2].phase, report.states[2].armed_seen) == ("released", False)
     assert any(line.startswith("uav2: standby → released (") and "GUIDED" in line for line in ui.said)
-    assert any("compared but uav2, which somebody else has" in plain_line for plain_line in ui.said)
+    assert any("uav2" in line and line.endswith("[ready]") for line in ui.said)
 
 
 def test_preflight_fails_for_a_vehicle_that_another_station_has_armed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    play(armed_early(), monkeypatch)
+    inject(armed_early(), monkeypatch)
     report = fly(pair(), tmp_path, options=FlightOptions(launch="never"))
     assert report.ended == "failed"
-    assert any(plain_line.startswith("uav2") and "armed" in plain_line for plain_line in report.trouble)
+    assert any(line.startswith("uav2") and "armed" in line for line in report.trouble)

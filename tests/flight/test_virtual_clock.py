@@ -1,4 +1,4 @@
-"""The virtual clock: waiting takes no time, and what happens when is the same every time."""
+"""The virtual clock: waits take no time, and every run has the same order of events."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_time_outs_fire_on_the_virtual_clock() -> None:
     assert run_virtual(main()) == pytest.approx(10.0)
 
 
-def test_waiting_for_nothing_is_a_bug_that_is_found() -> None:
+def test_a_wait_without_any_timer_is_a_bug() -> None:
     async def main() -> None:
         await asyncio.Event().wait()
 
@@ -43,12 +43,14 @@ def test_waiting_for_nothing_is_a_bug_that_is_found() -> None:
 
 
 @pytest.mark.parametrize(("failed", "delay_s"), [(1, 2.0), (2, 4.0), (3, 5.0), (4, None), (9, None)], ids=str)
-def test_waits_grow_up_to_a_limit_and_then_it_gives_up(failed: int, delay_s: float | None) -> None:
+def test_waits_grow_up_to_a_limit_and_then_the_policy_gives_up(failed: int, delay_s: float | None) -> None:
     assert Backoff(attempts=4, first_s=2.0, most_s=5.0).delay_s(failed) == delay_s
 
 
 @pytest.mark.parametrize(("fails", "tries", "ends_s"), [(0, 1, 0.0), (1, 2, 2.0), (2, 3, 6.0), (5, 3, 6.0)])
-def test_it_is_tried_again_until_it_works_or_the_policy_ends(fails: int, tries: int, ends_s: float) -> None:
+def test_an_attempt_is_repeated_until_it_succeeds_or_the_policy_gives_up(
+    fails: int, tries: int, ends_s: float
+) -> None:
     made = 0
 
     async def attempt() -> str:

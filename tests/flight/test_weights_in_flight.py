@@ -1,4 +1,4 @@
-"""New weights in flight, the paper's sliders: what an agent makes of them, and a whole swarm."""
+"""New weights in flight, the paper's sliders: one agent, and a whole swarm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, orders
 from flights import Ui, small
-from mcap.reader import make_reader
+from recorded import effects
 from rich.console import Console
 
 from swarmctl.agent.state import Phase
@@ -195,7 +195,7 @@ def test_a_vehicle_that_plans_no_more_refuses_weights_with_a_reason(
     assert story.state is before
 
 
-# --- what a person sees
+# --- the operator's view
 
 
 def test_a_line_shows_the_changed_weights_and_their_first_plan() -> None:
@@ -233,7 +233,7 @@ def test_the_live_table_has_a_column_for_changed_weights() -> None:
 
 
 def after(story: Story, event: ev.Event) -> tuple[Any, ...]:
-    """What an observer is told of one event."""
+    """Return an observer's arguments for one event."""
     before = story.state
     effects = story(event)
     return before, event, story.state, effects, 0.0
@@ -283,9 +283,7 @@ class Flown:
 
     def swaps(self, uav: int) -> list[dict[str, Any]]:
         """Every plan of a vehicle, in order."""
-        with (self.folder / "run.mcap").open("rb") as file:
-            topics = [f"/uav{uav}/effect/SwapMission"]
-            return [json.loads(m.data)["effect"] for _, _, m in make_reader(file).iter_messages(topics)]
+        return [recorded["effect"] for recorded in effects(self.folder, "SwapMission", f"uav{uav}")]
 
 
 def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: object) -> Flown:
@@ -309,7 +307,7 @@ def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: o
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    """Three vehicles on their shortest ways, of which the first two are told in flight to keep safe."""
+    """Three vehicles on their shortest routes; the first two get w = 1 in flight."""
     command = SetWeights((1, 2), w=1.0)
     return fly_and_set(tmp_path_factory.mktemp("set"), command, at_s=30.0, planner={"w": 0.0})
 
@@ -364,7 +362,7 @@ def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
 def test_the_change_is_shown(flown: Flown) -> None:
     plan = flown.answer.vehicles[0].from_plan
     assert f"uav1: w = 1 from plan {plan} on" in flown.ui.said
-    assert [r.weights for r in flown.ui.pictures[-1].rows] == ["1", "1", ""]
+    assert [r.weights for r in flown.ui.views[-1].rows] == ["1", "1", ""]
 
 
 @pytest.mark.virtual

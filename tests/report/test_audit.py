@@ -1,4 +1,4 @@
-"""A run's evidence on disk, and `swarmctl audit` over it, as a person meets it."""
+"""A run's evidence on disk, and `swarmctl audit` over it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner, Result
 
 from swarmctl.cli.main import cli
-from swarmctl.report.evidence.book import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.chain import canonical, check, sha256
+from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
-from swarmctl.security.evidence_keys import witness
+from swarmctl.security.evidence_keys import load_evidence_signer
 from swarmctl.security.files import KeyringError
-from swarmctl.security.issue import make
+from swarmctl.security.issue import make_keys
 
 ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 HOLD = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
@@ -61,7 +61,7 @@ def test_an_entry_is_in_the_file_before_the_message_leaves(run: Run) -> None:
     )  # fmt: skip
 
 
-def test_a_whole_run_is_called_whole_and_its_final_hash_is_told(run: Run, tmp_path: Path) -> None:
+def test_a_whole_chain_is_reported_with_its_final_hash(run: Run, tmp_path: Path) -> None:
     run.evidence.to_vehicle(1, ARM)
     run.evidence.from_vehicle(1, ACK)
     run.evidence.waived("alpha", "gps", "indoors")
@@ -94,14 +94,14 @@ def test_a_changed_line_is_named_with_what_was_expected(run: Run, tmp_path: Path
     assert "only the 1 lines before it" in result.stderr
 
 
-def test_a_process_that_died_leaves_a_chain_that_is_not_closed(run: Run, tmp_path: Path) -> None:
+def test_a_crashed_process_leaves_a_chain_that_is_not_closed(run: Run, tmp_path: Path) -> None:
     run.evidence.to_vehicle(1, ARM)
     result = audit(tmp_path)
     assert result.exit_code == 1
     assert "not closed: the process died or lines were cut" in result.stderr
 
 
-def test_who_dies_amid_an_upload_leaves_the_items_until_its_last_heartbeat(
+def test_a_crash_during_an_upload_keeps_the_items_until_the_last_heartbeat(
     run: Run,
 ) -> None:
     def item(seq: int) -> mavlink.MAVLink_message:
@@ -125,20 +125,20 @@ def test_who_dies_amid_an_upload_leaves_the_items_until_its_last_heartbeat(
     ]  # fmt: skip
 
 
-def test_the_items_of_another_station_are_told_as_its(run: Run) -> None:
+def test_items_of_another_station_are_recorded_as_its_own(run: Run) -> None:
     point = mavlink.MAVLink_mission_item_int_message(
         1, 1, 0, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, 145_000_000, 2.0
     )
     run.evidence.to_vehicle(1, point, "station 252")
     run.evidence.to_vehicle(1, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), "station 252")
-    assert len(run.file.read_bytes().splitlines()) == 1, "what it says of itself is no clock of ours"
+    assert len(run.file.read_bytes().splitlines()) == 1, "another station's heartbeat writes nothing"
     for _ in range(2):
         run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     (_opened, line) = [json.loads(line) for line in run.file.read_bytes().splitlines()]
     assert (line["what"]["items"], line["what"]["by"]) == (1, "station 252")
 
 
-def test_answers_to_partial_lists_are_told_with_a_heartbeat_and_the_last_at_the_end(run: Run) -> None:
+def test_answers_to_partial_lists_are_recorded_with_a_heartbeat_and_at_the_end(run: Run) -> None:
     def told() -> list[tuple[str, int | None]]:
         lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
         return [(line["what"].get("message", line["kind"]), line["what"].get("times")) for line in lines[1:]]
@@ -159,7 +159,7 @@ def test_answers_to_partial_lists_are_told_with_a_heartbeat_and_the_last_at_the_
     assert told() == [*sent, ("MISSION_ACK", 1), ("MISSION_ACK", 1), ("closed", None)]
 
 
-def test_without_evidence_the_usage_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_evidence_is_a_usage_error(tmp_path: Path) -> None:
     result = audit(tmp_path)
     assert result.exit_code == 2
     assert "there is no evidence" in result.stderr
@@ -170,50 +170,48 @@ def test_evidence_is_never_written_over(run: Run, tmp_path: Path) -> None:
         Run(tmp_path)
 
 
-def test_nothing_is_armed_that_cannot_be_recorded_and_what_flies_is_commanded_on(run: Run) -> None:
+def test_a_full_disk_forbids_arming_and_no_other_command(run: Run) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     os.dup2(full, run.book._file.fileno())
     os.close(full)
     assert run.evidence.to_vehicle(1, HOLD)
     assert not run.evidence.to_vehicle(1, ARM)
     assert len(run.said) == 1
-    assert "no vehicle is armed any more" in run.said[0]
+    assert run.said[0].endswith("[evidence-ended]")
     run.evidence.close()
 
 
 class TestSigned:
     @pytest.fixture
     def keys(self, tmp_path: Path) -> Path:
-        make(tmp_path / "keys", ["operator", "uav1"], 30, dt.datetime.now(dt.UTC))
+        make_keys(tmp_path / "keys", ["operator", "uav1"], 30, dt.datetime.now(dt.UTC))
         return tmp_path / "keys"
 
-    def test_a_signature_tells_whose_it_is(self, run: Run, keys: Path) -> None:
+    def test_a_signature_names_its_owner(self, run: Run, keys: Path) -> None:
         run.evidence.to_vehicle(1, ARM)
-        run.evidence.close(witness(keys, "operator"))
+        run.evidence.close(load_evidence_signer(keys, "operator"))
         without = audit(run.file)
         assert without.exit_code == 0
         assert "signed by operator" in without.output
         assert "anybody can make a key" in without.output
         assert audit(run.file, "--keys", keys).exit_code == 0
 
-    def test_where_keys_are_asked_for_evidence_without_a_signature_is_refused(
-        self, run: Run, keys: Path
-    ) -> None:
+    def test_unsigned_evidence_is_refused_where_keys_are_given(self, run: Run, keys: Path) -> None:
         run.evidence.close()
         result = audit(run.file, "--keys", keys)
         assert result.exit_code == 1
         assert "it is not signed, expected the signature of a key of" in result.stderr
 
-    def test_a_stranger_s_signature_is_not_the_operators(self, run: Run, keys: Path, tmp_path: Path) -> None:
-        make(tmp_path / "other", ["operator"], 30, dt.datetime.now(dt.UTC))
-        run.evidence.close(witness(tmp_path / "other", "operator"))
+    def test_a_signature_with_another_key_is_refused(self, run: Run, keys: Path, tmp_path: Path) -> None:
+        make_keys(tmp_path / "other", ["operator"], 30, dt.datetime.now(dt.UTC))
+        run.evidence.close(load_evidence_signer(tmp_path / "other", "operator"))
         result = audit(run.file, "--keys", keys)
         assert result.exit_code == 1
         assert "which is not operator's key of" in result.stderr
 
-    def test_a_chain_written_anew_does_not_fit_its_signature(self, run: Run, keys: Path) -> None:
+    def test_a_rewritten_chain_does_not_fit_its_signature(self, run: Run, keys: Path) -> None:
         run.evidence.to_vehicle(1, HOLD)
-        run.evidence.close(witness(keys, "operator"))
+        run.evidence.close(load_evidence_signer(keys, "operator"))
         forged, previous = [], "0" * 64
         for line in run.file.read_bytes().replace(b'"param2":4', b'"param2":5').splitlines():
             entry = json.loads(line)
@@ -229,5 +227,5 @@ class TestSigned:
 
     def test_a_key_that_others_can_read_is_not_used(self, keys: Path) -> None:
         (keys / "operator" / "sign.pem").chmod(0o644)
-        with pytest.raises(KeyringError, match="can be read by others"):
-            witness(keys, "operator")
+        with pytest.raises(KeyringError, match="chmod 600"):
+            load_evidence_signer(keys, "operator")

@@ -1,4 +1,4 @@
-"""The chain of entries: what it shows when somebody changes it."""
+"""The chain of entries, and the detection of changes to it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def written(count: int = 5, *, closed: bool = True) -> list[bytes]:
     return lines
 
 
-def test_a_chain_as_it_was_written_is_whole() -> None:
+def test_an_unchanged_chain_is_whole() -> None:
     checked = check(written())
     assert checked.fault is None
     assert checked.closing == {"entries": 6}
@@ -32,7 +32,7 @@ def test_a_chain_as_it_was_written_is_whole() -> None:
     assert [entry["n"] for entry in checked.entries] == list(range(7))
 
 
-def test_each_line_has_the_hash_of_the_line_before_and_its_own_by_sha_256() -> None:
+def test_each_line_holds_the_hash_of_the_line_before_and_its_own() -> None:
     previous = GENESIS
     for line in written():
         entry = json.loads(line)
@@ -73,7 +73,7 @@ def test_a_cut_off_tail_is_not_closed_and_half_a_line_is_a_fault() -> None:
     assert half.fault.line == 6
 
 
-def test_what_follows_the_closing_entry_is_a_fault() -> None:
+def test_an_entry_after_the_closing_one_is_a_fault() -> None:
     lines = written()
     fault = check([*lines, lines[-1]]).fault
     assert fault is not None
@@ -90,7 +90,7 @@ def test_an_empty_file_is_not_closed() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(300))
 @given(data=st.data())
-def test_no_line_can_be_changed_taken_out_or_moved_unseen(data: st.DataObject) -> None:
+def test_no_line_can_be_changed_removed_or_moved_unnoticed(data: st.DataObject) -> None:
     lines = written()
     i = data.draw(st.integers(0, len(lines) - 1))
     how = data.draw(st.sampled_from(["flip", "drop", "double", "swap"]))
@@ -111,6 +111,6 @@ def test_no_line_can_be_changed_taken_out_or_moved_unseen(data: st.DataObject) -
 
 @settings(derandomize=True, deadline=None, max_examples=examples(300))
 @given(lines=st.lists(st.binary(max_size=80) | st.sampled_from([b"{}\n", b"[]\n", b"1\n", *written()])))
-def test_whatever_the_bytes_it_is_read_without_raising(lines: list[bytes]) -> None:
+def test_any_bytes_are_checked_without_an_exception(lines: list[bytes]) -> None:
     checked = check(lines)
     assert checked.fault is not None or lines[: len(checked.entries)] == lines

@@ -1,4 +1,4 @@
-"""A slow disk below the evidence holds nobody up, and nothing is armed before it has what was written."""
+"""Evidence on a slow or failing disk: nothing else waits for it, but arming does."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.report.evidence import book
-from swarmctl.report.evidence.book import FILE_NAME, EvidenceFile
+from swarmctl.report.evidence import file
 from swarmctl.report.evidence.chain import check
+from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
 
 ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 
 
 class SlowDisk:
-    """Takes a sync when it is told to; at once while nobody holds it up."""
+    """A disk whose syncs end at once, or wait while `free` is cleared."""
 
     def __init__(self) -> None:
         self.free = threading.Event()
         self.free.set()
         self.error: OSError | None = None
         self.synced: list[int] = []
-        """how long the file was at the beginning of each sync [bytes]"""
+        """size of the file at the beginning of each sync [bytes]"""
 
     def fsync(self, fileno: int) -> None:
         size = os.fstat(fileno).st_size
@@ -66,7 +66,7 @@ class Run:
         return self.file.read_bytes().splitlines(keepends=True)
 
 
-def test_a_disk_that_takes_nothing_holds_up_neither_the_loop_nor_the_order_of_entries(
+def test_a_blocked_disk_delays_neither_the_loop_nor_the_order_of_entries(
     disk: SlowDisk, tmp_path: Path
 ) -> None:
     async def story() -> None:
@@ -93,7 +93,7 @@ def test_a_disk_that_takes_nothing_holds_up_neither_the_loop_nor_the_order_of_en
     asyncio.run(story())
 
 
-def test_it_is_settled_when_all_that_was_written_is_on_the_disk(disk: SlowDisk, tmp_path: Path) -> None:
+def test_evidence_is_settled_when_all_entries_are_on_the_disk(disk: SlowDisk, tmp_path: Path) -> None:
     async def story() -> None:
         run = Run(tmp_path)
         disk.free.clear()
@@ -113,49 +113,47 @@ def test_it_is_settled_when_all_that_was_written_is_on_the_disk(disk: SlowDisk, 
     asyncio.run(story())
 
 
-def test_a_disk_that_fails_later_is_said_once_and_nothing_is_armed_any_more(
-    disk: SlowDisk, tmp_path: Path
-) -> None:
+def test_a_disk_that_fails_later_is_reported_once_and_forbids_arming(disk: SlowDisk, tmp_path: Path) -> None:
     async def story() -> None:
         run = Run(tmp_path)
         await run.evidence.settled()
         disk.error = OSError(5, "Input/output error")
         assert run.evidence.to_vehicle(1, ARM)
-        assert "the evidence ends here: Input/output error" in await run.evidence.settled()
+        assert "Input/output error" in await run.evidence.settled()
         assert not run.evidence.to_vehicle(1, ARM)
-        assert [text.partition(": ")[2] for text in run.said] == [
-            "the evidence ends here: Input/output error; no vehicle is armed any more"
-        ]
+        (line,) = run.said
+        assert "Input/output error" in line
+        assert line.endswith("[evidence-ended]")
         run.evidence.close()
-        assert "ends here" in run.evidence.trouble
+        assert "Input/output error" in run.evidence.trouble
 
     asyncio.run(story())
 
 
-def test_a_disk_that_fails_while_the_run_ends_is_said_too(disk: SlowDisk, tmp_path: Path) -> None:
+def test_a_disk_that_fails_at_the_end_of_the_run_is_reported(disk: SlowDisk, tmp_path: Path) -> None:
     async def story() -> None:
         run = Run(tmp_path)
         await run.evidence.settled()
         disk.error = OSError(5, "Input/output error")
         run.evidence.to_vehicle(1, ARM)
         run.evidence.close()
-        assert "ends here: Input/output error" in run.evidence.trouble
+        assert "Input/output error" in run.evidence.trouble
         await asyncio.sleep(0)
         assert len(run.said) == 1
 
     asyncio.run(story())
 
 
-def test_a_disk_that_never_answers_is_not_waited_for_for_ever(
+def test_the_wait_for_a_blocked_disk_has_a_limit(
     disk: SlowDisk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(book, "SETTLES_S", 0.05)
+    monkeypatch.setattr(file, "SETTLES_S", 0.05)
 
     async def story() -> None:
         run = Run(tmp_path)
         await run.evidence.settled()
         disk.free.clear()
-        assert "the disk has not taken the evidence within 0.05 s" in await run.evidence.settled()
+        assert "0.05 s" in await run.evidence.settled()
         disk.free.set()
         assert await run.evidence.settled() == ""
         run.evidence.close()

@@ -67,7 +67,7 @@ def marks(axes: Axes) -> list[tuple[float, float, str]]:
     ]
 
 
-def test_every_route_is_a_point_hollow_where_no_w_finds_it() -> None:
+def test_every_route_is_a_point_and_hollow_if_no_w_finds_it() -> None:
     shown = panel(9)
     (chart,) = charts(drawn(shown))
     found = marks(chart)
@@ -75,7 +75,7 @@ def test_every_route_is_a_point_hollow_where_no_w_finds_it() -> None:
     assert [face != "white" for _, _, face in found] == [p.supported for p in shown.points]
 
 
-def test_the_hull_is_joined_and_what_lies_inside_it_is_not_on_the_line() -> None:
+def test_the_line_joins_the_routes_of_the_hull_only() -> None:
     shown = panel(9)
     (chart,) = charts(drawn(shown))
     (hull,) = [line for line in chart.lines if line.get_marker() == "None" and line.get_linestyle() == "-"]
@@ -117,7 +117,7 @@ def test_a_configured_route_off_the_front_is_drawn_on_the_map_and_filled_in_the_
 
 
 @pytest.mark.parametrize("exposure", [0.0, 1e-9, 17.5])
-def test_a_front_of_one_route_says_so_and_shows_how_exposed_it_is(exposure: float) -> None:
+def test_a_front_of_one_route_is_labelled_and_shows_its_exposure(exposure: float) -> None:
     shown = panel(1, points=[FrontPoint(950.0, exposure, True)], chosen=(950.0, exposure))
     (chart,) = charts(drawn(shown))
     assert "one route is best in both" in {text.get_text() for text in chart.texts}
@@ -179,7 +179,7 @@ SHEETS = [
 
 
 @pytest.mark.parametrize("panels", [s[1] for s in SHEETS], ids=[s[0] for s in SHEETS])
-def test_nothing_written_overlaps_or_is_cut_off(panels: list[FrontPanel]) -> None:
+def test_no_label_overlaps_another_or_is_cut_off(panels: list[FrontPanel]) -> None:
     figure = drawn(*panels)
     wide, high = figure.bbox.width, figure.bbox.height
     boxes = [(text.get_text(), text.get_window_extent()) for text in texts_of(figure)]

@@ -1,9 +1,9 @@
-"""How long vehicles stood still for changes of their missions: in the summary and below the table."""
+"""Mission changes in flight, in the summary and below the table."""
 
 from __future__ import annotations
 
 from swarmctl.core import events as ev
-from swarmctl.report.swaps import SwapStatistics, swap_lines
+from swarmctl.report.swaps import LISTED, MAX_FAILURES, SwapStatistics, swap_lines
 
 
 def after(*events: ev.MissionAccepted | ev.MissionFailed) -> SwapStatistics:
@@ -20,10 +20,11 @@ STOOD = after(
 )
 
 
-def test_all_and_the_longest_stand_are_counted_and_what_failed_too() -> None:
+def test_changes_failures_and_standstills_are_counted() -> None:
     assert STOOD.summary() == {
         "changed": 2,
         "failed": 1,
+        "failures": [{"plan": 4, "reason": "no answer"}],
         "stood_still": 2,
         "stood_still_s": 4.75,
         "longest_stood_still_s": 3.25,
@@ -31,18 +32,32 @@ def test_all_and_the_longest_stand_are_counted_and_what_failed_too() -> None:
     }
 
 
-def test_below_the_table_each_that_stood_still_is_named() -> None:
+def test_lines_below_the_table_name_failures_and_standstills() -> None:
     vehicles = [
         {"name": "uav1", "swaps": STOOD.summary()},
         {"name": "uav2", "swaps": after(ev.MissionAccepted(2, 0.5, 0.0)).summary()},
     ]
-    assert swap_lines(vehicles) == [
-        "4 changes of missions in flight, 1 failed; stood still for them:",
-        "  uav1: 4.8 s in 2 of 3, 3.2 s at most",
-    ]
-    assert swap_lines(vehicles[1:]) == ["1 changes of missions in flight: no vehicle stood still for one"]
+    total, failure, standstill = swap_lines(vehicles)
+    assert "4, 1 failed" in total
+    assert failure.startswith("  uav1, plan 4")
+    assert failure.endswith("no answer")
+    assert "uav1" in standstill
+    assert "2 of 3: 4.8 s in all, 3.2 s at most" in standstill
+    (alone,) = swap_lines(vehicles[1:])
+    assert "1, none failed" in alone
 
 
-def test_where_no_mission_was_changed_nothing_is_said() -> None:
+def test_many_failures_are_limited_in_the_summary_and_below_the_table() -> None:
+    swaps = after(*(ev.MissionFailed(n, "old", f"reason {n}") for n in range(2, 40)))
+    summary = swaps.summary()
+    assert summary["failed"] == 38
+    assert [failure["plan"] for failure in summary["failures"]] == list(range(40 - MAX_FAILURES, 40))
+    _, *listed, rest = swap_lines([{"name": "uav1", "swaps": summary}])
+    assert len(listed) == LISTED
+    assert f"{38 - LISTED} more" in rest
+    assert "summary.json" in rest
+
+
+def test_no_line_is_shown_without_mission_changes() -> None:
     assert swap_lines([{"name": "uav1", "swaps": SwapStatistics().summary()}]) == []
     assert SwapStatistics().summary()["took_s"] is None

@@ -1,4 +1,4 @@
-"""From messages on the wire to entries."""
+"""Entries from messages on the wire, and their digest."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_command_is_named_with_its_parameters_and_its_answer() -> None:
     assert (kind, what) == ("acknowledgement", expected)
 
 
-def test_only_what_arms_arms() -> None:
+def test_only_arming_messages_count_as_arming() -> None:
     assert arms(ARM)
     assert not arms(DISARM)
     assert arms(mavlink.MAVLink_command_long_message(1, 1, 300, 0, 0, 0, 0, 0, 0, 0, 0))
@@ -64,7 +64,7 @@ def test_an_upload_is_its_announcement_and_one_entry_of_all_its_items() -> None:
     assert other.so_far()[0][1]["sha256"] != items[1]["sha256"]
 
 
-def test_a_word_about_a_repeated_item_ends_no_upload() -> None:
+def test_an_answer_to_a_repeated_item_ends_no_upload() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 2))
     traffic.sent(item(0))
@@ -75,7 +75,7 @@ def test_a_word_about_a_repeated_item_ends_no_upload() -> None:
     assert (items["items"], items["of"]) == (2, 2)
 
 
-def test_a_read_back_is_told_with_the_acknowledgement_that_ends_it() -> None:
+def test_a_read_back_is_recorded_with_the_acknowledgement_that_ends_it() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_request_list_message(1, 1))
     traffic.heard(mavlink.MAVLink_mission_count_message(255, 190, 2))
@@ -87,7 +87,7 @@ def test_a_read_back_is_told_with_the_acknowledgement_that_ends_it() -> None:
     assert (what["read"]["items"], what["read"]["of"]) == (2, 2)
 
 
-def test_an_upload_that_nobody_acknowledged_is_told_at_the_end() -> None:
+def test_an_unacknowledged_upload_is_recorded_at_the_end() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
     traffic.sent(item(0))
@@ -96,7 +96,7 @@ def test_an_upload_that_nobody_acknowledged_is_told_at_the_end() -> None:
     assert traffic.so_far() == []
 
 
-def test_a_parameter_is_answered_only_where_it_was_asked_for() -> None:
+def test_only_requested_parameters_count_as_answers() -> None:
     traffic = Traffic()
     value = mavlink.MAVLink_param_value_message(b"FS_GCS_ENABLE", 1.0, 9, 1, 0)
     assert traffic.heard(value) == []
@@ -105,7 +105,7 @@ def test_a_parameter_is_answered_only_where_it_was_asked_for() -> None:
     assert (kind, what["param_id"], what["param_value"]) == ("acknowledgement", "FS_GCS_ENABLE", 1.0)
 
 
-def test_what_keeps_a_link_alive_is_no_command_and_a_key_is_never_written() -> None:
+def test_heartbeats_are_no_commands_and_a_signing_key_is_never_written() -> None:
     traffic = Traffic()
     assert traffic.sent(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)) == []
     ((_, what),) = traffic.sent(mavlink.MAVLink_setup_signing_message(1, 1, [7] * 32, 5))
@@ -116,7 +116,7 @@ def entry(kind: str, **what: object) -> dict[str, object]:
     return {"kind": kind, "vehicle": "uav1", "what": what}
 
 
-def test_a_digest_pairs_commands_with_answers_and_with_what_was_seen() -> None:
+def test_a_digest_pairs_commands_with_answers_and_effects() -> None:
     told = digest(
         [
             entry("command", command="DO_SET_MODE"),
@@ -138,7 +138,7 @@ def test_a_digest_pairs_commands_with_answers_and_with_what_was_seen() -> None:
     assert [e["kind"] for e in told.people] == ["waiver"]
 
 
-def test_an_integer_of_px4_is_told_as_what_it_is() -> None:
+def test_a_px4_integer_parameter_is_recorded_as_its_value() -> None:
     three = struct.unpack("<f", struct.pack("<i", 3))[0]
     asks = mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", three, mavlink.MAV_PARAM_TYPE_INT32)
     tells = mavlink.MAVLink_param_value_message(
@@ -152,7 +152,7 @@ def test_an_integer_of_px4_is_told_as_what_it_is() -> None:
     assert (command["param_value"], answer["param_value"]) == (3.0, 3.0)
 
 
-def test_an_integer_of_ardupilot_comes_as_a_float() -> None:
+def test_an_ardupilot_integer_parameter_is_a_float() -> None:
     traffic = Traffic()
     traffic.heard(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 3, 3))
     asks = mavlink.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1.0, mavlink.MAV_PARAM_TYPE_INT8)
@@ -165,14 +165,14 @@ def effect(changed: str, before: object, after: object) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["landed first", "disarmed first"])
-def test_who_disarms_where_it_has_landed_is_no_alarm(turned: bool) -> None:
+def test_disarming_after_a_landing_is_not_unasked(turned: bool) -> None:
     down = [effect("landed", "IN_AIR", "ON_GROUND"), effect("armed", True, False)]
     told = digest([effect("landed", "UNDEFINED", "IN_AIR"), *(reversed(down) if turned else down)])
     assert told.unasked == {}
     assert told.landed == {"alpha": 1}
 
 
-def test_who_disarms_in_the_air_is_one() -> None:
+def test_disarming_in_the_air_is_unasked() -> None:
     told = digest([effect("landed", "UNDEFINED", "IN_AIR"), effect("armed", True, False)])
     assert told.unasked == {"alpha": {"armed False": 1}}
 
@@ -191,7 +191,7 @@ def appended(traffic: Traffic, seqs: list[int], *, copies: int = 1) -> list[tupl
 
 
 @pytest.mark.parametrize("copies", [1, 3])
-def test_items_that_are_written_behind_a_route_one_by_one_are_one_entry(copies: int) -> None:
+def test_items_appended_one_by_one_are_one_entry(copies: int) -> None:
     traffic = Traffic()
     ((kind, what),) = appended(traffic, [11, 12, 13], copies=copies)
     assert (kind, what["message"], what["start_index"]) == ("command", "MISSION_WRITE_PARTIAL_LIST", 11)
@@ -213,7 +213,7 @@ def test_items_that_are_written_behind_a_route_one_by_one_are_one_entry(copies: 
     assert other.so_far()[0][1]["sha256"] == items[1]["sha256"], "whatever their order"
 
 
-def test_a_question_between_partial_lists_does_not_take_them_apart_and_an_order_does() -> None:
+def test_a_request_between_partial_lists_does_not_divide_them_and_an_order_does() -> None:
     traffic = Traffic()
     appended(traffic, [11, 12])
     traffic.sent(mavlink.MAVLink_mission_request_list_message(1, 1))
@@ -227,7 +227,7 @@ def test_a_question_between_partial_lists_does_not_take_them_apart_and_an_order_
     assert traffic.so_far()[0][1]["first"] == 14
 
 
-def test_what_is_refused_of_partial_lists_is_told_with_what_it_was_said_to() -> None:
+def test_refused_partial_lists_are_recorded_with_their_items() -> None:
     traffic = Traffic()
     appended(traffic, [11])
     assert traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1)) == []
@@ -238,10 +238,10 @@ def test_what_is_refused_of_partial_lists_is_told_with_what_it_was_said_to() -> 
     ]
     traffic.sent(mavlink.MAVLink_mission_ack_message(1, 1, 0))
     ((kind, _),) = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1))
-    assert kind == "acknowledgement", "of nothing that is on its way any more: it stands for itself"
+    assert kind == "acknowledgement", "after the transfer it is an entry of its own"
 
 
-def test_what_is_on_its_way_is_told_as_far_as_it_has_gone_and_not_twice() -> None:
+def test_a_running_transfer_is_recorded_so_far_and_only_once() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
     told = []
@@ -255,7 +255,7 @@ def test_what_is_on_its_way_is_told_as_far_as_it_has_gone_and_not_twice() -> Non
     ]
 
 
-def test_a_digest_counts_a_transfer_once_however_many_lines_it_has() -> None:
+def test_a_digest_counts_a_transfer_of_many_lines_once() -> None:
     begins, items = entry("command", message="MISSION_COUNT"), entry("command", message="MISSION_ITEM_INT")
     accepted = entry("acknowledgement", message="MISSION_ACK", result="ACCEPTED")
     told = digest([begins, items, items, accepted, begins, items, accepted, begins, items])

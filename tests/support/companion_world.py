@@ -29,7 +29,7 @@ STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
 
 @dataclass
 class Swarm:
-    """Companions over one bus, and what each of them shows."""
+    """Companions over one bus, each with a user interface of its own."""
 
     folder: Path
     scenario: Scenario = field(default_factory=small)
@@ -54,12 +54,12 @@ class Swarm:
         )
 
     def phase(self, uav: int) -> Phase:
-        (row,) = self.uis[uav].pictures[-1].rows
+        (row,) = self.uis[uav].views[-1].rows
         return row.phase
 
     async def until(self, uav: int, *phases: Phase) -> None:
         async with asyncio.timeout(300.0):
-            while not self.uis[uav].pictures or self.phase(uav) not in phases:  # noqa: ASYNC110
+            while not self.uis[uav].views or self.phase(uav) not in phases:  # noqa: ASYNC110
                 await asyncio.sleep(0.25)
 
     async def give(self, command: Request) -> OperatorAnswer:

@@ -1,4 +1,4 @@
-"""Whole flights drawn by chance: a small swarm, its network, and what happens to it at drawn moments."""
+"""Randomly drawn flights: a small swarm, its network, and events at drawn times."""
 
 from __future__ import annotations
 
@@ -26,51 +26,51 @@ STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447))
 KINDS = ("ardupilot", "px4")
 WINGED = (*KINDS, "arduplane", "px4plane")
 FROM_S, UNTIL_S = 3.0, 90.0
-"""when something may begin to happen: until all would have arrived"""
+"""earliest and latest start of an event: until all vehicles would have arrived"""
 LAUNCHED_S = 12.0
-"""No order comes before: whom an operator holds on the ground stays there, and the flight has no end."""
+"""earliest operator's order: a vehicle held on the ground stays there, and its flight would not end"""
 ANSWERS_S = 40.0
-"""An operator's order may be tried for so long."""
+"""longest time for which an operator's order is tried"""
 DOWN_AFTER_S = 90.0
-"""Who has taken a vehicle over lands it after this."""
+"""time after which another station lands a vehicle that it has taken over"""
 EXCUSED = frozenset({"reboot", "gps_loss", "gps_glitch", "stuck_mode"})
-"""faults with which a vehicle may come down, or too near to another, whatever a ground station does"""
+"""faults after which no ground station can prevent a crash or a loss of separation"""
 
 
 @dataclass
-class Drawn:
-    """A flight."""
+class DrawnFlight:
+    """A randomly drawn flight."""
 
     scenario: Scenario
     trouble: Trouble
     bus: MemoryBus = field(default_factory=MemoryBus)
     story: list[str] = field(default_factory=list)
-    """what happens, in words"""
+    """the events in words"""
     excused: set[int] = field(default_factory=set)
-    """vehicles with which something is wrong, or that somebody else flies"""
+    """vehicles with a fault, or flown by another station"""
     foreign: set[int] = field(default_factory=set)
-    """vehicles on which another station puts another mission"""
+    """vehicles that get another station's mission"""
     ordered_s: dict[int, list[float]] = field(default_factory=dict)
-    """when an operator orders which vehicle"""
+    """times of an operator's orders by vehicle"""
     asked: list[asyncio.Task[Any]] = field(default_factory=list)
 
-    def at(self, at_s: float, what: str, deed: Callable[[Fleet], None]) -> None:
-        self.story.append(f"{at_s:.1f} s: {what}")
-        self.trouble.deeds.append((at_s, deed))
-        self.trouble.deeds.sort(key=lambda timed: timed[0])
+    def at(self, at_s: float, text: str, action: Callable[[Fleet], None]) -> None:
+        self.story.append(f"{at_s:.1f} s: {text}")
+        self.trouble.actions.append((at_s, action))
+        self.trouble.actions.sort(key=lambda timed: timed[0])
 
 
-def draw(seed: int) -> Drawn:
-    """The same again for the same seed."""
+def draw(seed: int) -> DrawnFlight:
+    """Return the flight of a seed."""
     rng = random.Random(seed)
     winged = rng.random() < 0.2
     n = rng.randint(2, 3)
     autopilots = rng.choices(WINGED if winged else KINDS, k=n)
-    drawn = Drawn(_scenario(rng, seed, autopilots, winged=winged), Trouble())
+    drawn = DrawnFlight(_scenario(rng, seed, autopilots, winged=winged), Trouble())
     if rng.random() < 0.2:
         drawn.trouble.wind = {"speed_m_s": rng.uniform(2.0, 10.0), "from_deg": rng.uniform(0.0, 360.0)}
     for _ in range(rng.randint(2, 6)):
-        rng.choice(_HAPPENINGS)(drawn, rng, rng.randint(1, n))
+        rng.choice(_EVENTS)(drawn, rng, rng.randint(1, n))
     return drawn
 
 
@@ -112,10 +112,10 @@ def _network(rng: random.Random, n: int) -> dict[str, Any]:
     return {"bus": "memory", **rng.choice(models)}
 
 
-# --- what happens
+# --- events
 
 
-def _fault(drawn: Drawn, rng: random.Random, uav: int) -> None:
+def _fault(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
     lasts_s = rng.choice([2.0, 8.0, 30.0])
     name, params, for_s = rng.choice(
         [
@@ -143,8 +143,11 @@ def _fault(drawn: Drawn, rng: random.Random, uav: int) -> None:
         drawn.excused.add(uav)
 
 
-def _other_station(drawn: Drawn, rng: random.Random, uav: int) -> None:
-    """It chooses a mode, and may give it back at once; or takes its mission away. In the end it lands it."""
+def _other_station(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
+    """Another station selects a mode and may give the vehicle back, or clears its mission.
+
+    Later it lands the vehicle.
+    """
     at_s = rng.uniform(FROM_S, UNTIL_S)
     drawn.excused.add(uav)
     # Without its mission, in which its landing is, ArduPlane would circle over home for ever.
@@ -180,8 +183,8 @@ def _sends(fleet: Fleet, message: Any) -> None:
     fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
 
 
-def _operator(drawn: Drawn, rng: random.Random, uav: int) -> None:
-    """Up to three orders, to one or all, that may contradict each other; after a hold all return."""
+def _operator(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
+    """Give up to three orders, possibly contradictory, to one vehicle or all; after a hold all return."""
     at_s, order = rng.uniform(LAUNCHED_S, UNTIL_S), ""
     for _ in range(rng.randint(1, 3)):
         order = rng.choice(["hold", "return", "land", "launch"])
@@ -191,24 +194,24 @@ def _operator(drawn: Drawn, rng: random.Random, uav: int) -> None:
         _order(drawn, at_s + 30.0, "return", None)
 
 
-def _order(drawn: Drawn, at_s: float, order: Any, uavs: tuple[int, ...] | None) -> None:
+def _order(drawn: DrawnFlight, at_s: float, order: Any, uavs: tuple[int, ...] | None) -> None:
     async def give() -> None:
         with contextlib.suppress(client.NoAnswer):  # the flight is over
             await client.ask(drawn.bus, STATION, GiveOrder(uavs, order))
 
-    def deed(_fleet: Fleet) -> None:
+    def action(_fleet: Fleet) -> None:
         drawn.asked.append(asyncio.get_running_loop().create_task(give()))
 
     for uav in uavs or [task.uav for task in drawn.scenario.tasks]:
         drawn.ordered_s.setdefault(uav, []).append(at_s)
-    drawn.at(at_s, f"{order} ordered of {uavs or 'all'}", deed)
+    drawn.at(at_s, f"{order} ordered of {uavs or 'all'}", action)
 
 
-def _ctrl_c(drawn: Drawn, rng: random.Random, _uav: int) -> None:
-    """Once, or twice."""
+def _ctrl_c(drawn: DrawnFlight, rng: random.Random, _uav: int) -> None:
+    """Press Ctrl-C once or twice."""
     at_s = rng.uniform(FROM_S, UNTIL_S)
     for later_s in (0.0, 8.0) if rng.random() < 0.3 else (0.0,):
         drawn.at(at_s + later_s, "Ctrl-C", lambda _fleet: signal.raise_signal(signal.SIGINT))
 
 
-_HAPPENINGS = [*[_fault] * 6, *[_other_station] * 2, *[_operator] * 2, _ctrl_c]
+_EVENTS = [*[_fault] * 6, *[_other_station] * 2, *[_operator] * 2, _ctrl_c]

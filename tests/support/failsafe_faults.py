@@ -6,7 +6,7 @@ from trouble import Trouble
 
 
 def sagging(share: float) -> Trouble:
-    """The second vehicle has so much of its charge left, from the 30th second on."""
+    """Return a fault that limits the second vehicle's charge to this share after 30 s."""
     params = {"at_most": share, "sag_v": 0.0}
     return Trouble(faults=[{"fault": "battery_sag", "params": params, "vehicles": [2], "at_s": 30.0}])
 

@@ -1,4 +1,4 @@
-"""Flying small swarms on the virtual clock, for tests."""
+"""Small swarms on the virtual clock, for tests."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from swarmctl.report.outcome import Report
 
 @dataclass
 class Ui:
-    """Keeps what was shown."""
+    """A user interface that keeps everything it shows."""
 
     said: list[str] = field(default_factory=list)
     logged: list[str] = field(default_factory=list)
-    pictures: list[SwarmView] = field(default_factory=list)
+    views: list[SwarmView] = field(default_factory=list)
 
     def say(self, text: str) -> None:
         self.said.append(text)
@@ -32,8 +32,8 @@ class Ui:
     def log(self, text: str) -> None:
         self.logged.append(text)
 
-    def refresh(self, picture: SwarmView) -> None:
-        self.pictures.append(picture)
+    def refresh(self, view: SwarmView) -> None:
+        self.views.append(view)
 
 
 AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 8, "cols": 8, "cell_size_m": 50.0}
@@ -45,7 +45,7 @@ def coded(lines: list[str], vehicle: str, code: str) -> list[str]:
 
 
 def small(**sections: object) -> Scenario:
-    """Three copters over 8 × 8 cells with 5 hostiles, unless `sections` say otherwise."""
+    """Return three copters over 8 × 8 cells with 5 hostiles, changed by `sections`."""
     content: dict[str, object] = {
         "name": "small",
         "seed": 3,
@@ -68,7 +68,7 @@ def fly(
     options: FlightOptions = DEFAULT_OPTIONS,
     bus: Transport | None = None,
 ) -> Report:
-    """Fly on the virtual clock and write the run folder; a bug is raised unless it is `broken` on purpose."""
+    """Fly on the virtual clock and write the run folder; raise a bug unless it is `broken` on purpose."""
     folder.mkdir(parents=True, exist_ok=True)
     flight = app.fly(
         scenario,

@@ -9,12 +9,14 @@ from flights import AREA, small
 from swarmctl.config.scenario import Scenario
 
 GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
-"""Hostiles nobody knows of, with a gap between them half-way between the first routes of two copters."""
+"""unknown hostiles with a gap half-way between the first routes of two copters"""
 
 
 def through_the_gap(**sections: Any) -> Scenario:
-    """Two copters at one height, 200 m apart, see the hostiles before them at one time, and both change to a
-    route through the gap."""
+    """Return two copters at one height, 200 m apart.
+
+    Both see the hostiles ahead at the same time and change to a route through the gap.
+    """
     return small(
         area={**AREA, "rows": 9},
         simulate={"count": 2, "ready_s": 3.0},

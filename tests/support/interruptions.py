@@ -1,4 +1,4 @@
-"""User interfaces that interrupt a flight."""
+"""Address functions that silence a vehicle or press Ctrl-C."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from swarmctl.links.transports.base import Address
 
 
 def silent(
-    who: int, since_s: float, until_s: float = float("inf"), *, comes_back_as: Address = ("new", 1)
+    uav: int, since_s: float, until_s: float = float("inf"), *, comes_back_as: Address = ("new", 1)
 ) -> Any:
-    """One vehicle's link fails between two times, after which it speaks from another address."""
+    """Cut one vehicle's link between two times; afterwards it sends from another address."""
 
     def address_of(sysid: int, now: float) -> Address | None:
-        if sysid != who:
+        if sysid != uav:
             return ("simulated", sysid)
         if now < since_s:
             return ("simulated", sysid)
@@ -24,7 +24,7 @@ def silent(
 
 
 def interrupting(*times_s: float) -> Any:
-    """Presses Ctrl-C at these times."""
+    """Press Ctrl-C at these times."""
     due = list(times_s)
 
     def address_of(sysid: int, now: float) -> Address | None:

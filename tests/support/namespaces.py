@@ -1,7 +1,7 @@
-"""Machines in miniature for tests: network namespaces on bridges, and processes in them.
+"""Network namespaces on bridges, with processes in them, as machines for tests.
 
-A namespace lives as long as the process that holds it, which ends when its standard input is closed, and so
-also when the tests are killed. Nothing of it is seen in the namespace the tests run in.
+A namespace lives as long as the process that holds it. That process ends when its standard input is closed,
+so also when the tests are killed. The namespace of the tests sees nothing of it.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from pathlib import Path
 
 HOLD = "echo held; exec cat"
 TOOLS = ("ip", "nsenter", "setpriv", "unshare")
-LOOKED_AT_EVERY_S = 0.05
+POLL_S = 0.05
 
 
 def until(true: Callable[[], object], what: Callable[[], str], within_s: float) -> None:
-    """Wait for something that other processes do."""
+    """Wait for a condition that other processes bring about."""
     end_s = time.monotonic() + within_s
     while not true():
         assert time.monotonic() < end_s, f"not within {within_s:g} s: {what()}"
-        time.sleep(LOOKED_AT_EVERY_S)
+        time.sleep(POLL_S)
 
 
 @functools.cache
 def why_not() -> str:
-    """Why no namespaces can be made here; empty if they can."""
+    """Return why no namespaces can be made here; empty if they can."""
     if missing := [tool for tool in TOOLS if shutil.which(tool) is None]:
         return f"no network namespaces: {', '.join(missing)} not found (packages iproute2, util-linux)"
     try:
@@ -44,7 +44,7 @@ def why_not() -> str:
 
 
 class Process:
-    """Of one machine; what it says goes into a file, so that nobody has to keep reading."""
+    """A process of one machine; its output goes into a file."""
 
     def __init__(self, words: Sequence[str], log: Path, cwd: Path) -> None:
         self.log = log
@@ -64,11 +64,11 @@ class Process:
         return self.log.read_text(errors="replace")
 
     def lines(self, since: int = 0) -> list[str]:
-        """Whole ones, from character `since` on."""
+        """Return whole lines from character `since` on."""
         return self.said[since:].split("\n")[:-1]
 
     def mark(self) -> int:
-        """For `since`: only what is said from now on."""
+        """Return a value of `since` for the output from now on."""
         return len(self.said)
 
     def says(self, *texts: str, since: int = 0, within_s: float = 20.0, but_not: str = "\0") -> None:
@@ -87,7 +87,7 @@ class Process:
         assert has_said(), f"it ended with {self._process.poll()} before {what}\nbut\n{self.said}"
 
     def enter(self) -> None:
-        """An empty line, as from its keyboard."""
+        """Type an empty line."""
         assert self._process.stdin is not None
         self._process.stdin.write("\n")
         self._process.stdin.flush()
@@ -96,12 +96,12 @@ class Process:
         self._process.send_signal(signal.SIGINT)
 
     def kill(self) -> None:
-        """Without any warning."""
+        """Kill the process without a warning."""
         self._process.kill()
         self._process.communicate()
 
     def ended(self, within_s: float) -> int:
-        """Its exit code, once it ends by itself."""
+        """Wait for the end of the process and return its exit code."""
         until(lambda: self._process.poll() is not None, lambda: f"the end of\n{self.said}", within_s)
         return int(self._process.returncode)
 
@@ -115,7 +115,7 @@ class Ether:
         self._bridges = bridges
 
     def open(self) -> None:
-        """The bridges, each but the first with a cable to the first."""
+        """Make the bridges, each but the first with a cable to the first."""
         self._hold("ether")
         for bridge in self._bridges:
             self._ip("ether", "link", "add", "name", bridge, "up", "type", "bridge")
@@ -133,7 +133,7 @@ class Ether:
             holder.communicate()
 
     def machine(self, name: str, address: str, bridge: str) -> None:
-        """Of a name of at most 12 characters, with an address of a network of 256."""
+        """Make a machine with a name of at most 12 characters and an address in a /24 network."""
         pid = str(self._hold(name))
         self._ip(
             "ether", "link", "add", "name", f"to-{name}", "type", "veth", "peer", "name", "eth0", "netns", pid
@@ -144,19 +144,19 @@ class Ether:
         self._ip(name, "link", "set", "eth0", "up")
 
     def cut(self, name: str) -> None:
-        """The cable of a machine, or of a bridge to the first; nobody is told."""
+        """Cut the cable of a machine, or of a bridge to the first, without any notice."""
         self._ip("ether", "link", "set", self._cable(name), "down")
 
     def heal(self, name: str) -> None:
         self._ip("ether", "link", "set", self._cable(name), "up")
 
     def start(self, name: str, words: Sequence[str], log: Path) -> Process:
-        """A process on a machine, which ends with the tests."""
+        """Start a process on a machine; it ends with the tests."""
         self._processes.append(Process([*self._inside(name), *words], log, log.parent))
         return self._processes[-1]
 
     def run(self, name: str, words: Sequence[str], cwd: Path) -> subprocess.CompletedProcess[str]:
-        """A process that ends by itself."""
+        """Run a process that ends by itself."""
         command = [*self._inside(name), *words]
         return subprocess.run(command, cwd=cwd, timeout=60.0, capture_output=True, text=True, check=False)
 
@@ -164,7 +164,7 @@ class Ether:
         return f"{name}-to" if name in self._bridges else f"to-{name}"
 
     def _hold(self, name: str) -> int:
-        """The process of a new namespace."""
+        """Return the process id of a new namespace."""
         holder = subprocess.Popen(
             ["unshare", "--net", "sh", "-c", HOLD],
             stdin=subprocess.PIPE,
@@ -189,7 +189,7 @@ class Ether:
 
 @contextlib.contextmanager
 def ether(*bridges: str) -> Iterator[Ether]:
-    """Gone afterwards, with all processes in it."""
+    """Make a network for a while; it ends with all processes in it."""
     made = Ether(bridges)
     try:
         made.open()

@@ -1,4 +1,4 @@
-"""An operator who calls vehicles back."""
+"""Recalled swarms, and a monitor of their returns."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from swarmctl.core.geo import distance_m
 
 
 def gathering(**sections: object) -> Scenario:
-    """Three that fly to one place: from the 40th to the 50th second two may return at once, and the one
-    between them after that."""
+    """Return a swarm of three vehicles with one goal.
+
+    From 40 s to 50 s two of them may return at once, and the vehicle between them afterwards.
+    """
     return small(simulate={"count": 3, "ready_s": 3.0, "goal": [4, 7]}, **sections)
 
 
 @dataclass
-class Looker:
-    """Looks on: who returns from when, and how near two that return come to each other over ground."""
+class ReturnMonitor:
+    """The start times of returns, and the least horizontal distance between returning vehicles."""
 
     since_s: dict[int, float] = field(default_factory=dict)
     least_m: float = float("inf")

@@ -25,18 +25,18 @@ MODES = {"LOITER": 5, "RTL": 6, "GUIDED": 4, "LAND": 9, "AUTO": 3}
 
 @dataclass
 class Trouble:
-    """What the simulator is told besides, and what others do meanwhile. Times are of the run's clock [s]."""
+    """Faults, wind and parameters of the simulator, and others' actions, by the run's clock [s]."""
 
     faults: list[dict[str, Any]] = field(default_factory=list)
     wind: dict[str, float] | None = None
     params: dict[str, float] = field(default_factory=dict)
-    deeds: list[tuple[float, Callable[[Fleet], None]]] = field(default_factory=list)
+    actions: list[tuple[float, Callable[[Fleet], None]]] = field(default_factory=list)
     modes: dict[int, list[str]] = field(default_factory=dict)
-    """by vehicle: the modes it has flown in, in order"""
-    note: Callable[[float, Truth], None] = lambda _now, _truth: None
-    """looks on, several times a second"""
+    """modes in which each armed vehicle was, in order, by system id"""
+    on_step: Callable[[float, Truth], None] = lambda _now, _truth: None
+    """called several times a second"""
 
-    def told(self, content: dict[str, Any]) -> dict[str, Any]:
+    def added_to(self, content: dict[str, Any]) -> dict[str, Any]:
         for vehicle in content["vehicles"]:
             vehicle["params"] |= self.params
         more: dict[str, Any] = {"faults": self.faults}
@@ -46,9 +46,9 @@ class Trouble:
 
     def watch(self, fleet: Fleet) -> None:
         now = asyncio.get_running_loop().time()
-        self.note(now, fleet.truth())
-        while self.deeds and now >= self.deeds[0][0]:
-            self.deeds.pop(0)[1](fleet)
+        self.on_step(now, fleet.truth())
+        while self.actions and now >= self.actions[0][0]:
+            self.actions.pop(0)[1](fleet)
         truth = fleet.truth()
         for sysid, mode, armed in zip(truth.sysid, truth.mode, truth.armed, strict=True):
             modes = self.modes.setdefault(int(sysid), [])
@@ -56,22 +56,22 @@ class Trouble:
                 modes.append(mode)
 
 
-def chooses(sysid: int, mode: str) -> Callable[[Fleet], None]:
-    """Somebody else puts a vehicle in a mode: another ground station, as a pilot's switch does."""
+def select_mode(sysid: int, mode: str) -> Callable[[Fleet], None]:
+    """Return an action of another station that selects a mode, as a pilot's switch does."""
 
-    def deed(fleet: Fleet) -> None:
+    def action(fleet: Fleet) -> None:
         station = mavlink.MAVLink(None, OTHER_STATION, 190)
         enabled = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         message = station.set_mode_encode(sysid, enabled, MODES[mode])
         now = asyncio.get_running_loop().time()
         fleet.receive(message.pack(station), now, peer="another station")
 
-    return deed
+    return action
 
 
-def play(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From here on the simulator of every flight has this trouble."""
-    told = virtual_simulator.scenario_json
+def inject(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give this trouble to the simulator of every following flight."""
+    scenario_json = virtual_simulator.scenario_json
 
     class Watched(Fleet):
         def step(self, now: float) -> Any:
@@ -79,19 +79,21 @@ def play(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
             trouble.watch(self)
             return frames
 
-    monkeypatch.setattr(virtual_simulator, "scenario_json", lambda scenario: trouble.told(told(scenario)))
+    monkeypatch.setattr(
+        virtual_simulator, "scenario_json", lambda scenario: trouble.added_to(scenario_json(scenario))
+    )
     monkeypatch.setattr(virtual_simulator, "Fleet", Watched)
 
 
-def suffer(
+def fly_with(
     trouble: Trouble,
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,
     *,
     scenario: Scenario | None = None,
-    carry: AddressOf = undisturbed,
+    address_of: AddressOf = undisturbed,
 ) -> tuple[Report, Ui]:
     """Fly with this trouble."""
-    play(trouble, monkeypatch)
+    inject(trouble, monkeypatch)
     ui = Ui()
-    return fly(scenario or small(), folder, carry=carry, ui=ui), ui
+    return fly(scenario or small(), folder, address_of=address_of, ui=ui), ui

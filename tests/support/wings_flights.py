@@ -13,7 +13,7 @@ from swarmctl.report.outcome import Report
 
 
 def winged(**sections: Any) -> Scenario:
-    """A fixed wing and a copter over 12 × 12 cells."""
+    """Return a fixed wing and a copter over 12 × 12 cells."""
     simulate = {"count": 2, "ready_s": 3.0, "autopilot": ["arduplane", "ardupilot"]}
     simulate |= {"start_distance_m": 150.0} | sections.pop("simulate", {})
     flight = {"altitude_m": 30.0, "any_angle": True} | sections.pop("flight", {})
@@ -22,7 +22,7 @@ def winged(**sections: Any) -> Scenario:
 
 
 def away_m(report: Report, uav: int, place: Waypoint | tuple[float, float]) -> float:
-    """How far from a place it stands in the end."""
+    """Return the final distance of a vehicle from a place."""
     vehicle = report.states[uav].vehicle
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None

@@ -1,4 +1,4 @@
-"""Judges a drawn flight by what the simulator knows and what was on the wire; not by what is said of it."""
+"""Checks of a drawn flight against the simulator's truth and the messages on the wire."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from drawn_flights import ANSWERS_S, Drawn
-from mcap.reader import make_reader
+from drawn_flights import ANSWERS_S, DrawnFlight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from recorded import effects, messages
 
 from sim_vehicle.fleet import Fleet, Truth
 from sim_vehicle.vehicle.behaviour import Behaviour
@@ -28,11 +28,11 @@ from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.outcome import Report
 
 LIMIT_S = 1500.0
-"""No drawn flight lasts longer."""
+"""longest drawn flight"""
 UP_M = 1.5
 CLOSE_FOR_S = 0.5
 WARNED_S = 30.0
-"""Who comes too close was warned within this before."""
+"""time before a loss of separation within which a warning must come"""
 AT_HOME_M = 15.0
 STATION = 255
 TAKEOFF, LAND, JUMP, ARM = (
@@ -46,12 +46,12 @@ MOVES = {ARM, int(mavlink.MAV_CMD_DO_SET_MODE), int(mavlink.MAV_CMD_MISSION_STAR
 MOVES |= {int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), int(mavlink.MAV_CMD_DO_CHANGE_SPEED)}
 WRITES = {"MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_SET_CURRENT"}
 
-Way = tuple[tuple[int, int, int, float], ...]
-"""(command, x, y, z) of what is flown one after the other, down to a landing"""
+FlownItems = tuple[tuple[int, int, int, float], ...]
+"""(command, x, y, z) of the flown items in order, down to a landing"""
 
 
-def way_from(items: Sequence[Any], index: int) -> Way:
-    """What a vehicle flies that is at this item of its list."""
+def items_from(items: Sequence[Any], index: int) -> FlownItems:
+    """Return the items that a vehicle flies from this index on."""
     way: list[tuple[int, int, int, float]] = []
     jumps = 0
     while 0 <= index < len(items) and jumps < 3:
@@ -69,32 +69,32 @@ def way_from(items: Sequence[Any], index: int) -> Way:
     return tuple(way)
 
 
-def _same(one: Way, other: Way) -> bool:
-    """Whole centimetres are kept."""
+def _same(one: FlownItems, other: FlownItems) -> bool:
+    """Return whether two sequences are equal to 2 cm in height."""
     return len(one) == len(other) and all(
         a[:3] == b[:3] and abs(a[3] - b[3]) < 0.02 for a, b in zip(one, other, strict=True)
     )
 
 
 @dataclass
-class Witness:
-    """Looks on several times a second, and remembers what is to be judged afterwards."""
+class FlightMonitor:
+    """A monitor that records several times a second what the checks need after the flight."""
 
-    drawn: Drawn
+    drawn: DrawnFlight
     fleet: Fleet | None = None
     truth: Truth | None = None
-    ways: dict[int, list[tuple[float, Way, LatLon]]] = field(default_factory=dict)
-    """what each vehicle flies in its mission's mode and where it is, whenever that changes"""
+    ways: dict[int, list[tuple[float, FlownItems, LatLon]]] = field(default_factory=dict)
+    """flown items and position of each vehicle in mission mode, at each change"""
     close: dict[tuple[int, int], list[float]] = field(default_factory=dict)
-    """when two were too close in the air"""
+    """times at which two vehicles were too close in the air"""
     bad: list[str] = field(default_factory=list)
     _was_up: dict[int, bool] = field(default_factory=dict)
     heights_m: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
 
     def attend(self) -> None:
-        """Have the flight's simulator looked at."""
-        self.drawn.trouble.deeds.insert(0, (0.0, self._meet))
-        self.drawn.trouble.note = self._look
+        """Follow the simulator of the flight."""
+        self.drawn.trouble.actions.insert(0, (0.0, self._meet))
+        self.drawn.trouble.on_step = self._look
 
     def _meet(self, fleet: Fleet) -> None:
         self.fleet = fleet
@@ -115,7 +115,7 @@ class Witness:
             if up and vehicle.booted and vehicle.mode.behaviour is Behaviour.MISSION:
                 mission = vehicle.mission
                 items = [mission.item(i) for i in range(mission.count)]
-                way, seen = way_from(items, mission.index), self.ways.setdefault(uav, [])
+                way, seen = items_from(items, mission.index), self.ways.setdefault(uav, [])
                 if mission.flown is not None and (not seen or seen[-1][1] != way):
                     seen.append((now, way, (float(truth.lat_deg[index]), float(truth.lon_deg[index]))))
         self._look_apart(now, truth)
@@ -133,8 +133,8 @@ class Witness:
 # --- afterwards
 
 
-def findings(witness: Witness, report: Report, folder: Path) -> list[str]:
-    """What must never be, and was."""
+def findings(witness: FlightMonitor, report: Report, folder: Path) -> list[str]:
+    """Return a line for each broken rule."""
     return [
         *witness.bad,
         *_mixtures(witness, folder),
@@ -145,42 +145,39 @@ def findings(witness: Witness, report: Report, folder: Path) -> list[str]:
     ]
 
 
-def _log(folder: Path, topics: Sequence[str], kind: Any) -> Iterator[Any]:
-    with (folder / "run.mcap").open("rb") as file:
-        for _, _, message in make_reader(file).iter_messages(topics=list(topics)):
-            yield msgspec.json.decode(message.data, type=kind)
-
-
-def _dialect(witness: Witness, uav: int) -> Dialect:
+def _dialect(witness: FlightMonitor, uav: int) -> Dialect:
     assert witness.fleet is not None
     personality = witness.fleet.vehicles[witness.fleet.sysids.index(uav)].personality
     return dialect_for(personality.autopilot, personality.vehicle_type)
 
 
-def _plans(witness: Witness, folder: Path, uav: int, name: str) -> list[tuple[float, Way]]:
-    """Since when which ways were part of a whole plan of its agent's."""
+def _plans(witness: FlightMonitor, folder: Path, uav: int, name: str) -> list[tuple[float, FlownItems]]:
+    """Return the start time of each agent's plan, with every sequence of its items."""
     dialect, spec = _dialect(witness, uav), witness.drawn.scenario.specs[uav - 1]
     ways = []
-    for effect in _log(folder, [f"/{name}/effect/SwapMission"], record.EffectRecord):
-        items = dialect.mission_items(effect.effect.plan, spec.start)
-        ways += [(effect.now_s, way_from(items, i)) for i in range(len(items))]
+    for recorded in effects(folder, "SwapMission", name):
+        plan = msgspec.convert(recorded["effect"]["plan"], FlightPlan)
+        items = dialect.mission_items(plan, spec.start)
+        ways += [(recorded["now_s"], items_from(items, i)) for i in range(len(items))]
     return ways
 
 
-def _mixtures(witness: Witness, folder: Path) -> Iterator[str]:
-    """All that is flown as a mission is what one plan said, from some item on."""
+def _mixtures(witness: FlightMonitor, folder: Path) -> Iterator[str]:
+    """Yield missions that were flown and are not one plan from some item on."""
     for uav, flown in witness.ways.items():
         if uav in witness.drawn.foreign:
             continue
         plans = _plans(witness, folder, uav, f"uav{uav}")
         for now, way, place in flown:
             if not _is_planned(way, place, [plan for since_s, plan in plans if since_s <= now]):
-                yield f"{now:.1f} s: {uav} flies what no plan was: {way}"
+                yield f"{now:.1f} s: {uav} flies items that no plan has: {way} [mixture]"
 
 
-def _is_planned(way: Way, place: LatLon, plans: Sequence[Way]) -> bool:
-    """A plan, from some item on; before it may come waypoints of earlier ones that lie on the straight way to
-    its first."""
+def _is_planned(way: FlownItems, place: LatLon, plans: Sequence[FlownItems]) -> bool:
+    """Return whether the items are a plan from some item on.
+
+    Waypoints of earlier plans on the straight line to its first item may precede it.
+    """
     known = {item[:3] for plan in plans for item in plan}
     for n in range(len(way)):
         if any(_same(way[n:], plan) for plan in plans):
@@ -195,7 +192,7 @@ def _is_passed(item: tuple[int, int, int, float], place: LatLon, first: tuple[in
 
 
 def _sent(folder: Path, name: str) -> Iterator[tuple[float, Any]]:
-    """What our station has sent, with the time of that."""
+    """Yield the station's messages with their times."""
     data, at = (folder / f"{name}.tlog").read_bytes(), 0
     codec = mavlink.MAVLink(None)
     while at < len(data):
@@ -206,58 +203,62 @@ def _sent(folder: Path, name: str) -> Iterator[tuple[float, Any]]:
             yield time_us / 1e6 - VIRTUAL_EPOCH_NS / 1e9, codec.decode(bytearray(frame))
 
 
-def _orders(witness: Witness, folder: Path) -> Iterator[str]:
-    """Nothing that was let go is ordered anything but by an operator; nobody is disarmed in the air."""
+def _orders(witness: FlightMonitor, folder: Path) -> Iterator[str]:
+    """Yield orders to released vehicles that no operator gave, and orders to disarm in the air."""
     for task in witness.drawn.scenario.tasks:
-        released = _log(folder, [f"/{task.name}/effect/Release"], record.EffectRecord)
-        let_go_s = next((effect.now_s for effect in released), math.inf)
+        releases = effects(folder, "Release", task.name)
+        released_s = next((effect["now_s"] for effect in releases), math.inf)
         ordered_s = witness.drawn.ordered_s.get(task.uav, [])
         for now, message in _sent(folder, task.name):
             command = getattr(message, "command", 0) if message.get_type() == "COMMAND_LONG" else 0
             by_operator = any(since_s <= now <= since_s + ANSWERS_S for since_s in ordered_s)
-            if now > let_go_s and not by_operator and (command in MOVES or message.get_type() in WRITES):
-                yield f"{now:.2f} s: {task.uav} was let go at {let_go_s:.2f} s, and is sent {message}"
+            is_order = command in MOVES or message.get_type() in WRITES
+            if now > released_s and not by_operator and is_order:
+                yield f"{now:.2f} s: {task.uav} was released at {released_s:.2f} s: {message} [order]"
             if command != ARM:
                 continue
             if message.param2 != 0.0:
-                yield f"{now:.2f} s: {task.uav} is forced: {message}"
+                yield f"{now:.2f} s: {task.uav} is armed or disarmed by force: {message}"
             if message.param1 == 0.0 and _height_m(witness, task.uav, now) > UP_M:
-                yield f"{now:.2f} s: {task.uav} is told to disarm in the air"
+                yield f"{now:.2f} s: {task.uav} is ordered to disarm in the air"
 
 
-def _height_m(witness: Witness, uav: int, now: float) -> float:
+def _height_m(witness: FlightMonitor, uav: int, now: float) -> float:
     return next((height_m for at_s, height_m in witness.heights_m.get(uav, []) if at_s >= now), 0.0)
 
 
-def _unwarned(witness: Witness, folder: Path) -> Iterator[str]:
-    """Two that are well and ours come too close only where that was said before."""
+def _unwarned(witness: FlightMonitor, folder: Path) -> Iterator[str]:
+    """Yield pairs of vehicles without faults that come too close without a warning."""
     for pair, at_s in witness.close.items():
         if set(pair) & witness.drawn.excused or at_s[-1] - at_s[0] < CLOSE_FOR_S:
             continue
         texts = [
-            text.now_s
-            for text in _log(folder, [f"/uav{uav}/text" for uav in pair], record.TextRecord)
-            if re.search(r"\[(alarm|route-conflict|height-change|plan-deferred|landing-queue)", text.text)
+            entry["log_time_ns"] / 1e9 - VIRTUAL_EPOCH_NS / 1e9
+            for entry in messages(folder, "/log")
+            if entry["name"] in {f"uav{uav}" for uav in pair}
+            and re.search(
+                r"\[(alarm|route-conflict|height-change|plan-deferred|landing-queue)", entry["message"]
+            )
         ]
-        if not any(at_s[0] - WARNED_S <= said_s <= at_s[0] + CLOSE_FOR_S for said_s in texts):
-            yield f"{at_s[0]:.1f} s: {pair} are too close, and nobody says so"
+        if not any(at_s[0] - WARNED_S <= text_s <= at_s[0] + CLOSE_FOR_S for text_s in texts):
+            yield f"{at_s[0]:.1f} s: {pair} are too close without a warning [no-warning]"
 
 
-def _untrue(witness: Witness, report: Report) -> Iterator[str]:
-    """How each was left, and what its outcome says."""
+def _untrue(witness: FlightMonitor, report: Report) -> Iterator[str]:
+    """Yield final states and outcomes that contradict the simulator."""
     truth = witness.truth
     assert truth is not None
-    left = dict(line.split(": ", 1) for line in report.final_states)
+    final_states = dict(line.split(": ", 1) for line in report.final_states)
     for index, task in enumerate(witness.drawn.scenario.tasks):
-        state, said = report.states[task.uav], left[task.name]
+        state, line = report.states[task.uav], final_states[task.name]
         armed, height_m = bool(truth.armed[index]), float(truth.height_m[index])
         place = (float(truth.lat_deg[index]), float(truth.lon_deg[index]))
-        if armed and not any(word in said for word in ("in the air", "lost", "armed on the ground")):
-            yield f"{task.uav} is armed at the end, and it is said: {said}"
-        if armed and report.ended == "ended" and "lost" not in said:
-            yield f"{task.uav} is armed, and the flight has ended: {said}"
-        if not armed and height_m < UP_M and "in the air" in said and "lost" not in said:
-            yield f"{task.uav} is down, and it is said: {said}"
+        if armed and not any(words in line for words in ("in the air", "lost", "armed on the ground")):
+            yield f"{task.uav} is armed at the end, and its final state is: {line}"
+        if armed and report.ended == "ended" and "lost" not in line:
+            yield f"{task.uav} is armed, and the flight has ended: {line}"
+        if not armed and height_m < UP_M and "in the air" in line and "lost" not in line:
+            yield f"{task.uav} is down, and its final state is: {line}"
         if task.uav in witness.drawn.excused or task.wings is not None:
             continue
         cell = witness.drawn.scenario.grid.cell_at(*place)
@@ -271,7 +272,7 @@ def _untrue(witness: Witness, report: Report) -> Iterator[str]:
 def _records(folder: Path) -> Iterator[str]:
     verdict = record.replay(folder / "run.mcap")
     if verdict.difference:
-        yield f"folded again: {verdict.difference}"
+        yield f"the replay differs: {verdict.difference}"
     with (folder / FILE_NAME).open("rb") as file:
         checked = check(file)
     if checked.fault is not None or checked.closing is None:
