@@ -60,7 +60,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
         """The error text for a name that came with another content before."""
         return (
             f"observation {self.seq} of vehicle {self.observer} came with two different contents; expected "
-            "one observer a system id: look for a second process that flies this vehicle"
+            "one observer for each system id: look for a second process that flies this vehicle"
         )
 
 
@@ -96,7 +96,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
         """The error text for a checkpoint that does not match the observations received before."""
         return (
             f"a checkpoint of vehicle {self.observer} stands for other observations up to {self.upto} than "
-            "those that came; expected one observer a system id: look for a second process that flies it"
+            "those that came; expected one observer for each system id: look for a second process that flies it"
         )
 
     def counts(self, n_cells: int) -> CellCounts:

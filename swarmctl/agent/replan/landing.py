@@ -77,7 +77,7 @@ def _pattern(
             is_flown_to,
         )
     except NoApproach as error:
-        raise Unreachable(f"{where} {error}") from error
+        raise Unreachable(f"no room to land {where}: {error}") from error
 
 
 @lru_cache(maxsize=1024)

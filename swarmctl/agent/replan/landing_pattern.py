@@ -149,8 +149,8 @@ def choose_pattern(
     least = min(total for total, _ in found)
     if math.isinf(least):
         raise NoApproach(
-            f"there is no room to land: a final of {wings.final_m:.0f} m and a circle of "
-            f"{wings.loiter_radius_m:g} m would leave the fence, or come over no_fly, from every side"
+            f"a final of {wings.final_m:.0f} m with a circle of {wings.loiter_radius_m:g} m leaves the fence, or "
+            "crosses no_fly, for every heading: expected room for one of them"
         )
     return next(one for total, one in found if total <= least + EXPOSURE_TIE)
 
