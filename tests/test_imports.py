@@ -95,7 +95,7 @@ PURE = {
     "swarmctl.links.mavsdk_conversations", "swarmctl.links.url",
     "swarmctl.flight.sensors",
     "swarmctl.preflight.checks", "swarmctl.preflight.policy", "swarmctl.preflight.facts",
-    "swarmctl.preflight.declared", "swarmctl.preflight.waivers",
+    "swarmctl.preflight.declared", "swarmctl.preflight.results", "swarmctl.preflight.waivers",
     "swarmctl.report.evidence.chain", "swarmctl.report.evidence.traffic", "swarmctl.report.evidence.story",
     "swarmctl.report.evidence.digest", "swarmctl.report.evidence.transfer",
     "sim_vehicle",
