@@ -31,9 +31,9 @@ from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import Report
 from swarmctl.report.ui import SafeUi, Ui
-from swarmctl.security.evidence_keys import Witness
+from swarmctl.security.evidence_keys import EvidenceSigner
 from swarmctl.security.participant import Keyring
-from swarmctl.security.requests import Opener, seal_answer
+from swarmctl.security.requests import CommandOpener, seal_answer
 
 FIRST_LINK_S = 3.0
 """time without a network until the operator is told"""
@@ -118,7 +118,7 @@ async def fly(
         lambda members: orders_closed(members, has_keys=keyring is not None),
         seal=None if keyring is None else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
         unseal=NO_SEAL if keyring is None else _Unseal(scenario, keyring),
-        signer=None if keyring is None else Witness(keyring.name, keyring.signer),
+        signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signer),
         waivers=waivers,
     )
 
@@ -156,7 +156,7 @@ class _Unseal:
         tolerance_s = scenario.config.communication.clock_tolerance_s
         self._swarm = scenario.config.name
         self._sign = keyring.signer.sign
-        self._opener = Opener(self._swarm, keyring.is_operators, time.time(), tolerance_s)
+        self._opener = CommandOpener(self._swarm, keyring.is_operators, time.time(), tolerance_s)
 
     def open(self, key: str, payload: bytes) -> bytes:
         return self._opener.open(key, payload, time.time())

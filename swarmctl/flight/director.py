@@ -165,14 +165,14 @@ class Director:
                 await self._all_reported(step)
             except PreflightFailed as failed:
                 failures += failed.lines
-        ours = [m for m in self._members if not self._is_released(m)]
+        unreleased = [m for m in self._members if not self._is_released(m)]
         try:
-            await self._clear(ours)
+            await self._clear(unreleased)
         except PreflightFailed as failed:
             failures += failed.lines
         # A vehicle may have been ready and taken over since.
-        failures += [f"{m.name}: {m.state.outcome}" for m in ours if m.state.ended]
-        failures += [describe_final_state(m) for m in ours if m.state.lost]
+        failures += [f"{m.name}: {m.state.outcome}" for m in unreleased if m.state.ended]
+        failures += [describe_final_state(m) for m in unreleased if m.state.lost]
         if failures:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 

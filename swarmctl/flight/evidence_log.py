@@ -13,7 +13,7 @@ from swarmctl.flight.wiring import Clock, epoch_ns
 from swarmctl.report.evidence.chain import FORMAT, sha256
 from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
-from swarmctl.security.evidence_keys import Witness, witness
+from swarmctl.security.evidence_keys import EvidenceSigner, load_evidence_signer
 
 
 def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], None]) -> Evidence:
@@ -40,12 +40,12 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
     return Evidence(book, {spec.sysid: spec.name for spec in scenario.specs})
 
 
-def operators_witness(scenario: Scenario) -> Witness | None:
-    """Signs as the operator where the configuration's folder of keys has that key; else nobody does.
+def operator_evidence_signer(scenario: Scenario) -> EvidenceSigner | None:
+    """Return the operator's signer if the configured folder of keys has its key, else None.
 
     Raises KeyringError where the key is there and cannot be used.
     """
     keys = scenario.config.communication.keys
     if keys is None or not (Path(keys) / OPERATOR / "sign.pem").exists():
         return None
-    return witness(Path(keys), OPERATOR)
+    return load_evidence_signer(Path(keys), OPERATOR)

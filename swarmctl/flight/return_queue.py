@@ -28,7 +28,7 @@ SLOT_S = 5.0
 
 
 @dataclass(slots=True)
-class _Heard:
+class _ReceivedState:
     state: StateShared
     at_s: float
     """by the clock of `may_return`"""
@@ -40,7 +40,7 @@ class ReturnQueue:
 
     uav: int
     states: Callable[[], Mapping[int, StateShared]]
-    _heard: dict[int, _Heard] = field(default_factory=dict)
+    _received: dict[int, _ReceivedState] = field(default_factory=dict)
     _free: tuple[object, float] | None = None
     """the vehicles ahead of it and those returning, and since when its path is free with these [s]"""
 
@@ -51,7 +51,7 @@ class ReturnQueue:
         if schedule_for({**returning, self.uav: place}).begins_s[self.uav] > 0.0:
             self._free = None
             return False
-        before = frozenset(u for u, h in self._heard.items() if u < self.uav and _may_wait(h, now_s))
+        before = frozenset(u for u, h in self._received.items() if u < self.uav and _may_wait(h, now_s))
         key = (before, frozenset(returning))
         if self._free is None or self._free[0] != key:
             self._free = (key, now_s)
@@ -64,8 +64,8 @@ class ReturnQueue:
         """
         self._listen(now_s)
         here, apart_m = (place.lat_deg, place.lon_deg), max(MIN_HORIZONTAL_M, place.keeps_m[0])
-        for uav, heard in self._heard.items():
-            state, age_s = heard.state, now_s - heard.at_s + heard.state.age_s
+        for uav, received in self._received.items():
+            state, age_s = received.state, now_s - received.at_s + received.state.age_s
             if state.alt_rel_m < AIRBORNE_M or age_s > max(SILENT_S, state.alt_rel_m / SINK_M_S):
                 continue
             home_amsl_m = place.home_alt_amsl_m
@@ -77,20 +77,20 @@ class ReturnQueue:
 
     def _listen(self, now_s: float) -> None:
         for uav, state in self.states().items():
-            known = self._heard.get(uav)
+            known = self._received.get(uav)
             if known is None or known.state.time_s != state.time_s:
-                self._heard[uav] = _Heard(state, now_s)
+                self._received[uav] = _ReceivedState(state, now_s)
 
     def _returning(self, own: VehiclePosition, now_s: float) -> dict[int, VehiclePosition]:
-        """Return the places of vehicles that are returning, or were when last heard and may not be down."""
+        """Return the places of vehicles that return, or did in their last state and may not be down yet."""
         places = {}
-        for uav, heard in self._heard.items():
-            place = None if heard.state.phase == Phase.HOLDING else place_from_state(heard.state, own)
-            if place is not None and may_be_returning(place, now_s - heard.at_s):
+        for uav, received in self._received.items():
+            place = None if received.state.phase == Phase.HOLDING else place_from_state(received.state, own)
+            if place is not None and may_be_returning(place, now_s - received.at_s):
                 places[uav] = place
         return places
 
 
-def _may_wait(heard: _Heard, now_s: float) -> bool:
+def _may_wait(received: _ReceivedState, now_s: float) -> bool:
     """Return whether the vehicle waits for its turn, too, or may not have reported that yet."""
-    return heard.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - heard.at_s <= SILENT_S
+    return received.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - received.at_s <= SILENT_S

@@ -112,12 +112,12 @@ class Runner:
         self._ending: set[asyncio.Task[None]] = set()
         """earlier jobs that were cancelled; the next job waits for their end"""
         self._looked_s = -math.inf
-        self._seen: dict[int, StateShared] = {}
+        self._states: dict[int, StateShared] = {}
         self._intents: dict[int, IntentShared] = {}
         """other vehicles' last intents that were posted as events"""
-        self._told: list[BeliefItem] = []
+        self._received: list[BeliefItem] = []
         """received and not folded yet"""
-        self.post(ev.Joined(network.join(task.uav, self._hear)))
+        self.post(ev.Joined(network.join(task.uav, self._receive)))
         if operator_service is not None:
             operator_service.join(task.uav, task.name, self.post)
 
@@ -136,8 +136,8 @@ class Runner:
         self._inbox.append(event)
         self._wake.set()
 
-    def _hear(self, told: tuple[BeliefItem, ...]) -> None:
-        self._told += told
+    def _receive(self, items: tuple[BeliefItem, ...]) -> None:
+        self._received += items
         self._wake.set()
 
     def on_link_event(self, event: LinkEvent) -> None:
@@ -178,9 +178,9 @@ class Runner:
         if 0.0 <= boot_s - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = boot_s
-        told = self._network.states(self.state.task.uav)
-        new = {uav: state for uav, state in told.items() if state is not self._seen.get(uav)}
-        self._seen = told
+        states = self._network.states(self.state.task.uav)
+        new = {uav: state for uav, state in states.items() if state is not self._states.get(uav)}
+        self._states = states
         if near := tuple((uav, state) for uav, state in new.items() if is_relevant(self.state, uav, state)):
             self.post(ev.Neighbours(near))
         intents = self._network.intents(self.state.task.uav)
@@ -195,11 +195,11 @@ class Runner:
             while True:
                 await self._wake.wait()
                 self._wake.clear()
-                while self._inbox or self._told:
-                    if self._told:
+                while self._inbox or self._received:
+                    if self._received:
                         # One event for all observations received meanwhile: a union costs no more than one.
-                        told, self._told = tuple(self._told), []
-                        await self._fold(ev.ObservationsReceived(told), jobs)
+                        items, self._received = tuple(self._received), []
+                        await self._fold(ev.ObservationsReceived(items), jobs)
                     if self._inbox:
                         await self._fold(self._inbox.popleft(), jobs)
                 if wants_tick(self.state, asyncio.get_running_loop().time()):

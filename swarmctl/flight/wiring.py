@@ -189,15 +189,15 @@ def build_members(
         )
         relay.runner = runner
         if source.external:
-            seen, heard = partial(_observed, resources.evidence, runner), partial(_say_of, say, spec.name)
+            on_observed = partial(_observed, resources.evidence, runner)
             reports[spec.sysid] = external_observations.ReportReceiver(
                 resources.transport,
                 scenario.config.name,
                 spec.sysid,
                 scenario.grid,
                 run_clock.unix_s,
-                seen,
-                heard,
+                on_observed,
+                partial(_say_of, say, spec.name),
                 tolerance_s=scenario.config.communication.clock_tolerance_s,
             ).counts
         yield Member(spec, runner)

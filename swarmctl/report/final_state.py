@@ -48,7 +48,7 @@ def _is_over(state: AgentState) -> bool:
 
 
 def is_lost_in_air(state: AgentState) -> bool:
-    """Return whether the vehicle is lost and was in the air when it was last heard, as far as is known."""
+    """Return whether the vehicle is lost and was in the air at its last telemetry, as far as is known."""
     return state.lost and may_be_armed(state)
 
 
@@ -73,10 +73,10 @@ def describe_final_state(member: Vehicle) -> str:
     state, vehicle = member.state, member.runner.link.state()
     age_s = member.runner.link.age_s()
     if age_s == math.inf:
-        return f"{member.name}: never heard"
+        return f"{member.name}: no telemetry received"
     if state.lost and not _is_over(state):
         where = _height(vehicle) if may_be_armed(state) else "on the ground, disarmed"
-        text = f"{member.name}: lost, last heard {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
+        text = f"{member.name}: lost, last telemetry {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
         return f"{text}: it may still be in the air" if may_be_armed(state) else text
     if state.ended and not vehicle.armed and state.outcome:
         return f"{member.name}: {describe_outcome(state)}{_down(state)}"

@@ -21,7 +21,7 @@ BAR = 10
 WIDE = 92
 """columns of the terminal from which the bar fits"""
 OK, NOT_YET = "ok", "–"
-"""link texts of a vehicle that is heard, and of one before its first heartbeat"""
+"""link texts of a vehicle with recent telemetry, and of one before its first heartbeat"""
 COLUMNS = (
     Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left"), Column("batt."),
     Column("route", "left"), Column("cells\nown+heard", rank=4), Column("hostiles\nknown", rank=2),

@@ -32,7 +32,7 @@ class SeparationStatistics:
         ):
             self._at_flight_s = flight_time_s
 
-    def heard(
+    def neighbours_moved(
         self,
         after: AgentState,
         states: Sequence[tuple[int, StateShared]],
@@ -40,11 +40,11 @@ class SeparationStatistics:
         now: float,
     ) -> None:
         """Take the positions of neighbours, which other processes may fly."""
-        for uav, told in states:
-            if uav in self._here or told.alt_rel_m < AIRBORNE_M or told.age_s > 0.0:
+        for uav, state in states:
+            if uav in self._here or state.alt_rel_m < AIRBORNE_M or state.age_s > 0.0:
                 continue
-            east_m, north_m = after.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
-            height_m = told.alt_rel_m if told.alt_amsl_m is None else told.alt_amsl_m
+            east_m, north_m = after.task.grid.frame.to_local(state.lat_deg, state.lon_deg)
+            height_m = state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
             if self._of(after).add_position(uav, now, (east_m, north_m, height_m)):
                 self._at_flight_s = flight_time_s
 

@@ -95,9 +95,11 @@ class FlightStatistics:
                 self.separation.moved(after, vehicle.flight_time_s, now)
                 self.arrivals.moved(after, now)
             case ev.Neighbours(states):
-                self.separation.heard(after, states, vehicle.flight_time_s, now)
-            case ev.ObservationsReceived(told) if after.belief is not before.belief:
-                self._believed_s.update(((*o.source, o.seq), now) for o in told if isinstance(o, Observation))
+                self.separation.neighbours_moved(after, states, vehicle.flight_time_s, now)
+            case ev.ObservationsReceived(items) if after.belief is not before.belief:
+                self._believed_s.update(
+                    ((*o.source, o.seq), now) for o in items if isinstance(o, Observation)
+                )
             case ev.MissionAccepted() if before.pending is not None and after.pending is None:
                 self._accepted(vehicle, before.pending, now)
             case _:
@@ -231,9 +233,9 @@ def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
     """Return the merged beliefs of all vehicles; of two items under one id the first counts."""
     together = scenario.prior
     for state in states.values():
-        for told in state.belief.items():
+        for item in state.belief.items():
             with contextlib.suppress(ValueError):
-                together = together.merge((told,))
+                together = together.merge((item,))
     return together
 
 

@@ -27,7 +27,7 @@ def test_a_command_is_named_with_its_parameters_and_its_answer() -> None:
     assert kind == "command"
     assert (what["message"], what["command"], what["param1"]) == ("COMMAND_LONG", "COMPONENT_ARM_DISARM", 1)
     assert "target_system" not in what
-    ((kind, what),) = traffic.heard(mavlink.MAVLink_command_ack_message(400, 4))
+    ((kind, what),) = traffic.received(mavlink.MAVLink_command_ack_message(400, 4))
     expected = {"message": "COMMAND_ACK", "command": "COMPONENT_ARM_DISARM", "result": "FAILED"}
     assert (kind, what) == ("acknowledgement", expected)
 
@@ -47,15 +47,15 @@ def test_an_upload_is_its_announcement_and_one_entry_of_all_its_items() -> None:
     ]
     for seq in (0, 1, 1, 2):
         assert traffic.sent(item(seq)) == []
-        assert traffic.heard(mavlink.MAVLink_mission_request_message(255, 190, seq)) == []
-    items, ack = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 0))
+        assert traffic.received(mavlink.MAVLink_mission_request_message(255, 190, seq)) == []
+    items, ack = traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))
     assert items[0] == "command"
     assert (items[1]["items"], items[1]["of"], items[1]["mission_type"]) == (3, 3, "MISSION")
     assert ack == (
         "acknowledgement",
         {"message": "MISSION_ACK", "mission_type": "MISSION", "result": "ACCEPTED"},
     )
-    late = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1))
+    late = traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 1))
     assert [kind for kind, _ in late] == ["acknowledgement"]
     other = Traffic()
     other.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
@@ -68,20 +68,20 @@ def test_an_answer_to_a_repeated_item_ends_no_upload() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 2))
     traffic.sent(item(0))
-    ((kind, what),) = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 13))
+    ((kind, what),) = traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 13))
     assert (kind, what["result"]) == ("acknowledgement", "INVALID_SEQUENCE")
     traffic.sent(item(1))
-    (_, items), _ = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 0))
+    (_, items), _ = traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))
     assert (items["items"], items["of"]) == (2, 2)
 
 
 def test_a_read_back_is_recorded_with_the_acknowledgement_that_ends_it() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_request_list_message(1, 1))
-    traffic.heard(mavlink.MAVLink_mission_count_message(255, 190, 2))
+    traffic.received(mavlink.MAVLink_mission_count_message(255, 190, 2))
     for seq in range(2):
         assert traffic.sent(mavlink.MAVLink_mission_request_int_message(1, 1, seq)) == []
-        traffic.heard(item(seq, param4=math.nan))
+        traffic.received(item(seq, param4=math.nan))
     ((kind, what),) = traffic.sent(mavlink.MAVLink_mission_ack_message(1, 1, 0))
     assert kind == "command"
     assert (what["read"]["items"], what["read"]["of"]) == (2, 2)
@@ -99,9 +99,9 @@ def test_an_unacknowledged_upload_is_recorded_at_the_end() -> None:
 def test_only_requested_parameters_count_as_answers() -> None:
     traffic = Traffic()
     value = mavlink.MAVLink_param_value_message(b"FS_GCS_ENABLE", 1.0, 9, 1, 0)
-    assert traffic.heard(value) == []
+    assert traffic.received(value) == []
     traffic.sent(mavlink.MAVLink_param_set_message(1, 1, b"FS_GCS_ENABLE", 1.0, 9))
-    ((kind, what),) = traffic.heard(value)
+    ((kind, what),) = traffic.received(value)
     assert (kind, what["param_id"], what["param_value"]) == ("acknowledgement", "FS_GCS_ENABLE", 1.0)
 
 
@@ -146,15 +146,15 @@ def test_a_px4_integer_parameter_is_recorded_as_its_value() -> None:
     )
     tells.pack(mavlink.MAVLink(None, 1, 1))
     traffic = Traffic()
-    traffic.heard(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 3, 3))
+    traffic.received(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 3, 3))
     ((_, command),) = traffic.sent(asks)
-    ((_, answer),) = traffic.heard(tells)
+    ((_, answer),) = traffic.received(tells)
     assert (command["param_value"], answer["param_value"]) == (3.0, 3.0)
 
 
 def test_an_ardupilot_integer_parameter_is_a_float() -> None:
     traffic = Traffic()
-    traffic.heard(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 3, 3))
+    traffic.received(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 3, 3))
     asks = mavlink.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1.0, mavlink.MAV_PARAM_TYPE_INT8)
     ((_, command),) = traffic.sent(asks)
     assert command["param_value"] == 1.0
@@ -186,7 +186,7 @@ def appended(traffic: Traffic, seqs: list[int], *, copies: int = 1) -> list[tupl
     for seq in seqs:
         for message in (*[partial(seq)] * copies, *[item(seq)] * copies):
             said += traffic.sent(message)
-        said += traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 0))
+        said += traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))
     return said
 
 
@@ -230,14 +230,14 @@ def test_a_request_between_partial_lists_does_not_divide_them_and_an_order_does(
 def test_refused_partial_lists_are_recorded_with_their_items() -> None:
     traffic = Traffic()
     appended(traffic, [11])
-    assert traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1)) == []
+    assert traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 1)) == []
     told = traffic.so_far()
     assert [(what.get("result"), what.get("times")) for kind, what in told if kind == "acknowledgement"] == [
         ("ACCEPTED", 1),
         ("ERROR", 1),
     ]
     traffic.sent(mavlink.MAVLink_mission_ack_message(1, 1, 0))
-    ((kind, _),) = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1))
+    ((kind, _),) = traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 1))
     assert kind == "acknowledgement", "after the transfer it is an entry of its own"
 
 
@@ -250,7 +250,7 @@ def test_a_running_transfer_is_recorded_so_far_and_only_once() -> None:
             traffic.sent(item(seq))
         told.append([what["items"] for _, what in traffic.so_far()])
     assert told == [[1], [], [3]]
-    assert [kind for kind, _ in traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 0))] == [
+    assert [kind for kind, _ in traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))] == [
         "acknowledgement"
     ]
 

@@ -20,7 +20,7 @@ class Disk:
         self._failed = failed
         self._pool = ThreadPoolExecutor(1, "evidence") if in_thread else None
         self._running: Future[None] | None = None
-        self._told: asyncio.Future[None] | None = None
+        self._future: asyncio.Future[None] | None = None
         """the running sync as a future of the loop"""
         self._again = False
 
@@ -28,15 +28,15 @@ class Disk:
         """Begin to sync all that was written; without a thread, wait for it."""
         if self._pool is None:
             self._sync_here()
-        elif self._told is None:
+        elif self._future is None:
             self._begin(self._pool)
         else:
             self._again = True
 
     async def idle(self) -> None:
         """Wait until every requested sync is done."""
-        while self._told is not None:
-            await asyncio.wait((self._told,))
+        while self._future is not None:
+            await asyncio.wait((self._future,))
 
     def close(self) -> None:
         """Wait for the running sync and sync the rest. Close the file after this, not before."""
@@ -51,12 +51,12 @@ class Disk:
     def _begin(self, pool: ThreadPoolExecutor) -> None:
         self._again = False
         self._running = pool.submit(os.fsync, self._fileno)
-        self._told = asyncio.wrap_future(self._running)
-        self._told.add_done_callback(self._done)
+        self._future = asyncio.wrap_future(self._running)
+        self._future.add_done_callback(self._done)
 
-    def _done(self, told: asyncio.Future[None]) -> None:
-        self._told = None
-        error = None if told.cancelled() else told.exception()
+    def _done(self, future: asyncio.Future[None]) -> None:
+        self._future = None
+        error = None if future.cancelled() else future.exception()
         if self._pool is None:
             return  # `close` handles it
         if isinstance(error, OSError):

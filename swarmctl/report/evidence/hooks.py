@@ -19,8 +19,8 @@ from swarmctl.report.evidence.transfer import NewEntry
 class Evidence:
     """Fits the front end's `Witness` and the runners' `Observer`; one a run."""
 
-    def __init__(self, book: EvidenceFile, names: Mapping[int, str]) -> None:
-        self._book = book
+    def __init__(self, file: EvidenceFile, names: Mapping[int, str]) -> None:
+        self._file = file
         self._names = names
         self._traffic: dict[tuple[int, str], Traffic] = {}
         """by vehicle and sending station; empty: this one"""
@@ -45,13 +45,13 @@ class Evidence:
         is_arming = arms(message)
         recorded = True
         for kind, what in self._traffic_of(sysid, by).sent(message):
-            said = {**what, "by": by} if by else what
-            recorded = self._book.add(kind, said, self._name(sysid), durable=is_arming)
+            content = {**what, "by": by} if by else what
+            recorded = self._file.add(kind, content, self._name(sysid), durable=is_arming)
         return recorded or not is_arming
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
         own = self._traffic_of(sysid, "")
-        self._write(sysid, own.heard(message))
+        self._write(sysid, own.received(message))
         if message.get_type() == "MISSION_ACK":
             self._in_transfer.add((sysid, ""))
         if message.get_type() == "HEARTBEAT":
@@ -61,7 +61,7 @@ class Evidence:
 
     async def settled(self) -> str:
         """Wait until all entries are on the disk; return the reason if they are not, else an empty text."""
-        return await self._book.settled()
+        return await self._file.settled()
 
     # The agents
 
@@ -79,43 +79,43 @@ class Evidence:
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         if to_operator:
-            self._book.add("note", {"said": text}, self._name(uav))
+            self._file.add("note", {"said": text}, self._name(uav))
 
     # People
 
     def waived(self, vehicle: str | None, check: str, because: str = "") -> None:
         """Record that an operator lets a preflight check fail."""
-        self._book.add("waiver", {"check": check, "because": because}, vehicle)
+        self._file.add("waiver", {"check": check, "because": because}, vehicle)
 
     def operator(self, action: str, vehicle: str | None = None, **more: Any) -> None:
         """Record an action of a person."""
-        self._book.add("operator", {"asks": action, **more}, vehicle)
+        self._file.add("operator", {"asks": action, **more}, vehicle)
 
     def remark(self, text: str, vehicle: str | None = None) -> None:
         """Record a note about this run."""
-        self._book.add("note", {"said": text}, vehicle)
+        self._file.add("note", {"said": text}, vehicle)
 
     def close(self, signer: Signer | None = None) -> None:
         """End the chain. Idempotent."""
-        if self._book.is_closed:
+        if self._file.is_closed:
             return
         self._items_so_far()
-        self._book.close(signer)
+        self._file.close(signer)
 
     @property
     def trouble(self) -> str:
-        return self._book.trouble
+        return self._file.trouble
 
     def _items_so_far(self) -> None:
         """Write entries of running transfers, at each heartbeat, so that a crash does not lose them."""
         for sysid, by in sorted(self._in_transfer):
-            said = self._traffic_of(sysid, by).so_far()
-            self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in said])
+            entries = self._traffic_of(sysid, by).so_far()
+            self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in entries])
         self._in_transfer.clear()
 
     def _write(self, sysid: int, entries: list[NewEntry]) -> None:
         for kind, what in entries:
-            self._book.add(kind, what, self._name(sysid))
+            self._file.add(kind, what, self._name(sysid))
 
     def _traffic_of(self, sysid: int, by: str) -> Traffic:
         found = self._traffic.get((sysid, by))

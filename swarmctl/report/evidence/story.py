@@ -27,16 +27,18 @@ def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:
 
 def event_entries(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
     """Return entries for operators' requests and answers, the agent's decisions and the ends of jobs."""
-    said: list[NewEntry] = [*_asked(event, effects), *_ended(event)]
+    entries: list[NewEntry] = [*_asked(event, effects), *_ended(event)]
     for effect in effects:
         match effect:
             case ev.Command(order):
-                said.append(("note", {"decided": str(order)}))
+                entries.append(("note", {"decided": str(order)}))
             case ev.SwapMission(plan_id=plan_id, plan=plan):
-                said.append(("note", {"decided": "mission", "plan": plan_id, **_plan(plan)}))
+                entries.append(("note", {"decided": "mission", "plan": plan_id, **_plan(plan)}))
             case ev.Release():
-                said.append(("note", {"decided": "let go: somebody else has the vehicle"}))
-    return said
+                entries.append(
+                    ("note", {"decided": "released: a pilot or another station flies the vehicle"})
+                )
+    return entries
 
 
 def _plan(plan: FlightPlan) -> dict[str, Any]:

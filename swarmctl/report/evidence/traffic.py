@@ -59,7 +59,7 @@ class Traffic:
             ("command", {**self._content(message), **self._read_back(kind)}),
         ]
 
-    def heard(self, message: Message) -> list[NewEntry]:
+    def received(self, message: Message) -> list[NewEntry]:
         match message.get_type():
             case "HEARTBEAT":
                 self.byte_wise = int(message.autopilot) in BYTE_WISE
