@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
@@ -16,12 +15,13 @@ from sim_vehicle.files.logs.recorder import limits_for
 from sim_vehicle.files.logs.sampling import samples
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.physics.body import Body
-from sim_vehicle.physics.geodesy import Floats, LocalFrame
+from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.physics.gps import GpsSettings
 from sim_vehicle.physics.threats import OUTSIDE, Threats
 from sim_vehicle.physics.wind import WindSettings
 from sim_vehicle.physics.world import World
 from sim_vehicle.scenarios import Scenario
+from sim_vehicle.truth import Truth
 from sim_vehicle.vehicle.autopilot import Autopilot
 from sim_vehicle.vehicle.fault_effects import FaultEffectWriter
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
@@ -36,24 +36,6 @@ from sim_vehicle.wire.wires import Wires
 
 TICK_S = 0.05
 TICKS_PER_DECISION = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """The true state, one entry per vehicle in the scenario's order."""
-
-    sysid: npt.NDArray[np.int64]
-    lat_deg: Floats
-    lon_deg: Floats
-    alt_amsl_m: Floats
-    height_m: Floats  # above the ground
-    speed_m_s: Floats  # horizontal
-    airborne: npt.NDArray[np.bool_]
-    armed: npt.NDArray[np.bool_]
-    crashed: npt.NDArray[np.bool_]  # hit the ground too hard
-    battery_remaining: Floats  # share, in [0, 1]
-    strikes: npt.NDArray[np.int64]
-    mode: tuple[str, ...]
 
 
 @dataclass
@@ -121,7 +103,7 @@ class Fleet:
             self._by_link.setdefault(link, []).append(vehicle)
         self._alarm_s = np.zeros(len(specs))
         self._wires = Wires([vehicle.signing for vehicle in self.vehicles], self.links, trusted_links)
-        self._ready: Frames = []  # frames ready to be returned
+        self._ready_frames: Frames = []  # frames ready to be returned
         self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
         if area is not None and scenario.firing_strength is not None:
@@ -180,16 +162,16 @@ class Fleet:
             if reach is not None and vehicle.index not in reach:
                 continue
             if not self._wires.put_incoming(vehicle.index, message, now):
-                self._hand_over(vehicle, message, now)
+                self._deliver_one(vehicle, message, now)
 
-    def _hand_over(self, vehicle: Autopilot, message: Any, now: float) -> None:
+    def _deliver_one(self, vehicle: Autopilot, message: Any, now: float) -> None:
         """Deliver a message to a vehicle, if its signature permits."""
         if not self._wires.accepts(vehicle.index, message, now):
             return
         vehicle.receive(message, now)
         self._alarm_s[vehicle.index] = vehicle.alarm_s
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SETUP_SIGNING:
-            self._collect(now)
+            self._send_pending(now)
             self._wires.note_key(vehicle.index)
 
     def forget_peer(self, peer: Hashable, *, link: int = 0) -> None:
@@ -209,7 +191,7 @@ class Fleet:
     def inject(self, spec: FaultSpec, now: float) -> None:
         """Begin a fault, `spec.at_s` after `now` [s]; FaultError if it names an unknown vehicle."""
         self._advance(now)
-        self._collect(now)
+        self._send_pending(now)
         self._schedule.inject(spec, now)
 
     def faults_on(self, index: int) -> tuple[str, ...]:
@@ -243,19 +225,19 @@ class Fleet:
     def _advance(self, now: float) -> None:
         while self._next_tick * TICK_S <= now + EPSILON_S:
             tick_s = self._next_tick * TICK_S
-            self._arrive(tick_s)
+            self._deliver_arrivals(tick_s)
             self._tick(tick_s)
             if not self._wires.unimpaired:
-                self._collect(tick_s)
+                self._send_pending(tick_s)
             self._next_tick += 1
-        self._arrive(now)
+        self._deliver_arrivals(now)
 
     def _tick(self, now: float) -> None:
         if self._next_tick > 0:
             self.world.step(TICK_S)
             self._fire(now)
         if self._schedule.next_due_s <= now + EPSILON_S:
-            self._collect(now)
+            self._send_pending(now)
             self._schedule.tick(now)
         if self._next_tick % TICKS_PER_DECISION == 0:
             self._decide(now)
@@ -279,7 +261,7 @@ class Fleet:
             for index, sample in zip(due, samples(view), strict=True):
                 self.vehicles[index].storage.sample(now, sample)
 
-    # -- what goes wrong ---------------------------------------------------------------------------------
+    # -- faults and impaired links ------------------------------------------------------------------------
 
     def _access(self, index: int) -> VehicleAccess:
         vehicle = self.vehicles[index]
@@ -292,27 +274,27 @@ class Fleet:
         self._alarm_s[index] = now
 
     def _replace_faults(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
-        self._collect(now)
+        self._send_pending(now)
         self._schedule.replace(index, key, specs, now)
 
-    def _arrive(self, now: float) -> None:
+    def _deliver_arrivals(self, now: float) -> None:
         """Deliver the messages that have passed impaired links by `now` [s]."""
         for due_s, index, message in self._wires.arrivals_at_vehicles(now):
             if message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN_"):
-                self._hand_over(self.vehicles[index], message, due_s)
-                self._collect(due_s)
+                self._deliver_one(self.vehicles[index], message, due_s)
+                self._send_pending(due_s)
 
-    def _collect(self, now: float) -> None:
+    def _send_pending(self, now: float) -> None:
         """Sign and send the vehicles' messages up to `now` [s]."""
-        self._ready += self._wires.send(self._outbox.take(), now)
+        self._ready_frames += self._wires.send(self._outbox.take(), now)
 
     def _take(self, now: float) -> Frames:
         """Return the frames that reach ground stations by `now` [s]."""
-        if self._wires.unimpaired and not self._ready:
+        if self._wires.unimpaired and not self._ready_frames:
             return self._outbox.take()
-        self._arrive(now)
-        self._collect(now)
-        frames, self._ready = self._ready + self._wires.arrivals_at_stations(now), []
+        self._deliver_arrivals(now)
+        self._send_pending(now)
+        frames, self._ready_frames = self._ready_frames + self._wires.arrivals_at_stations(now), []
         return frames
 
     def _fire(self, now: float) -> None:

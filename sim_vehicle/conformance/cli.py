@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from sim_vehicle.conformance.guard import ALTER, ARM, REBOOT
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import ALTER, ARM, REBOOT, select
+from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.report import as_json, catalogue, matrix, print_result, vehicle_words
 from sim_vehicle.conformance.runner import Report, permissions, run
 from sim_vehicle.conformance.sockets import open_wire

@@ -8,8 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip
-from sim_vehicle.conformance.words import equal, result_name
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, result_name
 
 HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0
 READY_S, CLIMB_S, DOWN_S = 150.0, 90.0, 240.0

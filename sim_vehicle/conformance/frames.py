@@ -9,8 +9,7 @@ from pymavlink.generator.mavcrc import x25crc
 from sim_vehicle.conformance.facts import Heard
 from sim_vehicle.conformance.outgoing import COMMAND_CANCEL, COMMAND_CANCEL_EXTRA
 from sim_vehicle.conformance.peer import STATION, Peer
-from sim_vehicle.conformance.registry import Skip
-from sim_vehicle.conformance.words import result_name
+from sim_vehicle.conformance.words import Skip, result_name
 
 COMPONENT_METADATA = 397
 AVAILABLE_MODES, CURRENT_MODE = 435, 436

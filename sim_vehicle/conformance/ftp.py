@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed
+from sim_vehicle.conformance.words import CheckFailed
 
 # Operations and errors of the protocol.
 TERMINATE, RESET, LIST, OPEN_READ, READ, CALC_CRC, BURST = 1, 2, 3, 4, 5, 14, 15

@@ -10,7 +10,13 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.outgoing import Sent
-from sim_vehicle.conformance.registry import ALTER, ARM, REBOOT, SIMULATOR
+
+ARM = "arm"  # the motors may turn, or the vehicle flies
+REBOOT = "reboot"
+ALTER = "alter"  # something of the vehicle is lost or changed for good: logs, calibration, signing key
+SIMULATOR = "simulator"  # nobody would do that to a real vehicle
+PERMISSIONS = frozenset({ARM, REBOOT, ALTER, SIMULATOR})
+
 
 _COMMANDS = {
     mavlink.MAV_CMD_NAV_TAKEOFF: ARM,

@@ -5,7 +5,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip
+from sim_vehicle.conformance.words import CheckFailed, Skip
 
 CHUNK = 90
 LIST_S = 4.0

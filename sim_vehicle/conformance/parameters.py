@@ -10,7 +10,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip
+from sim_vehicle.conformance.words import CheckFailed, Skip
 
 LIST_QUIET_S = 1.5  # a list that has stopped for so long has lost something
 LIST_S = 120.0

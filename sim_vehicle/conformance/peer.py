@@ -11,9 +11,8 @@ from sim_vehicle.conformance.dialects import GENERIC, Dialect, dialect_of
 from sim_vehicle.conformance.facts import Facts, Heard
 from sim_vehicle.conformance.guard import Forbidden, is_for, only_asks, refusal
 from sim_vehicle.conformance.outgoing import LONGEST_FRAME, sent_in
-from sim_vehicle.conformance.registry import CheckFailed, Skip
 from sim_vehicle.conformance.wire import Wire, WireError
-from sim_vehicle.conformance.words import command_name, equal, id_of, result_name
+from sim_vehicle.conformance.words import CheckFailed, Skip, command_name, equal, id_of, result_name
 
 Where = Callable[[Any], bool]
 HEARTBEAT_S = 1.0
@@ -440,3 +439,14 @@ class Peer:
             if not messages:
                 raise CheckFailed(f"expected {kind} at {rates_hz[kind]:g} Hz, saw none in {seconds:g} s")
         return found
+
+
+_UNSAID = object()
+
+
+def known(peer: Peer, *, ardupilot: Any = _UNSAID, px4: Any = _UNSAID) -> Any:
+    """What this vehicle's autopilot is known to do; Skip where nobody has observed it."""
+    value = {"ardupilot": ardupilot, "px4": px4}.get(peer.dialect.name, _UNSAID)
+    if value is _UNSAID:
+        raise Skip("the specification leaves this open, and this autopilot's habit is not known")
+    return value

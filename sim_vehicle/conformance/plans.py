@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.guard import PLAN_NAMES
 from sim_vehicle.conformance.peer import STATION, Peer, Where
-from sim_vehicle.conformance.registry import CheckFailed, Skip
+from sim_vehicle.conformance.words import CheckFailed, Skip
 
 MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)

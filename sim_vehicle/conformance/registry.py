@@ -9,32 +9,18 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.guard import ARM, PERMISSIONS
+from sim_vehicle.conformance.peer import Peer
 
-CheckFunction = Callable[["Peer"], str]
+CheckFunction = Callable[[Peer], str]
 
-ARM = "arm"  # the motors may turn, or the vehicle flies
-REBOOT = "reboot"
-ALTER = "alter"  # something of the vehicle is lost or changed for good: logs, calibration, signing key
-SIMULATOR = "simulator"  # nobody would do that to a real vehicle
-PERMISSIONS = frozenset({ARM, REBOOT, ALTER, SIMULATOR})
 # In the order they are run: what could disturb the rest comes late.
 CATEGORIES = (
     "heartbeat", "version", "messages", "parameters", "commands", "modes", "home", "time", "telemetry",
     "mission", "fence", "rally", "ftp", "component", "robustness", "arming", "flight", "mission-flight",
     "logs", "signing", "reboot", "endurance",
 )  # fmt: skip
-
-
-class CheckFailed(Exception):
-    """The vehicle did something else than it should; the text says what was expected and what was seen."""
-
-
-class Skip(Exception):
-    """The check does not apply to this vehicle; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)

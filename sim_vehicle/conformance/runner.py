@@ -7,11 +7,12 @@ from enum import Enum
 
 from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.facts import Facts
-from sim_vehicle.conformance.guard import PLAN_NAMES
+from sim_vehicle.conformance.guard import ARM, PLAN_NAMES, SIMULATOR
 from sim_vehicle.conformance.parameters import has, put_back, read, write
 from sim_vehicle.conformance.peer import Peer, is_autopilot
 from sim_vehicle.conformance.plans import FENCE, MISSION, RALLY, Backup
-from sim_vehicle.conformance.registry import ARM, SIMULATOR, Check, CheckFailed, Skip
+from sim_vehicle.conformance.registry import Check
+from sim_vehicle.conformance.words import CheckFailed, Skip
 
 SILENCE_S = 5.0  # without a heartbeat after a check: it harmed the vehicle
 BACK_S = 60.0  # a vehicle that is to be left as it was found is waited for so long

@@ -1,13 +1,16 @@
 """Names for numbers, and what a check says when they are wrong."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.registry import CheckFailed, Skip
 
-if TYPE_CHECKING:
-    from sim_vehicle.conformance.peer import Peer
+class CheckFailed(Exception):
+    """The vehicle did something else than it should; the text says what was expected and what was seen."""
+
+
+class Skip(Exception):
+    """The check does not apply to this vehicle; the text says why."""
 
 
 def id_of(kind: str) -> int:
@@ -48,14 +51,3 @@ def holds(condition: bool, otherwise: str) -> None:
     """CheckFailed with a text unless the condition is true."""
     if not condition:
         raise CheckFailed(otherwise)
-
-
-_UNSAID = object()
-
-
-def known(peer: "Peer", *, ardupilot: Any = _UNSAID, px4: Any = _UNSAID) -> Any:
-    """What this vehicle's autopilot is known to do; Skip where nobody has observed it."""
-    value = {"ardupilot": ardupilot, "px4": px4}.get(peer.dialect.name, _UNSAID)
-    if value is _UNSAID:
-        raise Skip("the specification leaves this open, and this autopilot's habit is not known")
-    return value

@@ -7,15 +7,13 @@ Another one is one more function here.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_vehicle.physics.geodesy import Floats
-
-if TYPE_CHECKING:
-    from sim_vehicle.fleet import Truth
+from sim_vehicle.truth import Truth
 
 Bools = npt.NDArray[np.bool_]
 When = Literal["always", "eventually", "end"]
@@ -34,7 +32,7 @@ class View:
     """
 
     now: float
-    truth: "Truth"
+    truth: Truth
     position_m: Floats  # (n, 3)
     start_m: Floats  # (n, 3)
     goal_m: Floats  # (n, 2), NaN where there is none

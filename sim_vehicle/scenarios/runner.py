@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.fleet import Fleet, Truth
+from sim_vehicle.fleet import Fleet
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
 from sim_vehicle.scenarios.checks import View
 from sim_vehicle.scenarios.geometry import outside_m
 from sim_vehicle.scenarios.judging import Failure, Judge
 from sim_vehicle.scenarios.model import Scenario
 from sim_vehicle.station.client import Heard, Station, StepFailure
+from sim_vehicle.truth import Truth
 
 STEP_S = 0.05
 SETTLE_S = 2.0  # after everything has ended, so that the last messages are in the logs

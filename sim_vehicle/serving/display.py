@@ -9,9 +9,9 @@ from dataclasses import replace
 from rich.console import Console, Group
 from rich.text import Text
 
-from sim_vehicle.fleet import Truth
 from sim_vehicle.serving.columns import Column, one_line, table
 from sim_vehicle.serving.server import Server
+from sim_vehicle.truth import Truth
 
 REFRESH_S = 0.5
 PAGE_S = 5.0

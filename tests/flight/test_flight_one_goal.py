@@ -10,7 +10,7 @@ import pytest
 from flights import AREA, Ui, fly, small
 from trouble import Trouble, inject
 
-from sim_vehicle.fleet import Truth
+from sim_vehicle.truth import Truth
 from swarmctl.agent.traffic import landing_queue
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.config.scenario import Scenario

@@ -15,7 +15,7 @@ from flights import small
 from recall_stories import ReturnMonitor, gathering
 from trouble import Trouble, inject
 
-from sim_vehicle.fleet import Truth
+from sim_vehicle.truth import Truth
 from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, SILENT_S
 from swarmctl.config.scenario import Scenario

@@ -16,9 +16,10 @@ from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.cli import conformance
 from sim_vehicle.conformance.guard import Forbidden, permission_for
 from sim_vehicle.conformance.peer import STATION, Peer
-from sim_vehicle.conformance.registry import CATEGORIES, Check, Skip, all_checks, check, select
+from sim_vehicle.conformance.registry import CATEGORIES, Check, all_checks, check, select
 from sim_vehicle.conformance.report import as_json
 from sim_vehicle.conformance.runner import Outcome, permissions, run
+from sim_vehicle.conformance.words import Skip
 
 VEHICLES = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 

@@ -1,4 +1,4 @@
-"""A wire straight into a `Fleet`: waiting lets simulated time pass, and no socket is involved."""
+"""A wire directly into a `Fleet`: waiting advances simulated time, without a socket."""
 
 from collections import deque
 
@@ -29,6 +29,6 @@ class FleetWire:
         return self._now
 
     def follow(self, sysid: int) -> None:
-        """Nothing to do: every vehicle hears everything and takes what is addressed to it."""
+        """Do nothing: every vehicle receives every message and processes those addressed to it."""
 
     def close(self) -> None: ...

@@ -7,7 +7,7 @@ from itertools import combinations
 
 from flights import small
 
-from sim_vehicle.fleet import Truth
+from sim_vehicle.truth import Truth
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
 

@@ -12,7 +12,8 @@ import pytest
 from flights import Ui, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.fleet import Fleet, Truth
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.truth import Truth
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.virtual_simulator import AddressOf, undisturbed

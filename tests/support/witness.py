@@ -16,7 +16,8 @@ from drawn_flights import ANSWERS_S, DrawnFlight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import effects, messages
 
-from sim_vehicle.fleet import Fleet, Truth
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.truth import Truth
 from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.core.geo import LatLon, LocalFrame, distance_m
 from swarmctl.core.planar import distance_to_leg

@@ -5,8 +5,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.peer import STATION, Peer
-from sim_vehicle.conformance.registry import Skip, check
-from sim_vehicle.conformance.words import equal, holds, near
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds, near
 
 Y2020_US = 1_577_836_800_000_000
 

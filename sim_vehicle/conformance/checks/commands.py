@@ -6,9 +6,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, frames
-from sim_vehicle.conformance.peer import SECOND_STATION, STATION, Peer
-from sim_vehicle.conformance.registry import ALTER, CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds, id_of, known, result_name
+from sim_vehicle.conformance.guard import ALTER
+from sim_vehicle.conformance.peer import SECOND_STATION, STATION, Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, id_of, result_name
 
 NO_SUCH_COMMAND = 31_999
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION

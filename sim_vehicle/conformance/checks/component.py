@@ -9,8 +9,8 @@ from sim_vehicle.conformance import frames, parameters
 from sim_vehicle.conformance.checks.files import bare_crc32
 from sim_vehicle.conformance.ftp import Ftp
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds
 
 METADATA = struct.Struct("<II100s")  # COMPONENT_METADATA as it travels: time_boot_ms, file_crc, uri
 PARAMETER_METADATA = 1  # COMP_METADATA_TYPE_PARAMETER

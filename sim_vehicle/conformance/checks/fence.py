@@ -8,10 +8,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.plans import FENCE, MISSION, Item
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, holds, known, mission_result_name, near, result_name
+from sim_vehicle.conformance.words import equal, holds, mission_result_name, near, result_name
 
 CLAIMS = ("MISSION_FENCE",)
 INSIDE = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from sim_vehicle.conformance import ftp, parameters
 from sim_vehicle.conformance.ftp import Ftp
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds
 
 CLAIMS = ("FTP",)
 PACKED = "@PARAM/param.pck"

@@ -5,9 +5,10 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import ARM, Skip, check
-from sim_vehicle.conformance.words import equal, holds, known, near, result_name
+from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.peer import Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds, near, result_name
 
 GO_M = 40.0
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION

@@ -4,8 +4,8 @@ import math
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import Skip, check
-from sim_vehicle.conformance.words import holds, near
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, holds, near
 
 
 @check("flight.tells.velocity", airborne=True, kind="copter", limit_s=300)

@@ -3,8 +3,9 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
+from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import ARM, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.words import equal, holds, near, result_name
 
 

@@ -7,8 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.facts import Heard
 from sim_vehicle.conformance.flying import mode_name
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds
 
 LISTEN_S = 8.0
 LOST_SHARE = 0.05  # what a real link may lose

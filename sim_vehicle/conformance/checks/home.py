@@ -8,8 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import Skip, check
-from sim_vehicle.conformance.words import equal, holds, near, result_name
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds, near, result_name
 
 AWAY_M = 40.0
 SET_HOME = mavlink.MAV_CMD_DO_SET_HOME

@@ -3,9 +3,10 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import logclient
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import ALTER, Skip, check
-from sim_vehicle.conformance.words import equal, holds, known
+from sim_vehicle.conformance.guard import ALTER
+from sim_vehicle.conformance.peer import Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds
 
 PART = 900
 UNDER_WAY = 100_000  # bytes: more than may have been sent before the vehicle hears that it shall stop

@@ -3,10 +3,10 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import SECOND_STATION, STATION, Peer
+from sim_vehicle.conformance.peer import SECOND_STATION, STATION, Peer, known
 from sim_vehicle.conformance.plans import MISSION
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, holds, known, mission_result_name, near
+from sim_vehicle.conformance.words import equal, holds, mission_result_name, near
 
 MANY = 100
 

@@ -6,9 +6,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, check
-from sim_vehicle.conformance.words import equal, holds, known, result_name
+from sim_vehicle.conformance.peer import Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, equal, holds, result_name
 
 NO_MISSION_TOTAL = 65_535
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.plans import MISSION, Item
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, holds, known, mission_result_name
+from sim_vehicle.conformance.words import equal, holds, mission_result_name
 
 NO_SUCH_ITEM = 31_900
 

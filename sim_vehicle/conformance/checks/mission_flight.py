@@ -6,10 +6,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, parameters, plans
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.plans import FENCE, Item
-from sim_vehicle.conformance.registry import ARM, Skip, check
-from sim_vehicle.conformance.words import equal, holds, known, near, result_name
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds, near, result_name
 
 FLY_S = 300.0
 PASS_M = 4.0

@@ -5,9 +5,9 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, plans
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, holds, known, mission_result_name, near, result_name
+from sim_vehicle.conformance.words import equal, holds, mission_result_name, near, result_name
 
 FLY_S = 300.0
 PASS_M = 4.0

@@ -7,10 +7,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.plans import Item
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, known, near
+from sim_vehicle.conformance.words import equal, near
 
 PINS = "AUTOPILOTS 2: read-back differs"
 

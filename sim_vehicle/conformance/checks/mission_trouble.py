@@ -5,10 +5,10 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import SECOND_STATION, Peer
+from sim_vehicle.conformance.peer import SECOND_STATION, Peer, known
 from sim_vehicle.conformance.plans import MISSION
-from sim_vehicle.conformance.registry import CheckFailed, check
-from sim_vehicle.conformance.words import equal, holds, known, mission_result_name, near
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, equal, holds, mission_result_name, near
 
 NO_SUCH_ITEM = 31_900
 OLD, NEW = 7, 5  # items beside home of the mission that was there, and of the one that is interrupted

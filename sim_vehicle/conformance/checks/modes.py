@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, frames
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds, known, result_name
+from sim_vehicle.conformance.peer import Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, result_name
 
 ROLES = (
     "manual",

@@ -6,9 +6,9 @@ import struct
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters as p
-from sim_vehicle.conformance.peer import SECOND_STATION, Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds, known, near
+from sim_vehicle.conformance.peer import SECOND_STATION, Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, near
 
 NO_SUCH = "NO_SUCH_PARAM"
 SILENT_S = 1.5

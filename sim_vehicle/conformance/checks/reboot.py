@@ -4,9 +4,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.checks.fence import polygon
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import ARM, REBOOT, Skip, check
-from sim_vehicle.conformance.words import equal, holds, known, result_name
+from sim_vehicle.conformance.guard import ARM, REBOOT
+from sim_vehicle.conformance.peer import Peer, known
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds, result_name
 
 BACK_S = 60.0
 YOUNG_MS = 45_000

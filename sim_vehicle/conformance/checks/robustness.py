@@ -7,8 +7,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import frames, parameters, plans
+from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.peer import SECOND_STATION, Peer
-from sim_vehicle.conformance.registry import SIMULATOR, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.words import equal, holds, result_name
 
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE

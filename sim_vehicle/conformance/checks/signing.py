@@ -8,9 +8,10 @@ from itertools import pairwise
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.facts import SIGNED, Heard
+from sim_vehicle.conformance.guard import ALTER
 from sim_vehicle.conformance.peer import STATION, Peer
-from sim_vehicle.conformance.registry import ALTER, CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds, result_name
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, result_name
 
 KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
 OTHER_KEY = hashlib.sha256(b"somebody else").digest()

@@ -7,8 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import CheckFailed, Skip, check
-from sim_vehicle.conformance.words import equal, holds, near
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, near
 
 STILL_M_S = 1.0
 AGREE_M = 8.0  # GPS and estimate of a vehicle at rest

@@ -3,8 +3,8 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import Skip, check
-from sim_vehicle.conformance.words import holds
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, holds
 
 
 def _said(peer: Peer) -> list[tuple[float, int, str]]:

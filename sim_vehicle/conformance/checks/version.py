@@ -6,8 +6,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import frames
 from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import Skip, check
-from sim_vehicle.conformance.words import equal, holds, result_name
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.words import Skip, equal, holds, result_name
 
 PROTOCOL = struct.Struct("<HHH")  # the head of PROTOCOL_VERSION as it travels
 RELEASES = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "official"}
