@@ -96,7 +96,8 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
         """The error text for a checkpoint that does not match the observations received before."""
         return (
             f"a checkpoint of vehicle {self.observer} stands for other observations up to {self.upto} than "
-            "those that came; expected one observer for each system id: look for a second process that flies it"
+            "those received; expected one observer for each system id: look for a second process "
+            "that flies it"
         )
 
     def counts(self, n_cells: int) -> CellCounts:
