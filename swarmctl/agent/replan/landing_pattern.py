@@ -149,8 +149,8 @@ def choose_pattern(
     least = min(total for total, _ in found)
     if math.isinf(least):
         raise NoApproach(
-            f"a final of {wings.final_m:.0f} m with a circle of {wings.loiter_radius_m:g} m leaves the fence, "
-            "or crosses no_fly, for every heading: expected room for one of them"
+            f"a final of {wings.final_m:.0f} m with a circle of {wings.loiter_radius_m:g} m leaves the "
+            "fence, or crosses no_fly, for every heading: expected room for one of them"
         )
     return next(one for total, one in found if total <= least + EXPOSURE_TIE)
 
