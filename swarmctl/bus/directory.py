@@ -1,7 +1,8 @@
 """Directory of the swarms that this user flies on this machine now: finds a flight by its swarm's name.
 
 Each flight has a file in a folder of its user, and holds a lock on it. A file without a lock is a stale
-record of a killed flight: readers ignore it, and the next flight that starts removes it.
+record of a killed flight: readers ignore it, and the next flight that starts removes it. After a flight an
+empty file keeps the time of its end.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class RunningSwarm:
 
 @contextlib.contextmanager
 def registered(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
-    """List a flight in the directory while the context lasts. Raises BusError."""
+    """List a flight in the directory while the context lasts, then record its end. Raises BusError."""
     entry = {"swarm": swarm, "endpoint": str(endpoint), "pid": os.getpid()}
     with contextlib.ExitStack() as stack:
         try:
@@ -46,7 +47,9 @@ def registered(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
             json.dump(entry, file)
             file.flush()
             draft.rename(path)
+            stack.callback(record_end, swarm)
             stack.callback(path.unlink, missing_ok=True)
+            _end_file(folder, swarm, None).unlink(missing_ok=True)
         except OSError as error:
             raise _unusable(error) from error
         yield
@@ -59,6 +62,29 @@ def running_swarms() -> list[RunningSwarm]:
     except OSError as error:
         raise _unusable(error) from error
     return [entry for path, entry in found if entry is not None and not path.name.startswith(".")]
+
+
+def record_end(swarm: str, uav: int | None = None) -> None:
+    """Record that the flight of a swarm, or of one agent, ends now; an unwritable folder is ignored."""
+    with contextlib.suppress(OSError):
+        _end_file(_folder(), swarm, uav).touch()
+
+
+def forget_end(swarm: str, uav: int) -> None:
+    """Remove the end of an agent's earlier flight, as a new one starts."""
+    with contextlib.suppress(OSError):
+        _end_file(_folder(), swarm, uav).unlink(missing_ok=True)
+
+
+def ended_unix_s(swarm: str, uav: int | None = None) -> float | None:
+    """Return when the last flight of a swarm, or of one agent, ended on this machine; None if unknown."""
+    with contextlib.suppress(OSError):
+        return _end_file(_folder(), swarm, uav).stat().st_mtime
+    return None
+
+
+def _end_file(folder: Path, swarm: str, uav: int | None) -> Path:
+    return folder / f"{swarm}@{'' if uav is None else uav}.ended"
 
 
 def _locked(draft: Path) -> TextIO:

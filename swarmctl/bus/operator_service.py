@@ -49,7 +49,9 @@ TOO_FAST = encode(
 )
 KINDS: dict[type[Request], keys.Kind] = {SetWeights: "weights", GiveOrder: "order"}
 """key of each command"""
-BUSY = "has not handled its previous weights yet; nothing was changed, repeat the command later [vehicle-busy]"
+BUSY = (
+    "has not handled its previous weights yet; nothing was changed, repeat the command later [vehicle-busy]"
+)
 
 
 @dataclass(slots=True)

@@ -1,7 +1,8 @@
-"""`swarmctl abort`: vehicles in flight hold, return or land, whoever flies them."""
+"""`swarmctl abort`: vehicles in flight hold, return or land, under `swarmctl fly` and `swarmctl agent`."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from enum import StrEnum
 from functools import partial
@@ -10,27 +11,37 @@ from typing import Annotated
 import msgspec
 import typer
 
+from swarmctl.bus import directory
+from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.cli.asking import (
+from swarmctl.cli.console import err
+from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
     FlyingConfigOption,
-    Giving,
+    SendCommand,
     SwarmOption,
     UavsOption,
-    give,
+    send_and_exit,
 )
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
-from swarmctl.core.texts import meant_by
-from swarmctl.report.answers import ordered
+from swarmctl.core.texts import resolve_vehicles
+from swarmctl.report.answers import order_line
 from swarmctl.station import client, recall
 from swarmctl.station.client import Seals, Station
 
 
-class How(StrEnum):
+class Manoeuvre(StrEnum):
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"
+
+
+def _print_running() -> None:
+    """Print the flights found on this machine, with their ages; stale records are ignored."""
+    with contextlib.suppress(BusError):  # reported by the search for the flight
+        for flight in directory.running_swarms():
+            err.print(f"found {client.describe(flight)}", highlight=False, markup=False, soft_wrap=True)
 
 
 def register(cli: typer.Typer) -> None:
@@ -38,7 +49,7 @@ def register(cli: typer.Typer) -> None:
 
 
 def abort(
-    how: Annotated[How, typer.Argument(metavar="hold|return|land", show_default=False)],
+    how: Annotated[Manoeuvre, typer.Argument(metavar="hold|return|land", show_default=False)],
     uav: UavsOption = None,
     everyone: AllOption = False,
     config: FlyingConfigOption = None,
@@ -47,59 +58,62 @@ def abort(
 ) -> None:
     """End the flight of vehicles: hold where they are, return, or land where they are.
 
-    Reaches a swarm that `swarmctl fly` flies as well as vehicles flown by `swarmctl agent`. Who returns holds
-    until its turn, so that no two meet. To give it again changes nothing for those that do so already.
+    Reaches swarms flown by `swarmctl fly` and vehicles flown by `swarmctl agent`. A returning vehicle holds
+    until its turn, so that return routes do not conflict. A repeated command changes nothing for vehicles
+    that follow it already.
     """
-    give(
-        lambda: GiveOrder(client.meant(uav or [], everyone), how.value),
+    if swarm is None and config is None and connect is None:
+        _print_running()
+    send_and_exit(
+        lambda: GiveOrder(client.chosen_vehicles(uav or [], everyone), how.value),
         swarm,
         config,
         connect,
-        partial(ordered, how.value),
-        by=partial(whoever_is_there, recall.give),
+        partial(order_line, how.value),
+        send=partial(send_to_valid_names, recall.send),
     )
 
 
-async def whoever_is_there(
-    by: Giving, station: Station, command: Request, credentials: Credentials | None, seals: Seals
+async def send_to_valid_names(
+    send: SendCommand, station: Station, command: Request, credentials: Credentials | None, seals: Seals
 ) -> OperatorAnswer:
-    """A name that is misspelt keeps nobody else in the air: the others are ordered, and it is said.
+    """Send a command to all vehicles with valid names; unknown names become refused answers.
 
-    `by` gives the command. Raises what that raises.
+    A misspelt name must not keep the other vehicles in the air. Raises what `send` raises.
     """
     words = tuple(map(str, command.uavs or ()))
-    if station.agents:  # each answers for itself, and all are known here
-        wrong = {word: why for word in words if (why := _why_nobody(word, station.agents))}
+    if station.agents:  # each agent answers for itself, and all names are known here
+        wrong = {word: why for word in words if (why := _name_problem(word, station.agents))}
         good = tuple(word for word in words if word not in wrong)
         if not wrong or not good:
-            return await by(station, command, credentials, seals)
-        answer = await by(station, _to(command, good), credentials, seals)
-        return _with(answer, wrong)
-    answer = await by(station, command, credentials, seals)
+            return await send(station, command, credentials, seals)
+        answer = await send(station, _addressed(command, good), credentials, seals)
+        return _with_refused(answer, wrong)
+    answer = await send(station, command, credentials, seals)
     if not answer.refused or len(words) < 2:
         return answer
-    answers = {word: await by(station, _to(command, (word,)), credentials, seals) for word in words}
+    answers = {word: await send(station, _addressed(command, (word,)), credentials, seals) for word in words}
     vehicles = tuple(vehicle for each in answers.values() for vehicle in each.vehicles)
     wrong = {
         word: each.refused.removeprefix("nothing was changed: ")
         for word, each in answers.items()
         if each.refused
     }
-    return _with(OperatorAnswer(vehicles), wrong) if vehicles else answer
+    return _with_refused(OperatorAnswer(vehicles), wrong) if vehicles else answer
 
 
-def _to(command: Request, words: tuple[str, ...]) -> Request:
+def _addressed(command: Request, words: tuple[str, ...]) -> Request:
     return msgspec.structs.replace(command, uavs=words)
 
 
-def _with(answer: OperatorAnswer, wrong: dict[str, str]) -> OperatorAnswer:
-    said = (VehicleAnswer(0, word, "refused", note=why) for word, why in wrong.items())
-    return msgspec.structs.replace(answer, vehicles=(*answer.vehicles, *said))
+def _with_refused(answer: OperatorAnswer, wrong: dict[str, str]) -> OperatorAnswer:
+    refused = (VehicleAnswer(0, word, "refused", note=why) for word, why in wrong.items())
+    return msgspec.structs.replace(answer, vehicles=(*answer.vehicles, *refused))
 
 
-def _why_nobody(word: str, names: Mapping[int, str]) -> str:
+def _name_problem(word: str, names: Mapping[int, str]) -> str:
     try:
-        meant_by([word], names)
+        resolve_vehicles([word], names)
     except ValueError as error:
         return str(error)
     return ""

@@ -10,11 +10,12 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.bus.endpoint import NOBODY
+from swarmctl.bus import directory
+from swarmctl.bus.endpoint import NO_ENDPOINT
 from swarmctl.bus.transports.access import name_of
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Configuration
-from swarmctl.cli.calling import of_keys
+from swarmctl.cli.configuration import keys_problem_lines, load_scenario_or_exit, require_flyable
 from swarmctl.cli.console import (
     EXPECTED,
     USAGE,
@@ -25,25 +26,24 @@ from swarmctl.cli.console import (
     run_folder,
     say,
 )
-from swarmctl.cli.finishing import unbroken
-from swarmctl.cli.flying import (
+from swarmctl.cli.flights import (
     ForwardOption,
     RealOption,
     WaiveOption,
+    arming_permission,
     conclude,
-    confirmed,
-    forwarded,
-    permission,
+    confirm_real,
+    parse_waivers_or_exit,
     terminal,
-    waivers_of,
+    uninterrupted,
+    with_forwarding,
 )
-from swarmctl.cli.loading import require_fit, scenario_of
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.texts import meant_by
+from swarmctl.core.texts import resolve_vehicles
 from swarmctl.flight import companion
 from swarmctl.flight.director import Permission
-from swarmctl.flight.gc_tuning import settle
+from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.security.files import KeyringError
@@ -67,15 +67,12 @@ def agent(
     url: Annotated[
         str | None,
         typer.Option(
-            metavar="MAVLINK_URL", help="Where it is reached from here, instead of by the configuration."
+            metavar="MAVLINK_URL", help="The vehicle's URL from this machine, instead of the configuration's."
         ),
     ] = None,
     launch: Annotated[
         Launch,
-        typer.Option(
-            help="ordered: when `swarmctl order launch` says so, at once; when-ready: by itself, after its "
-            "delay_s."
-        ),
+        typer.Option(help="ordered: on `swarmctl order launch`; when-ready: by itself, after its delay_s."),
     ] = Launch.ORDERED,
     connect: Annotated[
         str | None,
@@ -83,26 +80,26 @@ def agent(
     ] = None,
     real: RealOption = False,
     confirm: Annotated[
-        str, typer.Option(metavar="NAME", help="With --real, for scripts: the vehicle that may be armed.")
+        str, typer.Option(metavar="NAME", help="With --real, in scripts: the vehicle that may be armed.")
     ] = "",
     forward: ForwardOption = None,
     waive: WaiveOption = None,
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
 ) -> None:
-    """Fly one vehicle of the swarm; the others' agents run elsewhere, and tell it what they see.
+    """Fly one vehicle of the swarm, with the others flown by agents on other machines.
 
-    It uploads its mission and waits for the order to launch. Where the network is missing or ends it flies on
-    by what it knows, and by what it is told when the network is there again.
+    The agent uploads the mission and waits for the order to launch. Without the network it flies on with its
+    own knowledge, and synchronises when the network is back.
     """
-    whole = scenario_of(config)
-    scenario = forwarded(companion.only(whole, _meant(whole, uav), _url(url)), forward or [])
-    allowed = confirmed(scenario, confirm) if real else frozenset()
+    whole = load_scenario_or_exit(config)
+    scenario = with_forwarding(companion.scenario_for(whole, _vehicle(whole, uav), _url(url)), forward or [])
+    allowed = confirm_real(scenario, confirm) if real else frozenset()
     keyring = _keyring(config, scenario)
     network = _network(scenario, connect, launch, keyring)
-    require_fit(config, _without_door(scenario), out_folder)
-    waivers = waivers_of(waive, scenario)
-    _fly(scenario, out_folder, launch, network, keyring, permission(allowed), waivers, verbose=verbose)
+    require_flyable(config, _without_listen(scenario), out_folder)
+    waivers = parse_waivers_or_exit(waive, scenario)
+    _fly(scenario, out_folder, launch, network, keyring, arming_permission(allowed), waivers, verbose=verbose)
 
 
 def _fly(
@@ -116,19 +113,20 @@ def _fly(
     *,
     verbose: bool,
 ) -> None:
-    """Leaves with the flight's exit code."""
+    """Fly, and exit with the flight's code."""
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
-    shown = terminal(verbose=verbose, with_time=True)
-    settle()
-    with unbroken() as run:
+    directory.forget_end(scenario.config.name, spec.sysid)
+    display = terminal(verbose=verbose, with_time=True)
+    tune_collector()
+    with uninterrupted() as run:
         try:
-            with shown.shown():
+            with display.shown():
                 report = run(
                     companion.fly(
                         scenario,
                         folder,
-                        shown,
+                        display,
                         clock="real",
                         permission=may_arm,
                         launch=launch.value,
@@ -139,12 +137,14 @@ def _fly(
                 )
         except BusError as error:
             fail([str(error)], EXPECTED)
+        if report.ended == "ended":
+            directory.record_end(scenario.config.name, spec.sysid)
         conclude(report, scenario, folder)
 
 
-def _meant(scenario: Scenario, uav: str) -> int:
+def _vehicle(scenario: Scenario, uav: str) -> int:
     try:
-        (sysid,) = meant_by([uav], {spec.sysid: spec.name for spec in scenario.swarm})
+        (sysid,) = resolve_vehicles([uav], {spec.sysid: spec.name for spec in scenario.swarm})
     except ValueError as error:
         fail([f"--uav {uav}: {error}"], USAGE)
     return sysid
@@ -164,7 +164,7 @@ def _keyring(config: Path, scenario: Scenario) -> Keyring | None:
     try:
         return joining.keyring_of(scenario.config, name_of(spec.sysid), dt.datetime.now(dt.UTC))
     except KeyringError as error:
-        fail(of_keys(config, [str(error)]), EXPECTED)
+        fail(keys_problem_lines(config, [str(error)]), EXPECTED)
 
 
 def _network(
@@ -173,7 +173,7 @@ def _network(
     (spec,) = scenario.specs
     nowhere = scenario.config.communication.router is None and not scenario.config.communication.mesh
     if connect is None and nowhere and launch is Launch.WHEN_READY:
-        say(f"`communication` has neither router nor mesh: {spec.name} flies in touch with nobody")
+        say(f"`communication` has neither router nor mesh: {spec.name} flies alone [no-network]")
         return None
     try:
         names = {other.sysid: other.name for other in scenario.swarm}
@@ -183,8 +183,8 @@ def _network(
         fail([f"{error}{advice if nowhere and connect is None else ''}"], USAGE)
 
 
-def _without_door(scenario: Scenario) -> Scenario:
-    """An agent opens none: what has the port of `communication.listen` is not in its way."""
+def _without_listen(scenario: Scenario) -> Scenario:
+    """Return the scenario without `communication.listen`: an agent does not listen there."""
     config = scenario.config
-    closed = config.communication.model_copy(update={"listen": NOBODY})
+    closed = config.communication.model_copy(update={"listen": NO_ENDPOINT})
     return replace(scenario, config=config.model_copy(update={"communication": closed}))

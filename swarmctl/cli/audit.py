@@ -13,10 +13,10 @@ from rich.table import Table
 
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
 from swarmctl.core.texts import printable
-from swarmctl.report.evidence.book import FILE
-from swarmctl.report.evidence.chain import Checked, Entry, check, sealed
+from swarmctl.report.evidence.chain import CheckedChain, Entry, check, sealed
 from swarmctl.report.evidence.digest import Digest, digest
-from swarmctl.security.evidence_keys import holds, is_key_of
+from swarmctl.report.evidence.file import FILE_NAME
+from swarmctl.security.evidence_keys import is_key_of, is_valid_signature
 from swarmctl.security.files import KeyringError
 
 UNSIGNED = (
@@ -37,7 +37,7 @@ def register(cli: typer.Typer) -> None:
 
 
 def audit(
-    run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE}.", show_default=False)],
+    run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE_NAME}.", show_default=False)],
     keys: Annotated[
         Path | None,
         typer.Option(
@@ -48,7 +48,7 @@ def audit(
         bool, typer.Option("--all", help="Show every entry, not only what they sum up to.")
     ] = False,
 ) -> None:
-    """Check the evidence of a run, line by line, and show what happened.
+    """Check the evidence of a run line by line, and summarise it.
 
     The evidence is a chain: each line has the hash of the line before, and the last tells how many there are.
     """
@@ -56,7 +56,7 @@ def audit(
         fail(
             [f"--keys {keys}: is no folder; give the folder of the swarm's keys (communication.keys)"], USAGE
         )
-    path = run / FILE if run.is_dir() else run
+    path = run / FILE_NAME if run.is_dir() else run
     checked = _checked(path)
     if checked.entries:
         _show(checked, every=every)
@@ -67,17 +67,17 @@ def audit(
     say(_signed_by(checked, keys))
 
 
-def _checked(path: Path) -> Checked:
+def _checked(path: Path) -> CheckedChain:
     try:
         with path.open("rb") as file:
             return check(file)
     except FileNotFoundError:
-        fail([f"{path}: there is no evidence; give the folder of a run, which has an {FILE}"], USAGE)
+        fail([f"{path}: there is no evidence; give the folder of a run, which has an {FILE_NAME}"], USAGE)
     except OSError as error:
         fail([f"{path}: cannot be read: {error.strerror or error}"], USAGE)
 
 
-def _troubles(path: Path, checked: Checked, keys: Path | None) -> Iterator[str]:
+def _troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[str]:
     if checked.fault is not None:
         fault = checked.fault
         yield (
@@ -95,14 +95,16 @@ def _troubles(path: Path, checked: Checked, keys: Path | None) -> Iterator[str]:
         yield from _signature_troubles(path, checked, checked.closing, keys)
 
 
-def _signature_troubles(path: Path, checked: Checked, closing: Entry, keys: Path | None) -> Iterator[str]:
+def _signature_troubles(
+    path: Path, checked: CheckedChain, closing: Entry, keys: Path | None
+) -> Iterator[str]:
     signature = closing.get("signature")
     if signature is None:
         if keys is not None:
             yield f"{path}: it is not signed, expected the signature of a key of {keys}"
         return
     by, key, value = (str(signature.get(name)) for name in ("by", "key", "signature"))
-    if not holds(sealed(closing["entries"], str(checked.entries[-1]["previous"])), key, value):
+    if not is_valid_signature(sealed(closing["entries"], str(checked.entries[-1]["previous"])), key, value):
         yield f"{path}: the signature by {by} does not hold: the chain was written anew since it was signed"
         return
     try:
@@ -112,7 +114,7 @@ def _signature_troubles(path: Path, checked: Checked, closing: Entry, keys: Path
         fail([str(error)], USAGE)
 
 
-def _signed_by(checked: Checked, keys: Path | None) -> str:
+def _signed_by(checked: CheckedChain, keys: Path | None) -> str:
     signature = (checked.closing or {}).get("signature")
     if signature is None:
         return UNSIGNED
@@ -122,7 +124,7 @@ def _signed_by(checked: Checked, keys: Path | None) -> str:
     return f"{who}, as {keys} has it; who has that key could have written the chain anew"
 
 
-def _show(checked: Checked, *, every: bool) -> None:
+def _show(checked: CheckedChain, *, every: bool) -> None:
     opened = checked.opened
     began = _time(checked.entries[0])
     say(printable(f"{opened.get('run')}, flown by {opened.get('program')}, began {began}"))

@@ -1,4 +1,4 @@
-"""What the commands have in common: where they print, their exit codes, and options of one meaning."""
+"""Output, exit codes and common options of the commands."""
 
 from __future__ import annotations
 
@@ -14,42 +14,65 @@ from rich.console import Console
 OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
 WIDE = 140
-"""columns where nobody looks at a terminal"""
+"""columns of output that is not a terminal"""
 out = Console(width=None if sys.stdout.isatty() else WIDE)
 err = Console(stderr=True)
 
 ConfigOption = Annotated[
     Path,
-    typer.Option("--config", "-c", help="The swarm, as YAML; see configs/swarm.yaml.", show_default=False),
+    typer.Option(
+        "--config",
+        "-c",
+        help="Configuration of the swarm (YAML), such as configs/swarm.yaml.",
+        show_default=False,
+    ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", help="Where run folders are made.")]
-VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show everything that is said.")]
+ConfigOrExampleOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        "-c",
+        help="Configuration of the swarm (YAML), such as configs/swarm.yaml. `swarmctl init` writes one.",
+        show_default=False,
+    ),
+]
+ExampleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--example",
+        metavar="NAME",
+        help="A shipped configuration instead of --config, such as swarm.",
+        show_default=False,
+    ),
+]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder for run folders.")]
+VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all messages.")]
 
 
 def say(text: str) -> None:
-    """A line of what was asked for, just as it is."""
+    """Print a line of output unchanged."""
     out.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def timed(text: str) -> str:
-    """A line of a log, with the time by this machine's clock."""
+    """Return a line of a log with the time by this machine's clock."""
     return f"{datetime.now().astimezone():%H:%M:%S} {text}"
 
 
 def log(text: str) -> None:
-    """Something that happened, and when."""
+    """Print an event with its time."""
     say(timed(text))
 
 
 def fail(lines: Sequence[str], code: int) -> NoReturn:
-    """Say what went wrong and leave."""
+    """Print errors and exit with `code`."""
     for text in lines:
         err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(code)
 
 
 def run_folder(parent: Path, name: str) -> Path:
-    """A new folder for what a run leaves."""
+    """Make a new folder for a run's files, and return it."""
     stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
         folder = parent / f"{stamp}-{name}{suffix}"
@@ -60,4 +83,4 @@ def run_folder(parent: Path, name: str) -> Path:
         except OSError as error:
             fail([f"the run folder {folder} cannot be made: {error.strerror or error}"], EXPECTED)
         return folder
-    raise AssertionError("a thousand runs in a second")
+    raise AssertionError("1000 runs in a second")

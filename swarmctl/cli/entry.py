@@ -1,4 +1,4 @@
-"""The console script: Ctrl-C has its exit code from the first moment, also while the rest is imported."""
+"""The console script: Ctrl-C ends it with its exit code at any time, even during imports."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from types import FrameType
 INTERRUPTED = 130
 
 
-def _leave(_number: int, _frame: FrameType | None) -> None:
+def _exit(_number: int, _frame: FrameType | None) -> None:
     sys.exit(INTERRUPTED)
 
 
-def _vanish(_number: int, _frame: FrameType | None) -> None:
+def _exit_at_once(_number: int, _frame: FrameType | None) -> None:
     os._exit(INTERRUPTED)
 
 
 def main() -> None:
-    """The entry point of the package."""
-    # Nothing is open yet, and an exception in the middle of an import is told at length.
-    signal.signal(signal.SIGINT, _vanish)
-    from swarmctl.cli.main import main as run  # noqa: PLC0415 - this is what takes a while
+    """Run the command line."""
+    # No file is open yet, and an exception during an import prints a long traceback.
+    signal.signal(signal.SIGINT, _exit_at_once)
+    from swarmctl.cli.main import main as run  # noqa: PLC0415 - takes a while
 
-    signal.signal(signal.SIGINT, _leave)
+    signal.signal(signal.SIGINT, _exit)
     run()

@@ -9,26 +9,39 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.calling import of_keys
-from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, OutOption, VerboseOption, fail, run_folder
-from swarmctl.cli.finishing import unbroken
-from swarmctl.cli.flying import (
+from swarmctl.cli.configuration import (
+    config_or_example,
+    keys_problem_lines,
+    load_scenario_or_exit,
+    require_flyable,
+)
+from swarmctl.cli.console import (
+    EXPECTED,
+    USAGE,
+    ConfigOrExampleOption,
+    ExampleOption,
+    OutOption,
+    VerboseOption,
+    fail,
+    run_folder,
+)
+from swarmctl.cli.flights import (
     ForwardOption,
     RealOption,
     WaiveOption,
+    arming_permission,
     conclude,
-    confirmed,
-    forwarded,
-    permission,
+    confirm_real,
+    parse_waivers_or_exit,
     terminal,
-    waivers_of,
+    uninterrupted,
+    with_forwarding,
 )
-from swarmctl.cli.loading import require_fit, scenario_of
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app, evidence_log
-from swarmctl.flight.gc_tuning import settle
+from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.evidence.book import Signer
+from swarmctl.report.evidence.file import Signer
 from swarmctl.security.files import KeyringError
 
 
@@ -39,7 +52,7 @@ class Clock(StrEnum):
 
 ClockOption = Annotated[
     Clock,
-    typer.Option(help="virtual: simulated vehicles in this process, as fast as it computes, repeatable."),
+    typer.Option(help="virtual: simulated vehicles in this process, faster than real time and repeatable."),
 ]
 
 
@@ -48,12 +61,13 @@ def register(cli: typer.Typer) -> None:
 
 
 def fly(
-    config: ConfigOption,
+    config: ConfigOrExampleOption = None,
+    example: ExampleOption = None,
     clock: ClockOption = Clock.REAL,
     real: RealOption = False,
     confirm: Annotated[
         str,
-        typer.Option(metavar="NAME,NAME", help="With --real, for scripts: the vehicles that may be armed."),
+        typer.Option(metavar="NAME,NAME", help="With --real, in scripts: the vehicles that may be armed."),
     ] = "",
     forward: ForwardOption = None,
     waive: WaiveOption = None,
@@ -61,31 +75,39 @@ def fly(
     verbose: VerboseOption = False,
 ) -> None:
     """Fly the swarm, simulated or real, from the ground to the last landing."""
-    scenario = forwarded(scenario_of(config), forward or [])
+    config = config_or_example(config, example)
+    scenario = with_forwarding(load_scenario_or_exit(config), forward or [])
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
         fail(
-            [f"{config}: vehicles with a URL fly in real time; `--clock virtual` is for `simulate` only"],
+            [f"{config}: vehicles with a URL need real time; --clock virtual is for `simulate` only"],
             USAGE,
         )
     if clock is Clock.VIRTUAL and scenario.config.simulate and scenario.config.simulate.link == "mavsdk":
         fail(
             [
-                f"{config}: simulate.link: MAVSDK keeps to the machine's clock; fly in real time (without "
-                "`--clock virtual`) or with `link: direct`"
+                f"{config}: simulate.link: MAVSDK uses the machine's clock; fly in real time (without "
+                "--clock virtual) or with `link: direct`"
             ],
             USAGE,
         )
-    allowed = confirmed(scenario, confirm) if real else frozenset()
+    allowed = confirm_real(scenario, confirm) if real else frozenset()
     if clock is Clock.REAL:
-        require_fit(config, scenario, out_folder)
-    manner = replace(app.ALL_IN_ONE, signer=_signer(config, scenario), waivers=waivers_of(waive, scenario))
+        require_flyable(config, scenario, out_folder)
+    options = replace(
+        app.DEFAULT_OPTIONS, signer=_signer(config, scenario), waivers=parse_waivers_or_exit(waive, scenario)
+    )
     folder = run_folder(out_folder, scenario.config.name)
-    shown = terminal(verbose=verbose)
-    settle()
-    with unbroken() as run:
-        with shown.shown():
+    display = terminal(verbose=verbose)
+    tune_collector()
+    with uninterrupted() as run:
+        with display.shown():
             flight = app.fly(
-                scenario, folder, shown, clock=clock.value, permission=permission(allowed), manner=manner
+                scenario,
+                folder,
+                display,
+                clock=clock.value,
+                permission=arming_permission(allowed),
+                options=options,
             )
             report = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
         conclude(report, scenario, folder)
@@ -93,6 +115,6 @@ def fly(
 
 def _signer(config: Path, scenario: Scenario) -> Signer | None:
     try:
-        return evidence_log.operators_witness(scenario)
+        return evidence_log.operator_evidence_signer(scenario)
     except KeyringError as error:
-        fail(of_keys(config, [str(error)]), EXPECTED)
+        fail(keys_problem_lines(config, [str(error)]), EXPECTED)

@@ -12,66 +12,66 @@ from rich.table import Table
 
 from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
-from swarmctl.cli.calling import roll_of
+from swarmctl.cli.configuration import load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, fail, out, say
 from swarmctl.config.communication import mesh_endpoints
 from swarmctl.config.roster import Roster
-from swarmctl.security.files import KeyringError
-from swarmctl.security.issue import AUTHORITY, Made, make
+from swarmctl.security.files import AUTHORITY, KeyringError
+from swarmctl.security.issue import ParticipantFolder, make_keys
 
 
 def register(cli: typer.Typer) -> None:
-    cli.command("keys")(make_keys)
+    cli.command("keys")(keys)
 
 
-def make_keys(
+def keys(
     config: ConfigOption,
     out_folder: Annotated[
-        Path, typer.Option("--out", help="Where they are made; what is there already is kept.")
+        Path, typer.Option("--out", help="Folder for the keys; existing keys are kept.")
     ] = Path("keys"),
-    days: Annotated[int, typer.Option(min=1, max=3650, help="How long certificates are valid.")] = 365,
+    days: Annotated[int, typer.Option(min=1, max=3650, help="Validity of the certificates.")] = 365,
     host: Annotated[
         list[str] | None,
         typer.Option(
             "--host",
             metavar="NAME=HOST",
-            help="Where a participant (router, or a vehicle of a mesh) is found, besides the endpoints of "
-            "the configuration; may be repeated.",
+            help="A participant's host (router, or a vehicle of a mesh) besides the endpoints of the "
+            "configuration; repeatable.",
         ),
     ] = None,
 ) -> None:
-    """Make a folder of keys for each vehicle, the operator and the router, to be copied to their machines."""
-    known = roll_of(config)
-    participants = {name_of(uav): name for uav, name in known.names.items()}
+    """Make a folder of keys for each vehicle, the operator and the router, to copy to their machines."""
+    swarm = load_roster_or_exit(config)
+    participants = {name_of(uav): name for uav, name in swarm.names.items()}
     names = [*participants, OPERATOR, ROUTER]
     try:
-        hosts = _hosts(known, names, host or [])
+        hosts = _hosts(swarm, names, host or [])
     except ValueError as error:
         fail([f"--host {error}"], USAGE)
     try:
-        made = make(out_folder, names, days, dt.datetime.now(dt.UTC), hosts)
+        made = make_keys(out_folder, names, days, dt.datetime.now(dt.UTC), hosts)
     except KeyringError as error:
         fail([str(error)], EXPECTED)
     out.print(_table(made, participants))
     say(_what_to_copy(made))
-    say(f"{out_folder / AUTHORITY} stays here, secret: who has its key can make participants.")
+    say(f"Keep {out_folder / AUTHORITY} here and secret: its key makes new participants.")
 
 
-def _what_to_copy(made: list[Made]) -> str:
+def _what_to_copy(made: list[ParticipantFolder]) -> str:
     new = [str(one.folder) for one in made if one.is_new or one.is_changed]
     if not new:
-        return "Nothing has changed: what their machines have stays good."
-    where = "to its machine, below the folder that communication.keys names there"
+        return "No folder has changed; the machines need no new copies."
+    where = "to its machine, into the folder of communication.keys there"
     if all(one.is_new for one in made):
         return f"Copy each folder {where}."
-    refusing = "Who does not know a new key refuses what its owner says."
-    return f"Copy again, each {where}: {', '.join(new)}. {refusing}"
+    refusing = "A machine without a new key refuses the messages of its owner."
+    return f"Copy these folders again, each {where}: {', '.join(new)}. {refusing}"
 
 
-def _hosts(known: Roster, names: list[str], given: list[str]) -> dict[str, list[str]]:
-    """Where participants listen, by the configuration and as given. Raises ValueError."""
+def _hosts(swarm: Roster, names: list[str], given: list[str]) -> dict[str, list[str]]:
+    """Return the participants' hosts, from the configuration and the options. Raises ValueError."""
     hosts: dict[str, list[str]] = {name: [] for name in names}
-    for name, host in _configured(known):
+    for name, host in _configured(swarm):
         hosts[name].append(host)
     for text in given:
         name, _, host = text.partition("=")
@@ -81,20 +81,20 @@ def _hosts(known: Roster, names: list[str], given: list[str]) -> dict[str, list[
     return hosts
 
 
-def _configured(known: Roster) -> Iterator[tuple[str, str]]:
-    if known.communication.router is not None:
-        yield ROUTER, parse_endpoint(known.communication.router).host
-    for uav, endpoint in mesh_endpoints(known.communication.mesh, known.names).items():
+def _configured(swarm: Roster) -> Iterator[tuple[str, str]]:
+    if swarm.communication.router is not None:
+        yield ROUTER, parse_endpoint(swarm.communication.router).host
+    for uav, endpoint in mesh_endpoints(swarm.communication.mesh, swarm.names).items():
         yield name_of(uav), endpoint.host
 
 
-def _table(made: list[Made], participants: dict[str, str]) -> Table:
+def _table(made: list[ParticipantFolder], participants: dict[str, str]) -> Table:
     table = Table(title="keys", title_justify="left")
     for heading in ("folder", "for", "", "valid until (UTC)", "names"):
         table.add_column(heading)
     for one in made:
-        whom = participants.get(one.name, "the ground station" if one.name == OPERATOR else "the router")
+        owner = participants.get(one.name, "the ground station" if one.name == OPERATOR else "the router")
         state = "made" if one.is_new else "changed" if one.is_changed else "kept"
         until = f"{one.until:%Y-%m-%d %H:%M}"
-        table.add_row(str(one.folder), whom, state, until, ", ".join(one.hosts))
+        table.add_row(str(one.folder), owner, state, until, ", ".join(one.hosts))
     return table

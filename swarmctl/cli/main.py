@@ -1,7 +1,7 @@
-"""The command line: the program's entry, its commands and its exit codes.
+"""The program: its commands, shell completion and exit codes.
 
-Exit codes: 0 done, 1 something expected went wrong and was said, 2 wrong usage or configuration, 3 a bug,
-130 interrupted before the work was done. `router` and `watch` are meant to run until Ctrl-C: they end with 0.
+Exit codes: 0 done, 1 an expected problem, 2 wrong usage or configuration, 3 a bug, 130 interrupted before the
+work was done. `router` and `watch` run until Ctrl-C and then end with 0.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from swarmctl import __version__
-from swarmctl.bus.transports.process_exit import leave
+from swarmctl.bus.transports.process_exit import exit_process
 from swarmctl.cli.console import BUG, INTERRUPTED, OK, err, out
 from swarmctl.cli.registry import COMMANDS
 
 
 class _LoadedByName(TyperGroup):
-    """Only the command that is called is imported: an order does not wait for planners and pictures."""
+    """A group that imports only the called command: an order does not wait for planners and pictures."""
 
     def __init__(self, **attrs: Any) -> None:
         super().__init__(**attrs)
@@ -35,13 +35,12 @@ class _LoadedByName(TyperGroup):
 
 def _loaded(name: str) -> Any:
     module, _ = COMMANDS[name]
-    alone = typer.Typer(**_STYLE)
-    import_module(f"swarmctl.cli.{module}").register(alone)
-    return typer.main.get_command(alone)
+    app = typer.Typer(add_completion=False, **_STYLE)
+    import_module(f"swarmctl.cli.{module}").register(app)
+    return typer.main.get_command(app)
 
 
 _STYLE: dict[str, Any] = {
-    "add_completion": False,
     "pretty_exceptions_enable": False,
     "rich_markup_mode": "markdown",
 }
@@ -51,14 +50,14 @@ cli = typer.Typer(
     cls=_LoadedByName,
     help="Fly a swarm of MAVLink vehicles across an area whose threats nobody knows beforehand.\n\n"
     "Start here: `swarmctl fly --config configs/swarm.yaml` flies five simulated copters; "
-    "the run folder it names holds a map, a summary and every log. `swarmctl plan` shows first routes "
-    "without flying, `swarmctl check` finds what is wrong with a configuration.",
+    "its run folder has a map, a summary and all logs. `swarmctl plan` shows first routes without a flight, "
+    "`swarmctl check` lists the problems of a configuration.",
     no_args_is_help=True,
     **_STYLE,
 )
 
 
-def _say_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
         out.print(f"swarmctl {__version__}", highlight=False)
         raise typer.Exit
@@ -68,26 +67,26 @@ def _say_version(wanted: bool) -> None:
 def _root(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version and exit."),
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit."),
     ] = False,
 ) -> None:
     pass
 
 
 def main() -> None:
-    """The entry point of the package."""
-    leave(_exit_code())
+    """Run the command line and exit with its code."""
+    exit_process(_exit_code())
 
 
 def _exit_code() -> int:
     try:
-        cli()
+        cli(prog_name="swarmctl")  # also for `python -m swarmctl`
     except SystemExit as ended:  # as every command ends
         return ended.code if isinstance(ended.code, int) else OK
     except KeyboardInterrupt:
         return INTERRUPTED
-    except Exception:  # noqa: BLE001 - the one place where a bug becomes an exit code
+    except Exception:  # noqa: BLE001 - the only place where a bug becomes an exit code
         traceback.print_exc()
-        err.print("swarmctl: this is a bug; please report it with the text above", style="bold red")
+        err.print("swarmctl: this is a bug; please report it with the text above [bug]", style="bold red")
         return BUG
     return OK

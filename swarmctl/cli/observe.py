@@ -1,4 +1,4 @@
-"""`swarmctl observe`: what a person has seen, told to a vehicle's agent as its payload would."""
+"""`swarmctl observe`: a person's observation, reported to a vehicle's agent like a payload's."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Annotated
 import typer
 
 from swarmctl.bus import external_observations
-from swarmctl.bus.sensor_reports import BY_HAND, VERSION, ReportAnswer, ReportedPoint, Report, report_schema
+from swarmctl.bus.sensor_reports import BY_HAND, VERSION, Report, ReportAnswer, ReportedPoint, report_schema
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.cli.asking import ConnectOption, FlyingConfigOption, SwarmOption, station_of
-from swarmctl.cli.calling import of_keys, roll_of
+from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
+from swarmctl.cli.operator_command import ConnectOption, FlyingConfigOption, SwarmOption, find_station
 from swarmctl.config import joining
 from swarmctl.config.communication import mesh_endpoints, vehicle_of
 from swarmctl.config.roster import Roster
@@ -39,29 +39,31 @@ def observe(
     uav: Annotated[
         str,
         typer.Option(
-            "--uav", metavar="NAME", help="The vehicle that is told: system id, or with --config name."
+            "--uav",
+            metavar="NAME",
+            help="The vehicle that gets the report: system id, or name with --config.",
         ),
     ] = "",
     cell: Annotated[
-        list[str] | None, typer.Option("--cell", metavar="ROW,COL", help="What was seen; may be repeated.")
+        list[str] | None, typer.Option("--cell", metavar="ROW,COL", help="Observed cell; repeatable.")
     ] = None,
     at: Annotated[
         list[str] | None,
-        typer.Option("--at", metavar="LAT,LON", help="Instead of --cell, a position [deg]; may be repeated."),
+        typer.Option("--at", metavar="LAT,LON", help="Position [deg] instead of --cell; repeatable."),
     ] = None,
     occupied: Annotated[
         bool | None,
-        typer.Option("--occupied/--clear", help="Whether a hostile is there.", show_default=False),
+        typer.Option("--occupied/--clear", help="Whether a hostile holds the cell.", show_default=False),
     ] = None,
     swarm: SwarmOption = None,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
     show_schema: Annotated[
         bool,
-        typer.Option("--schema", help="Print the JSON schema of payloads' reports, and do nothing else."),
+        typer.Option("--schema", help="Print the JSON schema of payloads' reports and exit."),
     ] = False,
 ) -> None:
-    """Tell a vehicle in flight what you see: its agent takes it as its own look, and tells the others.
+    """Report an observation to a vehicle in flight; its agent handles it as its own and shares it.
 
     For swarms with `sensor: {source: external}` or `both`. Payloads report the same way: see --schema, and
     configs/detector.py for an example.
@@ -69,13 +71,13 @@ def observe(
     if show_schema:
         out.print_json(json.dumps(report_schema()))
         return
-    known = None if config is None else roll_of(config)
+    known = None if config is None else load_roster_or_exit(config)
     try:
-        report = seen(cell or [], at or [], occupied)
+        report = make_report(cell or [], at or [], occupied)
         to = _vehicle(uav, known)
         station, credentials = _station(swarm, known, connect, to)
     except KeyringError as error:
-        fail([str(error)] if config is None else of_keys(config, [str(error)]), EXPECTED)
+        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
     except BusError as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
@@ -85,19 +87,17 @@ def observe(
     except (BusError, NoAnswer) as error:
         fail([str(error)], EXPECTED)
     if not answer.taken:
-        fail([f"vehicle {uav} of {station.swarm} refused: {answer.why}"], EXPECTED)
-    said = ", ".join(f"({row}, {col}) {'occupied' if held else 'clear'}" for row, col, held in answer.cells)
-    say(f"vehicle {uav} of {station.swarm} has taken: {said}")
+        fail([f"vehicle {uav} of {station.swarm} refused the report: {answer.why}"], EXPECTED)
+    cells = ", ".join(f"({row}, {col}) {'occupied' if held else 'clear'}" for row, col, held in answer.cells)
+    say(f"vehicle {uav} of {station.swarm} accepted: {cells}")
 
 
-def seen(cells: list[str], places: list[str], occupied: bool | None) -> Report:
-    """The report of what was given in words. Raises Unclear."""
+def make_report(cells: list[str], places: list[str], occupied: bool | None) -> Report:
+    """Return the report that the options describe. Raises Unclear."""
     if bool(cells) == bool(places):
-        raise Unclear(
-            "what was seen? give --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON, not both"
-        )
+        raise Unclear("give either --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON [which-cell]")
     if occupied is None:
-        raise Unclear("what was seen there? give --occupied (a hostile holds it) or --clear")
+        raise Unclear("give --occupied (a hostile holds the cell) or --clear [occupied-or-clear]")
     if cells:
         return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=BY_HAND)
     return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=BY_HAND)
@@ -126,54 +126,59 @@ def _point(word: str, occupied: bool) -> ReportedPoint:
 
 
 def _vehicle(word: str, known: Roster | None) -> int:
-    """The system id. Raises ValueError."""
+    """Return the vehicle's system id. Raises ValueError."""
     if not word:
-        raise Unclear("which vehicle is told? give --uav and its system id, or its name with --config")
+        raise Unclear("give --uav with the vehicle's system id, or its name with --config [which-vehicle]")
     if known is not None:
         return vehicle_of(word, known.names)
     if word.isascii() and word.isdigit() and 1 <= int(word) <= MAX_SYSTEM_ID:
         return int(word)
-    raise Unclear(
-        f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names are known with --config"
-    )
+    raise Unclear(f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names need --config")
 
 
 def _station(
     swarm: str | None, known: Roster | None, connect: str | None, to: int
 ) -> tuple[Station, Credentials | None]:
-    """Where to report, and what is shown there. Raises BusError, KeyringError and ValueError."""
-    station = station_of(swarm, known, connect)
+    """Return the flight and the credentials for it. Raises BusError, KeyringError and ValueError."""
+    station = find_station(swarm, known, connect)
     if known is None:
         return station, joining.certified(station.endpoint, None)
     own = mesh_endpoints(known.communication.mesh, known.names).get(to)
     if own is not None and connect is None and station.agents:
-        # In a mesh no node passes on what a sensor sees.
+        # Mesh nodes do not relay reports.
         station = replace(station, endpoint=own, others=())
     certified = station.endpoint.is_certified
     keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC)) if certified else None
     return station, joining.certified(station.endpoint, keyring)
 
 
-async def _report(station: Station, credentials: Credentials | None, uav: int, report: Report) -> ReportAnswer:
-    """Raises BusError and NoAnswer."""
-    with client.visited(station, credentials) as bus:
-        return await told(bus, station, uav, report)
+async def _report(
+    station: Station, credentials: Credentials | None, uav: int, report: Report
+) -> ReportAnswer:
+    """Connect, send a report and return the answer. Raises BusError and NoAnswer."""
+    with client.connected(station, credentials) as bus:
+        return await send_report(bus, station, uav, report)
 
 
-async def told(bus: Transport, station: Station, uav: int, report: Report) -> ReportAnswer:
-    """Report on a bus that is open, and hear the answer. Raises NoAnswer."""
+async def send_report(bus: Transport, station: Station, uav: int, report: Report) -> ReportAnswer:
+    """Send a report over an open bus and return the answer. Raises NoAnswer."""
     try:
         answer = await external_observations.send_report(bus, station.swarm, uav, report)
     except TimeoutError:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} did not answer within {external_observations.TIMEOUT_S:g} s: whether it "
-            "took the report is not known; by a sensor that never errs it may be given again"
+            f"{station.swarm} at {station.endpoint} did not answer within "
+            f"{external_observations.TIMEOUT_S:g} s, so it is "
+            "unknown whether it took the report [no-answer]"
         ) from None
     except ValueError as error:
-        raise NoAnswer(f"{station.swarm} at {station.endpoint}: {error}; is it of another version?") from None
+        raise NoAnswer(
+            f"{station.swarm} at {station.endpoint}: {error}; it may be another version of this program"
+        ) from None
     if answer is None:
         raise NoAnswer(
-            f"nobody takes reports for vehicle {uav} of {station.swarm} at {station.endpoint}: is it one of "
-            "its vehicles, does it fly, and has its configuration `sensor: {source: external}` or `both`?"
+            f"vehicle {uav} of {station.swarm} takes no reports at {station.endpoint}: "
+            f"{client.ended_text(station.swarm, uav) or 'its flight may have ended'}, or the vehicle is not "
+            "of this swarm, or its configuration lacks `sensor: {source: external}` or `both` "
+            "[no-report-receiver]"
         )
     return answer

@@ -1,4 +1,4 @@
-"""`swarmctl order`: what vehicles flown by agents of their own are to do now."""
+"""`swarmctl order`: launch, hold, return or land vehicles, above all those flown by `swarmctl agent`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,17 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.asking import AllOption, ConnectOption, FlyingConfigOption, SwarmOption, UavsOption, give
-from swarmctl.core.events import Order
+from swarmctl.cli.operator_command import (
+    AllOption,
+    ConnectOption,
+    FlyingConfigOption,
+    SwarmOption,
+    UavsOption,
+    send_and_exit,
+)
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder
-from swarmctl.report.answers import ordered
+from swarmctl.report.answers import order_line
 from swarmctl.station import client
 
 
@@ -19,14 +26,15 @@ def register(cli: typer.Typer) -> None:
 
 
 def order(
-    what: Annotated[Order, typer.Argument(metavar="launch|hold|return|land", show_default=False)],
+    what: Annotated[FlightOrder, typer.Argument(metavar="launch|hold|return|land", show_default=False)],
     uav: UavsOption = None,
-    past: Annotated[
+    ignore: Annotated[
         list[str] | None,
         typer.Option(
+            "--ignore",
             metavar="NAME",
-            help="Launch though this vehicle (or system id) says it flies in the way; may be repeated. It is "
-            "kept clear of in the air as ever.",
+            help="Launch although the route conflicts with this vehicle's (name or system id); repeatable. "
+            "Collision avoidance in flight still applies to it.",
             show_default=False,
         ),
     ] = None,
@@ -37,15 +45,17 @@ def order(
 ) -> None:
     """Order vehicles flown by `swarmctl agent` to launch, hold, return or land.
 
-    Reaches those of a running `swarmctl fly` as well, which launches real ones only by itself.
-    On the ground, hold, return and land keep a vehicle there until it is ordered to launch. After each of
-    them in flight it takes up its route no more. Who is to launch waits on the ground for who would be in
-    its way, for three minutes at most, and is then not launched; ordered again it waits anew.
+    Also reaches vehicles of a running `swarmctl fly`, which launches real vehicles only by itself.
+    On the ground, hold, return and land keep a vehicle there until an order to launch. In flight, each of
+    them ends its route for good. A launch waits on the ground while another vehicle conflicts with the
+    route, for 3 min at most. Then the order ends, and it may be given again.
     """
-    give(
-        lambda: GiveOrder(client.meant(uav or [], everyone), what.value, past=tuple(past or ())),
+    send_and_exit(
+        lambda: GiveOrder(
+            client.chosen_vehicles(uav or [], everyone), what.value, ignore=tuple(ignore or ())
+        ),
         swarm,
         config,
         connect,
-        partial(ordered, what.value),
+        partial(order_line, what.value),
     )

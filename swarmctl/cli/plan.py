@@ -1,4 +1,4 @@
-"""`swarmctl plan`: first routes without flying."""
+"""`swarmctl plan`: first routes without a flight."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, OutOption, fail, out, run_folder, say
-from swarmctl.cli.loading import scenario_of
+from swarmctl.cli.configuration import config_or_example, load_scenario_or_exit
+from swarmctl.cli.console import (
+    EXPECTED,
+    USAGE,
+    ConfigOrExampleOption,
+    ExampleOption,
+    OutOption,
+    fail,
+    out,
+    run_folder,
+    say,
+)
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.inference.chance import WORLDS
-from swarmctl.core.texts import meant_by
+from swarmctl.core.inference.survival import WORLDS
+from swarmctl.core.texts import resolve_vehicles
 from swarmctl.planners.front import MAX_LABELS
 from swarmctl.report import first_plans, front, outputs
-from swarmctl.report.prior_run import NotKnown, with_known, without_a_way
+from swarmctl.report.prior_run import PriorRunError, vehicles_without_route, with_prior_run
 
 
 def register(cli: typer.Typer) -> None:
@@ -22,42 +32,45 @@ def register(cli: typer.Typer) -> None:
 
 
 def plan(
-    config: ConfigOption,
+    config: ConfigOrExampleOption = None,
+    example: ExampleOption = None,
     out_folder: OutOption = Path("runs"),
     front: Annotated[
         bool,
-        typer.Option("--front", help="All routes worth flying: what each metre more saves in exposure."),
+        typer.Option(
+            "--front", help="All Pareto-optimal routes: the exposure that each further metre saves."
+        ),
     ] = False,
     uav: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="With --front: this vehicle only; a name or system id.", show_default=False
+            metavar="NAME", help="With --front: only this vehicle (name or system id).", show_default=False
         ),
     ] = "",
     max_labels: Annotated[
-        int, typer.Option(min=1, help="With --front: partial routes that a vehicle's search may cost.")
+        int, typer.Option(min=1, help="With --front: limit on the partial routes of a vehicle's search.")
     ] = MAX_LABELS,
     known: Annotated[
         Path | None,
-        typer.Option(metavar="RUN", help="Plan with what an earlier run over the area has seen."),
+        typer.Option(metavar="RUN", help="Plan with the observations of an earlier run over the area."),
     ] = None,
 ) -> None:
     """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""
-    scenario = scenario_of(config)
+    scenario = load_scenario_or_exit(config_or_example(config, example))
     if known is not None:
         scenario = _with_known(scenario, known)
     if front:
         _plan_front(scenario, out_folder, uav, max_labels)
         return
     if uav:
-        fail(["--uav chooses whose front is shown; give --front too"], USAGE)
+        fail(["--uav selects the vehicle for --front; give --front too"], USAGE)
     folder = run_folder(out_folder, f"{scenario.config.name}-plan")
     routes = outputs.first_routes(scenario)
     outputs.write_plans(folder, scenario, routes)
     out.print(first_plans.plan_table(scenario, routes))
     out.print(
-        "ΣP_s is a sum of chances, and ∏(1 − P_s) takes cells as independent: neither is the chance of "
-        f"getting through. That is simulated, in {WORLDS} worlds drawn from what is believed.",
+        "ΣP_s is a sum of probabilities, and ∏(1 − P_s) assumes independent cells; neither is the "
+        f"probability of survival. That is simulated, in {WORLDS} worlds drawn from the belief.",
         style="bright_black",
         highlight=False,
     )
@@ -66,12 +79,12 @@ def plan(
 
 def _with_known(scenario: Scenario, run: Path) -> Scenario:
     try:
-        scenario, said = with_known(scenario, run)
-    except NotKnown as error:
+        scenario, said = with_prior_run(scenario, run)
+    except PriorRunError as error:
         fail([str(error)], USAGE)
     for text in said:
         say(text)
-    if closed := list(without_a_way(scenario)):
+    if closed := list(vehicles_without_route(scenario)):
         fail(closed, EXPECTED)
     return scenario
 
@@ -79,13 +92,13 @@ def _with_known(scenario: Scenario, run: Path) -> Scenario:
 def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int) -> None:
     names = {spec.sysid: spec.name for spec in scenario.specs}
     try:
-        wanted = meant_by([uav], names) if uav else list(names)
+        wanted = resolve_vehicles([uav], names) if uav else list(names)
     except ValueError as error:
         fail([f"--uav {uav}: {error}"], USAGE)
     found = front.fronts(scenario, [names[sysid] for sysid in wanted], max_labels)
     folder = run_folder(out_folder, f"{scenario.config.name}-front")
     front.write_fronts(folder, scenario, found)
     out.print(front.front_table(found))
-    for text in [*front.left_out(found), front.WHAT_IS_WHAT]:
+    for text in [*front.left_out(found), front.EXPLANATION]:
         out.print(text, style="bright_black", highlight=False, markup=False, soft_wrap=True)
     out.print(f"all routes, with their cells, and the picture: {folder}", highlight=False, soft_wrap=True)

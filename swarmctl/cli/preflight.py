@@ -1,4 +1,4 @@
-"""`swarmctl preflight`: whether every vehicle might be armed now, without arming any."""
+"""`swarmctl preflight`: the checks before arming, without arming a vehicle."""
 
 from __future__ import annotations
 
@@ -9,15 +9,24 @@ from pathlib import Path
 import typer
 
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.routes import SaidOnce
-from swarmctl.cli.console import EXPECTED, INTERRUPTED, USAGE, ConfigOption, VerboseOption, err, fail, out
-from swarmctl.cli.finishing import unbroken
+from swarmctl.bus.transports.routes import ReportOnce
+from swarmctl.cli.configuration import config_or_example, load_scenario_or_exit, require_flyable
+from swarmctl.cli.console import (
+    EXPECTED,
+    INTERRUPTED,
+    USAGE,
+    ConfigOrExampleOption,
+    ExampleOption,
+    VerboseOption,
+    err,
+    fail,
+    out,
+)
+from swarmctl.cli.flights import WaiveOption, parse_waivers_or_exit, terminal, uninterrupted
 from swarmctl.cli.fly import Clock, ClockOption
-from swarmctl.cli.flying import WaiveOption, terminal, waivers_of
-from swarmctl.cli.loading import require_fit, scenario_of
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
-from swarmctl.flight.gc_tuning import settle
+from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight import report
 from swarmctl.report.outcome import Report
@@ -28,35 +37,37 @@ def register(cli: typer.Typer) -> None:
 
 
 def preflight(
-    config: ConfigOption,
+    config: ConfigOrExampleOption = None,
+    example: ExampleOption = None,
     clock: ClockOption = Clock.REAL,
     waive: WaiveOption = None,
     verbose: VerboseOption = False,
 ) -> None:
-    """Connect, check every vehicle as `fly` does before it arms, and print what was found; arms nothing.
+    """Run the checks that `fly` runs before arming on every vehicle, and print the results; arms none.
 
-    The fence and the first mission are uploaded; no parameter is set, whatever the configuration lets `fly`
-    set.
+    The fence and the first mission are uploaded. No parameter is set, even if the configuration lets `fly`
+    set some.
     """
-    scenario = scenario_of(config)
+    config = config_or_example(config, example)
+    scenario = load_scenario_or_exit(config)
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
-        fail([f"{config}: `--clock virtual` is for `simulate` only; leave it away"], USAGE)
-    manner = replace(app.ALL_IN_ONE, launch="never", waivers=waivers_of(waive, scenario))
+        fail([f"{config}: --clock virtual is for `simulate` only; remove it"], USAGE)
+    options = replace(app.DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)
         if clock is Clock.REAL:
-            require_fit(config, scenario, folder)
-        shown = terminal(verbose=verbose)
-        settle()
-        with unbroken() as run, shown.shown():
+            require_flyable(config, scenario, folder)
+        display = terminal(verbose=verbose)
+        tune_collector()
+        with uninterrupted() as run, display.shown():
             flight = app.fly(
                 scenario,
                 folder,
-                shown,
+                display,
                 clock=clock.value,
                 permission=lambda _: None,
-                bus=MemoryBus(SaidOnce(shown.say)),
-                manner=manner,
+                bus=MemoryBus(ReportOnce(display.say)),
+                options=options,
             )
             checks = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
     _conclude(checks, scenario)
@@ -69,12 +80,12 @@ def _conclude(checks: Report, scenario: Scenario) -> None:
         out.print(report.overview(checks.checked))
     if not all(found.finding.ok for findings in checks.checked.values() for found in findings):
         out.print(report.failures(checks.checked))
-    told = {str(found) for findings in checks.checked.values() for found in findings}
+    listed = {str(found) for findings in checks.checked.values() for found in findings}
     for text in checks.trouble:
-        if text not in told:  # else the tables say it
+        if text not in listed:  # else the tables have it
             err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if checks.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
     if checks.trouble or len(checks.checked) < len(scenario.specs):
         raise typer.Exit(EXPECTED)
-    out.print("every vehicle might be armed; nothing was", highlight=False)
+    out.print("all checks passed: every vehicle could be armed; none was", highlight=False)

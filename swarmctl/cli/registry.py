@@ -1,7 +1,6 @@
-"""The commands of the program, a file each; they and `cli` alone print and exit.
+"""The table of commands: the file of each, and its summary in `swarmctl --help`.
 
-`register(cli)` adds one. Which file that is, and what `swarmctl --help` says of it, stands here: no command
-is imported but the one that is called.
+A command's file has `register(cli)`. The summaries stand here, so that only the called command is imported.
 """
 
 from __future__ import annotations
@@ -14,13 +13,14 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "plan",
         "Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files.",
     ),
+    "init": ("init", "Write a starter configuration with comments, for simulated or real vehicles."),
     "check": (
         "check",
-        "Say everything that is wrong with a configuration, here and now, without starting anything.",
+        "Check a configuration and this machine, and list every problem; starts no flight.",
     ),
     "preflight": (
         "preflight",
-        "Connect, check every vehicle as `fly` does before it arms, and print what was found; arms nothing.",
+        "Run the checks that `fly` runs before arming on every vehicle, and print the results; arms none.",
     ),
     "set": (
         "set_weights",
@@ -28,15 +28,15 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "observe": (
         "observe",
-        "Tell a vehicle in flight what you see: its agent takes it as its own look, and tells the others.",
+        "Report an observation to a vehicle in flight; its agent handles it as its own and shares it.",
     ),
     "agent": (
         "agent",
-        "Fly one vehicle of the swarm; the others' agents run elsewhere, and tell it what they see.",
+        "Fly one vehicle of the swarm, with the others flown by agents on other machines.",
     ),
     "watch": (
         "watch",
-        "Show where the vehicles of a swarm on many machines are and what they do, until Ctrl-C.",
+        "Show the positions and states of a swarm on many machines, until Ctrl-C.",
     ),
     "order": ("order", "Order vehicles flown by `swarmctl agent` to launch, hold, return or land."),
     "abort": (
@@ -45,19 +45,18 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "router": (
         "router",
-        "Route what the agents of a swarm on many machines say, each only what it may, until Ctrl-C.",
+        "Route the messages of a swarm on many machines, with access control, until Ctrl-C.",
     ),
     "keys": (
         "keys",
-        "Make a folder of keys for each vehicle, the operator and the router, to be copied to their "
-        "machines.",
+        "Make a folder of keys for each vehicle, the operator and the router, to copy to their machines.",
     ),
     "warm-up": (
         "warm_up",
         "Compile the planners for large areas, once on a machine; small areas need no compiler.",
     ),
-    "replay": ("replay", "Fold the recorded events of a run again and say whether the same was decided."),
-    "audit": ("audit", "Check the evidence of a run, line by line, and show what happened."),
+    "replay": ("replay", "Repeat the decisions of a recorded run, and report whether they are the same."),
+    "audit": ("audit", "Check the evidence of a run line by line, and summarise it."),
     "schema": ("schema", "Print the JSON schema of configurations, for editors."),
 }
-"""name: (file, first paragraph of its help), in the order of the help"""
+"""name: (file, first paragraph of its help), in the order of `swarmctl --help`"""

@@ -1,4 +1,4 @@
-"""`swarmctl replay`: a recorded run, decided again."""
+"""`swarmctl replay`: the decisions of a recorded run, repeated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def register(cli: typer.Typer) -> None:
 def replay(
     run: Annotated[Path, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)],
 ) -> None:
-    """Fold the recorded events of a run again and say whether the same was decided."""
+    """Repeat the decisions of a recorded run, and report whether they are the same."""
     try:
         verdict = record.replay(
             record.record_path(run),
@@ -28,9 +28,12 @@ def replay(
     except record.RecordError as error:
         fail([str(error)], USAGE)
     if verdict.is_cut:
-        say("the record has no end: its process died, or it was cut; what is whole of it is replayed")
+        say(
+            "the record has no end, as its process died or the file was cut; "
+            "its complete part is replayed [record-cut]"
+        )
     if verdict.difference:
-        fail([f"differs: {verdict.difference}"], EXPECTED)
+        fail([f"the decisions differ: {verdict.difference}"], EXPECTED)
     out.print(
-        f"the same: {verdict.events} events gave the {verdict.effects} effects recorded", highlight=False
+        f"the decisions are the same: {verdict.events} events, {verdict.effects} effects", highlight=False
     )

@@ -1,4 +1,4 @@
-"""`swarmctl router`: what the agents of a star connect to."""
+"""`swarmctl router`: the router of a star network."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.access import ROUTER
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
-from swarmctl.cli.calling import of_keys, roll_of
+from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, fail, log, say
 from swarmctl.config.communication import Communication
 from swarmctl.security.files import KeyringError
-from swarmctl.security.participant import load
+from swarmctl.security.participant import load_keyring
 from swarmctl.station import router as routing
 
 
@@ -31,34 +31,39 @@ def route(
     config: ConfigOption,
     listen: Annotated[
         str,
-        typer.Option(metavar="ENDPOINT", help="Where, instead of at communication.router: tls/0.0.0.0:7447."),
+        typer.Option(
+            metavar="ENDPOINT", help="Endpoint instead of communication.router, such as tls/0.0.0.0:7447."
+        ),
     ] = "",
     keys: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder that `swarmctl keys` made, instead of communication.keys."),
+        typer.Option(metavar="DIR", help="Folder of `swarmctl keys`, instead of communication.keys."),
     ] = None,
     print_it: Annotated[
         bool,
-        typer.Option("--print", help="Print the same for `zenohd --config`, as JSON5, and do nothing else."),
+        typer.Option("--print", help="Print the configuration for `zenohd --config` as JSON5, and exit."),
     ] = False,
 ) -> None:
-    """Route what the agents of a swarm on many machines say, each only what it may, until Ctrl-C."""
-    roll = roll_of(config)
-    communication = roll.communication
-    where = _where(communication, listen)
+    """Route the messages of a swarm on many machines, with access control, until Ctrl-C."""
+    swarm = load_roster_or_exit(config)
+    communication = swarm.communication
+    where = _endpoint(communication, listen)
     credentials = _credentials(config, communication, where, keys)
-    configuration = zenoh_config.router(where, roll.name, [*roll.names], credentials)
+    configuration = zenoh_config.router(where, swarm.name, [*swarm.names], credentials)
     if print_it:
         say(configuration.as_json5())
         return
     if credentials is None and not where.is_loopback:
-        say(f"whoever reaches {where} can speak for every vehicle and give commands: nobody asks who it is")
-    _run(configuration, roll.names)
+        say(
+            f"{where} is open to other machines without authentication: they can send as any vehicle and "
+            "give commands; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
+        )
+    _run(configuration, swarm.names)
 
 
-def _where(communication: Communication, listen: str) -> BusEndpoint:
+def _endpoint(communication: Communication, listen: str) -> BusEndpoint:
     if not listen and communication.router is None:
-        fail(["where? give communication.router an endpoint, such as tcp/HOST:7447, or --listen"], USAGE)
+        fail(["no endpoint: set communication.router, such as tcp/HOST:7447, or give --listen"], USAGE)
     try:
         return parse_endpoint(listen or communication.router or "")
     except ValueError as error:
@@ -70,15 +75,15 @@ def _credentials(
 ) -> Credentials | None:
     if not where.is_certified:
         if keys is not None:
-            fail([f"--keys: {where} uses none; listen at tls/ or quic/ instead of tcp/"], USAGE)
+            fail([f"--keys: {where} uses no keys; listen at tls/ or quic/ instead of tcp/"], USAGE)
         return None
     folder = keys if keys is not None else None if communication.keys is None else Path(communication.keys)
     if folder is None:
-        fail([f"{where} needs certificates: give --keys the folder that `swarmctl keys` made"], USAGE)
+        fail([f"{where} needs certificates: give --keys with a folder of `swarmctl keys`"], USAGE)
     try:
-        return load(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
+        return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:
-        fail([str(error)] if keys is not None else of_keys(config, [str(error)]), EXPECTED)
+        fail([str(error)] if keys is not None else keys_problem_lines(config, [str(error)]), EXPECTED)
 
 
 def _run(configuration: Configuration, names: Mapping[int, str]) -> None:

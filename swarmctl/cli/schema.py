@@ -1,4 +1,4 @@
-"""`swarmctl schema`: every key of a configuration."""
+"""`swarmctl schema`: the JSON schema of configurations."""
 
 from __future__ import annotations
 

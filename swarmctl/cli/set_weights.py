@@ -6,10 +6,17 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.asking import AllOption, ConnectOption, FlyingConfigOption, SwarmOption, UavsOption, give
+from swarmctl.cli.operator_command import (
+    AllOption,
+    ConnectOption,
+    FlyingConfigOption,
+    SwarmOption,
+    UavsOption,
+    send_and_exit,
+)
 from swarmctl.core.messages import SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
-from swarmctl.report.answers import told
+from swarmctl.report.answers import weights_line
 from swarmctl.station import client
 
 
@@ -25,11 +32,15 @@ def set_weights(
     ] = None,
     firing_strength: Annotated[
         str,
-        typer.Option(metavar="D,N1,N2", help="The three below in one: 0.7,0.3,0.1."),
+        typer.Option(metavar="D,N1,N2", help="The three below together: 0.7,0.3,0.1."),
     ] = "",
     direct: Annotated[float | None, typer.Option(help="Firing strength over a hostile's cell.")] = None,
-    first_neighbour: Annotated[float | None, typer.Option(help="Over the 4 nearest cells.")] = None,
-    second_neighbour: Annotated[float | None, typer.Option(help="Over the 4 diagonal cells.")] = None,
+    first_neighbour: Annotated[
+        float | None, typer.Option(help="Firing strength over the 4 nearest cells.")
+    ] = None,
+    second_neighbour: Annotated[
+        float | None, typer.Option(help="Firing strength over the 4 diagonal cells.")
+    ] = None,
     swarm: SwarmOption = None,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
@@ -38,14 +49,14 @@ def set_weights(
 
     def command() -> SetWeights:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        return SetWeights(client.meant(uav or [], everyone), w, strengths)
+        return SetWeights(client.chosen_vehicles(uav or [], everyone), w, strengths)
 
     def line(answer: VehicleAnswer) -> str:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        said = told(w, None if strengths is None else FiringStrength(*strengths), answer)
+        text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer)
         if answer.outcome != "taken":
-            return said
-        # What keeps its route is not planned anew, and a vehicle may be over its goal before.
-        return f"{said}; plan {answer.from_plan} follows if another route is better"
+            return text
+        # A vehicle that keeps its route makes no new plan, and may arrive before one.
+        return f"{text}; plan {answer.from_plan} follows if another route is better"
 
-    give(command, swarm, config, connect, line)
+    send_and_exit(command, swarm, config, connect, line)

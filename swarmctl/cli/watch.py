@@ -17,10 +17,10 @@ from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration
-from swarmctl.cli.calling import of_keys, roll_of
+from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
 from swarmctl.config import joining
-from swarmctl.core.frames import Seal
+from swarmctl.core.frames import FrameCodec
 from swarmctl.security.files import KeyringError
 from swarmctl.station import watch
 from swarmctl.station.watch import Board, View, table
@@ -39,38 +39,47 @@ def show(
         typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
     ] = None,
     once: Annotated[
-        bool, typer.Option("--once", help="Show it once, when all were heard or after 5 s, and leave.")
+        bool,
+        typer.Option(
+            "--once", help="Show the table once, after all vehicles were received or after 5 s, and exit."
+        ),
     ] = False,
 ) -> None:
-    """Show where the vehicles of a swarm on many machines are and what they do, until Ctrl-C."""
-    known = roll_of(config)
+    """Show the positions and states of a swarm on many machines, until Ctrl-C."""
+    swarm = load_roster_or_exit(config)
     try:
-        keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC))
-        network = joining.as_watcher(known, known.names, connect, keyring)
+        keyring = joining.keyring_of(swarm, OPERATOR, dt.datetime.now(dt.UTC))
+        network = joining.as_watcher(swarm, swarm.names, connect, keyring)
     except KeyringError as error:
-        fail(of_keys(config, [str(error)]), EXPECTED)
+        fail(keys_problem_lines(config, [str(error)]), EXPECTED)
     except joining.NoNetwork as error:
         advice = "" if connect is not None else "; give one of them, or --connect tcp/HOST:PORT"
         fail([f"{error}{advice}"], USAGE)
     verify = None if keyring is None else keyring.verify
-    board = Board(known.name, known.names, known.grid, Seal(known.name, None, verify))
+    board = Board(swarm.name, swarm.names, swarm.grid, FrameCodec(swarm.name, None, verify))
     shown = _live if out.is_terminal and not once else _lines if not once else _once
     try:
         with shown() as see:
-            asyncio.run(_watch(network, board, known.name, see, once=once))
+            asyncio.run(_watch(network, board, swarm.name, see, once=once))
     except BusError as error:
         fail([str(error)], EXPECTED)
     except asyncio.CancelledError:
-        # Until then it was to be shown; one look that was broken off has shown nothing.
+        # Ctrl-C ends the live display as intended; with --once it interrupts the command.
         raise typer.Exit(INTERRUPTED if once else OK) from None
     if not board.any_heard:
-        fail(["no vehicle was heard: do their agents run, and reach the same router or mesh?"], EXPECTED)
+        fail(
+            [
+                "no vehicle was received; check that their agents run, with a connection to the same "
+                "router or mesh [no-vehicle]"
+            ],
+            EXPECTED,
+        )
 
 
 async def _watch(
     network: Configuration, board: Board, swarm: str, see: Callable[[View], None], *, once: bool
 ) -> None:
-    """Raises CancelledError on Ctrl-C; a second one leaves whatever the network does."""
+    """Show the swarm. Raises CancelledError on Ctrl-C; a second Ctrl-C ends the process at once."""
     me = asyncio.current_task()
     assert me is not None
 
@@ -84,14 +93,14 @@ async def _watch(
             asyncio.get_running_loop().add_signal_handler(number, interrupted)
     with ZenohBus(network) as bus:
 
-        def reached() -> str:
+        def network_state() -> str:
             where = ", ".join(map(str, network.connect))
             if bus.connected:
-                return f"{where}: reached"
+                return f"{where}: connected"
             trouble = f" ({bus.trouble})" if bus.trouble else ""
-            return f"{where}: not reached{trouble}: {joining.not_reached(network)}"
+            return f"{where}: not connected{trouble}: {joining.not_reached(network)}"
 
-        await watch.watch(bus, board, swarm, reached, see, once=once)
+        await watch.watch(bus, board, swarm, network_state, see, once=once)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""Signatures under a run's evidence: whose they are, and whether they hold."""
+"""Signatures of a run's evidence: making them, and checking them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
-from swarmctl.security.files import KeyringError, must_be_private, read_signer, read_signers
+from swarmctl.security.files import KeyringError, check_private, read_signer, read_signers
 
 
 @dataclass(frozen=True, slots=True)
-class Witness:
-    """Signs as one participant."""
+class EvidenceSigner:
+    """The signing key of one participant."""
 
     name: str
     signer: Ed25519PrivateKey
@@ -28,15 +28,15 @@ class Witness:
         return base64.b64encode(self.signer.sign(data)).decode()
 
 
-def witness(folder: Path, name: str) -> Witness:
-    """With the key of participant `name` in a folder that `swarmctl keys` made. Raises KeyringError."""
+def load_evidence_signer(folder: Path, name: str) -> EvidenceSigner:
+    """Return the signer of participant `name` in a folder of `swarmctl keys`. Raises KeyringError."""
     file = folder / name / "sign.pem"
-    must_be_private(file)
-    return Witness(name, read_signer(file))
+    check_private(file)
+    return EvidenceSigner(name, read_signer(file))
 
 
-def holds(data: bytes, key: str, signature: str) -> bool:
-    """Whether the owner of the public `key` has signed `data`; both in base64, of any content."""
+def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
+    """Return whether `signature` is that of the public `key` for `data`; both base64, of any content."""
     try:
         public = Ed25519PublicKey.from_public_bytes(base64.b64decode(key, validate=True))
         public.verify(base64.b64decode(signature, validate=True), data)
@@ -46,11 +46,11 @@ def holds(data: bytes, key: str, signature: str) -> bool:
 
 
 def is_key_of(folder: Path, name: str, key: str) -> bool:
-    """Whether the keyring in `folder` has this public key (base64) for `name`. Raises KeyringError."""
+    """Return whether the keys in `folder` list this public key (base64) for `name`. Raises KeyringError."""
     tables = sorted(folder.glob("*/signers.json"))
     if not tables:
         raise KeyringError(
-            f"{folder}: no signers.json in any folder there; expected a folder that `swarmctl keys` made"
+            f"{folder}: found no signers.json in its folders; expected a folder that `swarmctl keys` made"
         )
     known = read_signers(tables[0]).get(name)
     return known is not None and base64.b64encode(known.public_bytes_raw()).decode() == key

@@ -1,4 +1,4 @@
-"""What is in the files of a keyring, and what may be wrong with it."""
+"""Files of a keyring: readers and checks."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from cryptography.x509.oid import NameOID
 
+AUTHORITY = "ca"
+"""folder of the certificate authority"""
 NAME = re.compile(r"uav[1-9][0-9]{0,2}|operator|router")
-"""who a certificate may name"""
+"""names of participants"""
 
 
 class KeyringError(Exception):
-    """A folder of keys cannot be made or used; the text says which file, why, and what to do."""
+    """A folder of keys cannot be made or used; the text has the file, the reason and advice."""
 
 
 def read(path: Path) -> bytes:
@@ -30,7 +32,8 @@ def read(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise KeyringError(
-            f"{path}: {error.strerror or error}; copy the folder whole from where `swarmctl keys` made it"
+            f"{path}: {error.strerror or error}; copy the whole folder again from "
+            "the machine where `swarmctl keys` made it"
         ) from error
 
 
@@ -39,7 +42,7 @@ def read_certificate(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(content)
     except ValueError as error:
-        raise KeyringError(f"{path} is no certificate in PEM; restore it, or have it made anew") from error
+        raise KeyringError(f"{path} is not a certificate in PEM; restore it, or make it again") from error
 
 
 def read_private(path: Path) -> object:
@@ -47,20 +50,20 @@ def read_private(path: Path) -> object:
     try:
         return serialization.load_pem_private_key(content, password=None)
     except (ValueError, TypeError) as error:
-        raise KeyringError(f"{path} is no private key in PEM without a password; restore it") from error
+        raise KeyringError(f"{path} is not a private key in PEM without a password; restore it") from error
 
 
 def read_ec_key(path: Path) -> ec.EllipticCurvePrivateKey:
     key = read_private(path)
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise KeyringError(f"{path} is no key on an elliptic curve; restore it, or have it made anew")
+        raise KeyringError(f"{path} is not a key on an elliptic curve; restore it, or make it again")
     return key
 
 
 def read_signer(path: Path) -> Ed25519PrivateKey:
     key = read_private(path)
     if not isinstance(key, Ed25519PrivateKey):
-        raise KeyringError(f"{path} is no Ed25519 key; restore it, or have it made anew")
+        raise KeyringError(f"{path} is not an Ed25519 key; restore it, or make it again")
     return key
 
 
@@ -72,54 +75,52 @@ def read_signers(path: Path) -> dict[str, Ed25519PublicKey]:
             for name, text in json.loads(content).items()
         }
     except (ValueError, TypeError, AttributeError, binascii.Error) as error:
-        raise KeyringError(f"{path} is no table of public keys: {error}; restore it") from error
+        raise KeyringError(f"{path} is not a table of public keys: {error}; restore it") from error
 
 
-def must_name(path: Path, certificate: x509.Certificate, name: str) -> None:
+def check_name(path: Path, certificate: x509.Certificate, name: str) -> None:
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     if [attribute.value for attribute in names] != [name]:
-        raise KeyringError(f"{path} names somebody else than {name}; remove the folder, or give another one")
+        raise KeyringError(f"{path} is not the certificate of {name}; remove the folder, or give another one")
 
 
-def must_be_issued_by(
-    path: Path, certificate: x509.Certificate, authority: x509.Certificate, there: Path
-) -> None:
+def check_issuer(path: Path, certificate: x509.Certificate, authority: x509.Certificate, there: Path) -> None:
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature) as error:
         raise KeyringError(
-            f"{path} was not issued by the authority of {there}: it is another swarm's; remove it, or give "
-            "another folder"
+            f"{path} was not issued by the authority of {there}: it belongs to another swarm; remove it, or "
+            "give another folder"
         ) from error
 
 
-def must_be_valid(path: Path, certificate: x509.Certificate, now: dt.datetime) -> None:
+def check_validity(path: Path, certificate: x509.Certificate, now: dt.datetime) -> None:
     if now > certificate.not_valid_after_utc:
         raise KeyringError(
             f"{path} was valid until {certificate.not_valid_after_utc:%Y-%m-%d %H:%M} UTC; remove the folder "
-            "and have it made anew with `swarmctl keys`"
+            "and make it again with `swarmctl keys`"
         )
     if now < certificate.not_valid_before_utc:
         raise KeyringError(
-            f"{path} is valid from {certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC on, and it is "
-            f"{now:%Y-%m-%d %H:%M} UTC by this machine's clock; set the clock"
+            f"{path} is valid from {certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC on, but this "
+            f"machine's clock shows {now:%Y-%m-%d %H:%M} UTC; set the clock"
         )
 
 
-def must_fit(key_file: Path, certificate_file: Path, certificate: x509.Certificate) -> None:
+def check_key_pair(key_file: Path, certificate_file: Path, certificate: x509.Certificate) -> None:
     if read_ec_key(key_file).public_key() != certificate.public_key():
         raise KeyringError(
-            f"{key_file} does not fit {certificate_file}; restore them, or have them made anew"
+            f"{key_file} is not the key of {certificate_file}; restore both, or make them again"
         )
 
 
-def must_be_private(path: Path) -> None:
+def check_private(path: Path) -> None:
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
     except OSError as error:
         raise KeyringError(f"{path}: {error.strerror or error}") from error
     if mode & 0o077:
-        raise KeyringError(f"{path} can be read by others (mode {mode:04o}): chmod 600 {path}")
+        raise KeyringError(f"{path} is readable by other users (mode {mode:04o}): chmod 600 {path}")
 
 
 def hosts_of(certificate: x509.Certificate) -> tuple[str, ...]:

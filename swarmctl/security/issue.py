@@ -1,4 +1,4 @@
-"""Folders for participants, and the authority that vouches for them; what is there already is kept."""
+"""Makes the participants' folders of keys and their certificate authority; existing ones are kept."""
 
 from __future__ import annotations
 
@@ -18,60 +18,60 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from swarmctl.security.files import (
+    AUTHORITY,
     NAME,
     KeyringError,
+    check_issuer,
+    check_key_pair,
+    check_name,
+    check_validity,
     hosts_of,
-    must_be_issued_by,
-    must_be_valid,
-    must_fit,
-    must_name,
     read_certificate,
     read_ec_key,
     read_signer,
 )
 
-AUTHORITY = "ca"
 LOCAL = ("localhost", "127.0.0.1")
 BEFORE = dt.timedelta(days=1)
-"""a certificate is valid from so long ago on: clocks of companions may be late"""
+"""validity of a certificate before it is made: companions' clocks may be slow"""
 PRIVATE = 0o600
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
-    """A participant's folder, and until when its certificate is valid."""
+class ParticipantFolder:
+    """A participant's folder, and the end of its certificate's validity."""
 
     name: str
     folder: Path
     is_new: bool
     is_changed: bool
-    """it was there, and is no longer what its machine has: it knows others now"""
+    """an existing folder with new public keys of other participants, which its machine lacks"""
     until: dt.datetime
     hosts: tuple[str, ...]
 
 
-def make(
+def make_keys(
     folder: Path,
     names: Sequence[str],
     days: int,
     now: dt.datetime,
     hosts: Mapping[str, Sequence[str]] | None = None,
-) -> list[Made]:
-    """A folder for each of `names`, where there is none yet; `hosts` are where they are found, by name.
+) -> list[ParticipantFolder]:
+    """Make a folder for each of `names` without one; `hosts` are their addresses, by name.
 
-    Certificates are valid for `days` from `now` (an aware datetime) on; the authority's for ten times as
-    long. Raises KeyringError.
+    Certificates are valid for `days` from `now` (an aware datetime); the authority's ten times as long.
+    Raises KeyringError.
     """
     for name in names:
         if not NAME.fullmatch(name):
-            raise KeyringError(f"{name!r} is no participant: expected uav1 to uav254, operator or router")
+            raise KeyringError(f"{name!r} is not a participant: expected uav1 to uav254, operator or router")
     hosts = hosts or {}
     try:
         authority = _authority(folder / AUTHORITY, days, now)
         made = [
             _participant(folder / name, name, authority, days, now, hosts.get(name, ())) for name in names
         ]
-        changed = _tell_signers(folder)
+        changed = _distribute_public_keys(folder)
     except OSError as error:
         raise KeyringError(f"{error.filename or folder}: {error.strerror or error}") from error
     return [replace(one, is_changed=not one.is_new and one.name in changed) for one in made]
@@ -101,17 +101,17 @@ def _authority(folder: Path, days: int, now: dt.datetime) -> _Authority:
     made = _Authority(read_ec_key(key_file), read_certificate(certificate_file))
     if made.key.public_key() != made.certificate.public_key():
         raise KeyringError(
-            f"{key_file} does not fit {certificate_file}; restore them, or give another folder"
+            f"{key_file} is not the key of {certificate_file}; restore both, or give another folder"
         )
-    must_be_valid(certificate_file, made.certificate, now)
+    check_validity(certificate_file, made.certificate, now)
     return made
 
 
 def _participant(
     folder: Path, name: str, authority: _Authority, days: int, now: dt.datetime, hosts: Sequence[str]
-) -> Made:
+) -> ParticipantFolder:
     if folder.exists():
-        return _kept(folder, name, authority, now, hosts)
+        return _existing(folder, name, authority, now, hosts)
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     all_hosts = tuple(dict.fromkeys((name, *LOCAL, *hosts)))
@@ -128,37 +128,38 @@ def _participant(
     _write(folder / "cert.pem", certificate.public_bytes(serialization.Encoding.PEM))
     _write_key(folder / "key.pem", key)
     _write_key(folder / "sign.pem", Ed25519PrivateKey.generate())
-    return Made(name, folder, True, False, certificate.not_valid_after_utc, all_hosts)
+    return ParticipantFolder(name, folder, True, False, certificate.not_valid_after_utc, all_hosts)
 
 
-def _kept(folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]) -> Made:
-    """A folder of an earlier time, if it is one of this authority's."""
+def _existing(
+    folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]
+) -> ParticipantFolder:
+    """Return an existing folder after checking that this authority issued it."""
     certificate_file = folder / "cert.pem"
     certificate = read_certificate(certificate_file)
-    must_name(certificate_file, certificate, name)
-    must_be_issued_by(certificate_file, certificate, authority.certificate, folder.parent / AUTHORITY)
-    must_be_valid(certificate_file, certificate, now)
-    must_fit(folder / "key.pem", certificate_file, certificate)
+    check_name(certificate_file, certificate, name)
+    check_issuer(certificate_file, certificate, authority.certificate, folder.parent / AUTHORITY)
+    check_validity(certificate_file, certificate, now)
+    check_key_pair(folder / "key.pem", certificate_file, certificate)
     read_signer(folder / "sign.pem")
     named = hosts_of(certificate)
     if missing := [host for host in hosts if host not in named]:
         raise KeyringError(
-            f"{certificate_file} does not name {', '.join(missing)}; remove {folder} to have it made anew"
+            f"{certificate_file} does not name {', '.join(missing)}; remove {folder}, and it is made again"
         )
-    return Made(name, folder, False, False, certificate.not_valid_after_utc, named)
+    return ParticipantFolder(name, folder, False, False, certificate.not_valid_after_utc, named)
 
 
-def _tell_signers(folder: Path) -> set[str]:
-    """Write everybody's public keys into every folder, also those of earlier times; returns in which others
-    stood."""
+def _distribute_public_keys(folder: Path) -> set[str]:
+    """Write all public keys into every folder, existing ones included; return the changed folders' names."""
     folders = sorted(path for path in folder.iterdir() if NAME.fullmatch(path.name))
     public = {path.name: read_signer(path / "sign.pem").public_key().public_bytes_raw() for path in folders}
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
     content = text.encode() + b"\n"
-    others = [path for path in folders if not _holds(path / "signers.json", content)]
-    for path in others:
+    changed = [path for path in folders if not _holds(path / "signers.json", content)]
+    for path in changed:
         _write(path / "signers.json", content)
-    return {path.name for path in others}
+    return {path.name for path in changed}
 
 
 def _holds(path: Path, content: bytes) -> bool:
@@ -202,12 +203,12 @@ def _general_names(hosts: Iterable[str]) -> list[x509.GeneralName]:
             try:
                 names.append(x509.DNSName(host))
             except ValueError as error:
-                raise KeyringError(f"{host!r} is no host: expected a name or an address") from error
+                raise KeyringError(f"{host!r} is not a host: expected a name or an address") from error
     return names
 
 
 def _write(path: Path, content: bytes, mode: int = 0o644) -> None:
-    """With its mode from the first byte on, and never half a file under its name."""
+    """Write a file atomically, with its mode from the first byte on."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.new")
     draft.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The key of MAVLink signing, and the time stamps used under it, as files."""
+"""Files of MAVLink signing: the key, and the highest time stamp used with it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import os
 import re
 from pathlib import Path
 
-from swarmctl.security.files import KeyringError, must_be_private
+from swarmctl.security.files import KeyringError, check_private
 
 KEY_BYTES = 32
 """https://mavlink.io/en/guide/message_signing.html#secret_key"""
@@ -24,11 +24,11 @@ _FORMS = (
 
 
 def read_mavlink_key(path: Path) -> bytes:
-    """32 bytes. Raises KeyringError, also where others may read the file."""
+    """Return the key of 32 bytes. Raises KeyringError, also if other users can read the file."""
     try:
         text = path.read_text(encoding="utf-8").strip()
     except OSError as error:
-        where = "" if path.is_absolute() else f"; {path} is looked for from where the command runs"
+        where = "" if path.is_absolute() else f"; {path} is relative to the working directory"
         raise KeyringError(
             f"{path.absolute()}: the signing key cannot be read: {error.strerror or error}{where}"
         ) from error
@@ -36,12 +36,14 @@ def read_mavlink_key(path: Path) -> bytes:
         raise KeyringError(
             f"{path}: the signing key cannot be read: it is not text; expected {_FORMS}"
         ) from error
-    must_be_private(path)
+    check_private(path)
     key = _key(text)
     if key is None:
         raise KeyringError(f"{path}: found no signing key, expected {_FORMS}")
     if not any(key):
-        raise KeyringError(f"{path}: a key of zeros means no signing; make another, or leave it away")
+        raise KeyringError(
+            f"{path}: a key of zeros turns signing off; make another key, or remove the option"
+        )
     return key
 
 
@@ -59,13 +61,13 @@ def _key(text: str) -> bytes | None:
 
 
 class TimestampFile:
-    """Beside the key: a number that no frame was stamped with, and none below which one may be."""
+    """A file beside the key with a time stamp above all that were used."""
 
     def __init__(self, key_file: Path) -> None:
         self.path = key_file.with_name(f"{key_file.name}.timestamp")
 
     def load(self) -> int:
-        """0 where there is none yet. Raises OSError, and ValueError where it is no number."""
+        """Return the time stamp; 0 without a file. Raises OSError, and ValueError for other contents."""
         try:
             text = self.path.read_text(encoding="ascii")
         except FileNotFoundError:
@@ -73,13 +75,13 @@ class TimestampFile:
         return _number(text, self.path)
 
     def keep(self, timestamp: int) -> None:
-        """Another process with the same key may have kept a higher one. Raises OSError, ValueError."""
+        """Store a time stamp, unless another process stored a higher one. Raises OSError, ValueError."""
         with os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="ascii") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             text = file.read()
             highest = max(timestamp, _number(text, self.path) if text else 0)
             file.seek(0)
-            # One width, so that no crash leaves the end of a longer number.
+            # Constant width: a crash cannot leave digits of a longer number.
             file.write(f"{highest:020d}\n")
             file.flush()
             os.fsync(file.fileno())
@@ -87,5 +89,7 @@ class TimestampFile:
 
 def _number(text: str, path: Path) -> int:
     if not text.strip().isdecimal():
-        raise ValueError(f"{path}: found {text[:40]!r}, expected the number this program wrote; restore it")
+        raise ValueError(
+            f"{path}: found {text[:40]!r}, expected a number that this program wrote; restore the file"
+        )
     return int(text)

@@ -1,9 +1,9 @@
-"""One participant's folder, as its machine uses it."""
+"""A participant's keys as its machine loads them, and checks of all folders on a machine."""
 
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +13,14 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from swarmctl.bus.transports.access import OPERATOR, name_of
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.security.files import (
+    AUTHORITY,
     KeyringError,
-    must_be_issued_by,
-    must_be_private,
-    must_be_valid,
-    must_fit,
-    must_name,
+    check_issuer,
+    check_key_pair,
+    check_name,
+    check_private,
+    check_validity,
+    read,
     read_certificate,
     read_signer,
     read_signers,
@@ -36,15 +38,15 @@ class Keyring:
     signers: Mapping[str, Ed25519PublicKey]
 
     def sign(self, uav: int, data: bytes) -> bytes | None:
-        """64 bytes; None for another vehicle than this keyring's."""
+        """Return a signature of 64 bytes; None for another vehicle than this keyring's."""
         return self.signer.sign(data) if name_of(uav) == self.name else None
 
     def verify(self, uav: int, signature: bytes, data: bytes) -> bool:
-        """Whether vehicle `uav` signed `data`."""
+        """Return whether vehicle `uav` signed `data`."""
         return self._is_signed_by(name_of(uav), signature, data)
 
     def is_operators(self, signature: bytes, data: bytes) -> bool:
-        """Whether the operator signed `data`."""
+        """Return whether the operator signed `data`."""
         return self._is_signed_by(OPERATOR, signature, data)
 
     def _is_signed_by(self, name: str, signature: bytes, data: bytes) -> bool:
@@ -58,30 +60,61 @@ class Keyring:
         return True
 
 
-def load(folder: Path, name: str, now: dt.datetime) -> Keyring:
-    """What `folder` holds for participant `name`, whole and valid at `now` (an aware datetime).
+def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
+    """Load the keys of participant `name` and check them at `now` (an aware datetime).
 
     Raises KeyringError.
     """
     own = folder / name
     if not own.is_dir():
         raise KeyringError(
-            f"{own}: no such folder; `swarmctl keys --out {folder}` makes it, or copy it from where that was "
-            "done"
+            f"{own}: no such folder; make it with `swarmctl keys --out {folder}`, or copy it from the "
+            "machine where it was made"
         )
     files = Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
     ca, certificate = read_certificate(files.ca), read_certificate(files.certificate)
-    must_name(files.certificate, certificate, name)
-    must_be_issued_by(files.certificate, certificate, ca, files.ca)
-    must_be_valid(files.ca, ca, now)
-    must_be_valid(files.certificate, certificate, now)
+    check_name(files.certificate, certificate, name)
+    check_issuer(files.certificate, certificate, ca, files.ca)
+    check_validity(files.ca, ca, now)
+    check_validity(files.certificate, certificate, now)
     for private in (files.key, own / "sign.pem"):
-        must_be_private(private)
-    must_fit(files.key, files.certificate, certificate)
+        check_private(private)
+    check_key_pair(files.key, files.certificate, certificate)
     signer, signers = read_signer(own / "sign.pem"), read_signers(own / "signers.json")
     if signers.get(name) != signer.public_key():
         raise KeyringError(
             f"{own / 'signers.json'} has another key for {name} than {own / 'sign.pem'}: others would "
-            "refuse what it says; copy the folder whole from where `swarmctl keys` made it"
+            "refuse its messages; copy the whole folder from the machine where `swarmctl keys` made it"
         )
     return Keyring(name, files, certificate.not_valid_after_utc, signer, signers)
+
+
+def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Iterator[str]:
+    """Yield a line for each of the participants `names` whose keys cannot be used at `now`.
+
+    On the machine with the authority all participants are expected, on other machines at least one.
+    """
+    present = [name for name in names if (folder / name).is_dir()]
+    has_authority = (folder / AUTHORITY).is_dir()
+    authorities: dict[bytes, Path] = {}
+    for name in names if has_authority or not present else present:
+        try:
+            load_keyring(folder, name, now)
+            file = folder / name / "ca.pem"
+            authorities.setdefault(read(file), file)
+        except KeyringError as error:
+            yield str(error)
+        if not present:
+            return  # one line for all
+    if has_authority and present:
+        file = folder / AUTHORITY / "ca.pem"
+        try:
+            authorities.setdefault(read(file), file)
+        except KeyringError as error:
+            yield str(error)
+    if len(authorities) > 1:
+        files = ", ".join(map(str, authorities.values()))
+        yield (
+            f"{files} are of different authorities, so their owners refuse each other's messages: copy the "
+            "folders of one run of `swarmctl keys` to all machines"
+        )

@@ -1,8 +1,8 @@
-"""An operator's commands under seal: who gives them, for whom, and when, so that nobody can give one again.
+"""Signed commands of an operator, which cannot be forged, redirected or replayed, and their answers.
 
-A sealed command is 64 bytes of Ed25519 signature and a MessagePack map. What is signed is the swarm's name
-and the map, which holds the key that is asked: a command to one vehicle is none to another. The vehicle's
-answer is signed by the vehicle, together with what it was asked: it answers nothing else.
+A sealed command is 64 bytes of Ed25519 signature and a MessagePack map. The signature covers the swarm's
+name and the map. The map has the key of the command: a command to one vehicle is not valid for another. The
+vehicle signs its answer together with the command.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from swarmctl.core.messages import BadMessage
 
 MAX_COMMAND_BYTES = 16_000
 FRESH_S = 20.0
-"""An older command is not taken: what was meant then may be wrong now."""
+"""Limit on a command's age: an old command may no longer be right."""
 
 
-class Sealed(msgspec.Struct, frozen=True):
-    """A command with its circumstances."""
+class SealedCommand(msgspec.Struct, frozen=True):
+    """A command, its key and its time."""
 
     key: Annotated[str, msgspec.Meta(max_length=200)]
     unix_s: float
-    """when it was given; no two are given at one time"""
+    """time of the command, unique"""
     command: Annotated[bytes, msgspec.Meta(max_length=MAX_COMMAND_BYTES)]
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.unix_s):
-            raise ValueError("a time that is no number")
+            raise ValueError("the time is not a finite number")
 
 
 _encoder = msgspec.msgpack.Encoder()
-_decoder = msgspec.msgpack.Decoder(Sealed)
+_decoder = msgspec.msgpack.Decoder(SealedCommand)
 
 
 def _signed(swarm: str, body: bytes) -> bytes:
@@ -44,37 +44,37 @@ def _signed(swarm: str, body: bytes) -> bytes:
 
 
 def seal(swarm: str, key: str, command: bytes, unix_s: float, sign: Callable[[bytes], bytes]) -> bytes:
-    """The bytes to ask `key` with."""
-    body = _encoder.encode(Sealed(key, unix_s, command))
+    """Return the signed payload of a command under `key`."""
+    body = _encoder.encode(SealedCommand(key, unix_s, command))
     return sign(_signed(swarm, body)) + body
 
 
 def _answer_signed(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
-    # Of equal length, whatever was asked. No two commands under seal are equal.
+    # Constant length. Sealed commands are unique.
     question = hashlib.sha256(asked).digest()
     return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + question + answer
 
 
 def seal_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Callable[[bytes], bytes]) -> bytes:
-    """The bytes that answer `asked`, which came under `key`."""
+    """Return the signed answer to the payload `asked` under `key`."""
     return sign(_answer_signed(swarm, key, asked, answer)) + answer
 
 
 def open_answer(
     swarm: str, key: str, asked: bytes, data: bytes, verify: Callable[[bytes, bytes], bool]
 ) -> bytes:
-    """What the vehicle of which `verify` knows the signatures answered to `asked`. Raises BadMessage."""
+    """Return the answer to `asked`; `verify` checks the vehicle's signature. Raises BadMessage."""
     signature, answer = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
     if not verify(signature, _answer_signed(swarm, key, asked, answer)):
-        raise BadMessage("an answer that the vehicle asked did not sign")
+        raise BadMessage("the answer is not signed by the vehicle")
     return answer
 
 
-class Opener:
-    """What one agent takes of the operator: nothing unsigned, for others, of another time, or twice.
+class CommandOpener:
+    """Checks an agent's commands: the operator's signature, the key, the time, and no repetition.
 
-    `verify` tells whether the operator made a signature. Commands from before `began_unix_s`, when this
-    process began, are too old: one that died may have taken them.
+    `verify` checks the operator's signature. Commands from before `began_unix_s`, the start of this process,
+    are refused: a process that died may have executed them.
     """
 
     def __init__(
@@ -87,32 +87,41 @@ class Opener:
         self._taken: set[float] = set()
 
     def open(self, key: str, data: bytes, unix_s: float) -> bytes:
-        """The command. Raises BadMessage; never anything else, whatever the bytes."""
+        """Return the command. Raises BadMessage, and no other exception, whatever the bytes."""
         signature, body = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
         if not self._verify(signature, _signed(self._swarm, body)):
-            raise BadMessage("not signed by the operator of this swarm; give it with the operator's keys")
+            raise BadMessage(
+                "the command is not signed by the operator of this swarm; use the operator's keys "
+                "[not-signed]"
+            )
         try:
             sealed = _decoder.decode(body)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise BadMessage(f"no command under seal: {error}") from None
+            raise BadMessage(f"the payload is not a sealed command: {error}") from None
         if sealed.key != key:
-            raise BadMessage(f"a command for {sealed.key}, asked under {key}")
+            raise BadMessage(f"the command is for {sealed.key}, and came under {key}")
         self._check_time(sealed.unix_s, unix_s)
         self._taken = {at_s for at_s in self._taken if at_s > unix_s - FRESH_S}
         if sealed.unix_s in self._taken:
-            raise BadMessage("a replay: this command has come before")
+            raise BadMessage("a replay: the same command was received before [command-replayed]")
         self._taken.add(sealed.unix_s)
         return sealed.command
 
     def _check_time(self, given_unix_s: float, unix_s: float) -> None:
         age_s = unix_s - given_unix_s
         if age_s < -self._tolerance_s:
-            raise BadMessage(f"a command {-age_s:.0f} s from now: do the clocks of both machines go right?")
+            raise BadMessage(
+                f"the command's time is {-age_s:.0f} s ahead of this machine's clock; check the clocks of "
+                "both machines [command-early]"
+            )
         if given_unix_s < self._began_unix_s:
             before_s = self._began_unix_s - given_unix_s
             raise BadMessage(
-                f"a command from {before_s:.1f} s before this agent began: give it again; if that does not "
-                "help, do the clocks of both machines go right?"
+                f"the command was given {before_s:.1f} s before this agent started; repeat it. If that "
+                "fails, check the clocks of both machines [command-before-start]"
             )
         if age_s > FRESH_S:
-            raise BadMessage(f"a command {age_s:.0f} s old: do the clocks of both machines go right?")
+            raise BadMessage(
+                f"the command is {age_s:.0f} s old (limit {FRESH_S:g} s); check the clocks of both machines "
+                "[command-old]"
+            )

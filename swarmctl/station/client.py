@@ -1,10 +1,11 @@
-"""An operator's commands to a swarm that another process flies: find it, ask it, hear what it says."""
+"""Client of the operator service: finds a swarm in flight, sends commands, and decodes the answers."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -12,7 +13,7 @@ from typing import Protocol
 import msgspec
 
 from swarmctl.bus import directory, keys
-from swarmctl.bus.endpoint import NOBODY, BusEndpoint, parse_endpoint
+from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
 from swarmctl.bus.operator_service import ANSWER_WITHIN_S, KINDS
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import BusError, Transport
@@ -28,39 +29,39 @@ from swarmctl.core.messages import (
     decode_answer,
     encode,
 )
-from swarmctl.core.texts import meant_by
+from swarmctl.core.texts import resolve_vehicles
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
 
 class Unclear(ValueError):
-    """It is not said what is meant; the text says what to add."""
+    """The options do not say which swarm or vehicles are meant; the text has the missing option."""
 
 
 class NoAnswer(Exception):
-    """Nobody has answered, or nothing that can be understood; the text says what is known then."""
+    """There is no valid answer; the text says what is known about the command."""
 
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """Where a swarm is found, and who answers there."""
+    """Endpoints of a swarm, and the agents that answer there."""
 
     swarm: str
     endpoint: BusEndpoint
     others: tuple[BusEndpoint, ...] = ()
-    """tried where nobody is at the first"""
+    """further endpoints, tried in order"""
     agents: Mapping[int, str] = field(default_factory=dict)
-    """the vehicles (system id: name) whose agents answer each for itself; empty: one answers for all"""
+    """vehicles (system id: name) with agents of their own; empty: one process answers for all"""
 
 
 class Seals(Protocol):
-    """Shows who gives a command, and tells who answers it."""
+    """Signs commands, and checks the signatures of answers."""
 
     def close(self, key: str, command: bytes) -> bytes:
-        """The payload to ask `key` with."""
+        """Return the signed payload of a command under `key`."""
 
     def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
-        """What `uav` answered to the payload `asked`. Raises BadMessage where that is not its answer."""
+        """Return the answer of `uav` to the payload `asked`. Raises BadMessage for a forged answer."""
 
 
 class _Unsealed:
@@ -72,20 +73,20 @@ class _Unsealed:
 
 
 UNSEALED: Seals = _Unsealed()
-"""Nobody shows who it is, and everybody is believed."""
+"""Signs nothing, and accepts every answer."""
 
 
-def meant(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
-    """Names or system ids, as given: the swarm knows which is which. None for all. Raises Unclear."""
+def chosen_vehicles(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
+    """Return names or system ids as given; None for all vehicles. Raises Unclear."""
     if everyone == bool(uavs):
-        raise Unclear("which vehicles? give --uav NAME (or its system id), which may be repeated, or --all")
+        raise Unclear("give either --uav NAME (or system id; repeatable) or --all [which-vehicles]")
     return None if everyone else tuple(uavs)
 
 
 def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
-    """All three or none: the swarm's own are not known here. Raises Unclear."""
+    """Return all three firing strengths, or None; the swarm's own are unknown here. Raises Unclear."""
     if text and any(value is not None for value in single):
-        raise Unclear("--firing-strength says all three; leave the others away")
+        raise Unclear("--firing-strength has all three; remove the other options [strengths-twice]")
     try:
         values = [float(part) for part in text.split(",")] if text else [v for v in single if v is not None]
     except ValueError:
@@ -106,51 +107,81 @@ def find(
     connect: str | None,
     names: Mapping[int, str] | None = None,
 ) -> Station:
-    """The flight that is meant: by where it listens, by name, or the only one of this machine.
+    """Return the flight that is meant: by its endpoint, by name, or the only one on this machine.
 
-    `names` are the vehicles of `config`, which answer each for itself where their agents run on machines of
-    their own. Raises Unclear, and BusError where no such swarm flies.
+    `names` are the vehicles of `config`; their agents may run on machines of their own. Raises Unclear, and
+    BusError if no such swarm flies.
     """
     swarm = _name(swarm, config)
-    apart = config is not None and is_apart(config)
+    is_distributed = config is not None and has_agents(config)
     if connect is not None:
         if swarm is None:
-            raise Unclear("--connect says where; --swarm NAME or --config F says which swarm")
-        return Station(swarm, _endpoint(connect), agents=names or {} if apart else {})
-    if config is not None and apart:
-        here = [entry for entry in directory.flying() if entry.swarm == swarm]
-        if len(here) == 1:  # somebody flies all of it in one process, on this machine
+            raise Unclear("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
+        return Station(swarm, _endpoint(connect), agents=names or {} if is_distributed else {})
+    if config is not None and is_distributed:
+        here = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
+        if len(here) == 1:  # one process on this machine flies all vehicles
             return Station(here[0].swarm, here[0].endpoint)
-        points = meeting_points(config)
+        points = entry_points(config)
         return Station(config.name, points[0], tuple(points[1:]), names or {})
     if config is not None:
-        if config.communication.bus != "zenoh" or config.communication.listen == NOBODY:
-            raise Unclear(f"{swarm} listens to nobody: `communication` has bus: memory, or listen: none")
+        if config.communication.bus != "zenoh" or config.communication.listen == NO_ENDPOINT:
+            raise Unclear(
+                f"{swarm} takes no commands: `communication` has bus: memory, or listen: none [not-listening]"
+            )
         listen = parse_endpoint(config.communication.listen)
         if listen.port != 0:
             return Station(config.name, listen.reachable)
-    flying = directory.flying()
-    meant = [entry for entry in flying if swarm in (None, entry.swarm)]
-    if len(meant) == 1:
-        return Station(meant[0].swarm, meant[0].endpoint)
-    if meant:
-        there = ", ".join(f"{e.swarm} at {e.endpoint} (process {e.pid})" for e in meant)
-        raise Unclear(f"{len(meant)} swarms fly here: {there}; --swarm NAME or --connect says which is meant")
-    others = f"; there is {', '.join(e.swarm for e in flying)}" if flying else ""
+    running = directory.running_swarms()
+    named = [entry for entry in running if swarm in (None, entry.swarm)]
+    if len(named) == 1:
+        return Station(named[0].swarm, named[0].endpoint)
+    if named:
+        there = ", ".join(map(describe, named))
+        raise Unclear(
+            f"{len(named)} swarms fly on this machine: {there}; choose one with --swarm or --connect "
+            "[which-swarm]"
+        )
+    if swarm is not None and (ended := ended_text(swarm)):
+        raise BusError(f"{ended}; no command was sent [flight-ended]")
+    others = f"; running: {', '.join(map(describe, running))}" if running else ""
     raise BusError(
-        f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}; a flight takes "
-        "commands in real time only (not with --clock virtual), and not with bus: memory or listen: none; "
-        "agents on machines of their own are found with --config"
+        f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}. Flights with "
+        "--clock virtual, bus: memory or listen: none take no commands; agents on machines of their own are "
+        "found with --config [no-swarm]"
     )
 
 
-def is_apart(config: Swarm) -> bool:
-    """Whether its agents may run on machines of their own."""
+def describe(flight: directory.RunningSwarm) -> str:
+    """Return a running flight with its endpoint, age and process."""
+    age = duration_text(time.time() - flight.started_unix_s)
+    return f"{flight.swarm} at {flight.endpoint} (flying for {age}, process {flight.pid})"
+
+
+def duration_text(seconds: float) -> str:
+    """Return a duration in its largest fitting unit."""
+    for unit, unit_s in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * unit_s:
+            return f"{seconds / unit_s:.0f} {unit}"
+    return f"{max(seconds, 0.0):.0f} s"
+
+
+def ended_text(swarm: str, uav: int | None = None) -> str:
+    """Return when the last flight of a swarm, or of one agent, ended on this machine; empty if unknown."""
+    ended_unix_s = directory.ended_unix_s(swarm, uav)
+    if ended_unix_s is None:
+        return ""
+    flight = f"the flight of {swarm}" if uav is None else f"the flight of vehicle {uav} of {swarm}"
+    return f"{flight} ended {duration_text(time.time() - ended_unix_s)} ago (see its summary.json)"
+
+
+def has_agents(config: Swarm) -> bool:
+    """Return whether agents of the swarm may run on machines of their own."""
     return config.communication.router is not None or bool(config.communication.mesh)
 
 
-def meeting_points(config: Swarm) -> list[BusEndpoint]:
-    """Where a swarm on many machines is joined: the router, or any node of the mesh."""
+def entry_points(config: Swarm) -> list[BusEndpoint]:
+    """Return the endpoints of a swarm on many machines: the router, or all nodes of the mesh."""
     c = config.communication
     return [parse_endpoint(text) for text in ([c.router] if c.router is not None else c.mesh.values())]
 
@@ -169,24 +200,24 @@ def _endpoint(text: str) -> BusEndpoint:
     except ValueError as error:
         raise Unclear(f"--connect: {error}") from None
     if endpoint.port == 0:
-        raise Unclear("--connect: nobody is found at port 0; give the port that the flight listens at")
+        raise Unclear("--connect: port 0 is not an address; give the port that the flight listens at")
     return endpoint
 
 
-async def give(
+async def send(
     station: Station,
     command: Request,
     credentials: Credentials | None = None,
     seals: Seals = UNSEALED,
 ) -> OperatorAnswer:
-    """Give the command and wait for the answer. Raises BusError, Unclear and NoAnswer."""
-    with visited(station, credentials) as bus:
+    """Send a command and return the answer. Raises BusError, Unclear and NoAnswer."""
+    with connected(station, credentials) as bus:
         return await ask(bus, station, command, seals)
 
 
 @contextlib.contextmanager
-def visited(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
-    """A bus for a moment, at the first of the station's endpoints where somebody is. Raises BusError."""
+def connected(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
+    """Connect to the first of the station's endpoints that answers. Raises BusError."""
     failures: list[str] = []
     for endpoint in (station.endpoint, *station.others):
         try:
@@ -197,13 +228,15 @@ def visited(station: Station, credentials: Credentials | None = None) -> Iterato
         with bus:
             yield bus
         return
+    if ended := ended_text(station.swarm):
+        failures = [f"{ended} on this machine", *failures, "[flight-ended]"]
     raise BusError("; ".join(failures))
 
 
 async def ask(bus: Transport, station: Station, command: Request, seals: Seals = UNSEALED) -> OperatorAnswer:
-    """The same on a bus that is open. Raises Unclear and NoAnswer.
+    """Send a command over an open bus and return the answer. Raises Unclear and NoAnswer.
 
-    A station where one process flies all asks for no seal, and signs nothing.
+    A process that flies all vehicles requires no signature, and signs nothing.
     """
     kind = KINDS[type(command)]
     if station.agents:
@@ -213,37 +246,39 @@ async def ask(bus: Transport, station: Station, command: Request, seals: Seals =
         answers = await bus.ask(key, encode(command), TIMEOUT_S)
     except TimeoutError:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s: whether it took "
-            "the command is not known; look at its table, or give it again"
+            f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s, so it is "
+            "unknown whether it took the command; check its table, or repeat the command [no-answer]"
         ) from None
     if not answers:
         raise NoAnswer(
-            f"no swarm {station.swarm} is at {station.endpoint}, or it is asked more than it can answer; "
-            "nothing was changed"
+            f"{station.endpoint} has no swarm {station.swarm}, or its queue of commands is full; nothing was "
+            "changed [not-served]"
         )
     if len(answers) > 1:
         raise NoAnswer(
-            f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}: what became of the "
-            "command is not known; end all but one, and look at its table"
+            f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}: the result of the "
+            "command is unknown; end all but one, and check its table"
         )
     try:
         return decode_answer(answers[0])
     except BadMessage as error:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} answered what cannot be understood: {error}; is it of "
-            "another version of this program?"
+            f"{station.swarm} at {station.endpoint} sent an invalid answer: {error}; it may be another "
+            "version of this program"
         ) from error
 
 
 async def _ask_each(
     bus: Transport, station: Station, kind: keys.Kind, command: Request, seals: Seals
 ) -> OperatorAnswer:
-    """Every vehicle's own agent, all at once: a silent one keeps nobody waiting. Raises Unclear."""
+    """Send a command to each vehicle's own agent, all at once. Raises Unclear."""
     try:
-        uavs = list(station.agents if command.uavs is None else meant_by(command.uavs, station.agents))
-        if isinstance(command, GiveOrder) and command.past:  # an agent knows nobody's name but its own
-            past = tuple(meant_by(command.past, station.agents))
-            command = msgspec.structs.replace(command, past=past)
+        uavs = list(
+            station.agents if command.uavs is None else resolve_vehicles(command.uavs, station.agents)
+        )
+        if isinstance(command, GiveOrder) and command.ignore:  # an agent knows no other vehicle's name
+            ignored = tuple(resolve_vehicles(command.ignore, station.agents))
+            command = msgspec.structs.replace(command, ignore=ignored)
     except ValueError as error:
         raise Unclear(f"nothing was changed: {error}") from None
 
@@ -256,44 +291,49 @@ async def _ask_each(
             note = f"its agent did not answer within {TIMEOUT_S:g} s"
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
         own = list(_own(seals, uav, key, payload, answers))
-        return _of_one(uav, name, own, len(answers) - len(own))
+        return _merge_answers(uav, name, ended_text(station.swarm, uav), own, len(answers) - len(own))
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(one, uavs))))
 
 
 def _own(seals: Seals, uav: int, key: str, asked: bytes, answers: Sequence[bytes]) -> Iterator[bytes]:
-    """Those that the vehicle itself has given."""
+    """Yield the answers with the vehicle's own signature."""
     for data in answers:
         with contextlib.suppress(BadMessage):
             yield seals.open(uav, key, asked, data)
 
 
-def _of_one(uav: int, name: str, answers: Sequence[bytes], dropped: int) -> VehicleAnswer:
-    """What one agent answered; `dropped` were given in its name, and not by it."""
+def _merge_answers(uav: int, name: str, ended: str, answers: Sequence[bytes], dropped: int) -> VehicleAnswer:
+    """Return an agent's answer; `dropped` is the number of answers without its signature."""
     if not dropped:
-        return _answer_of_one(uav, name, answers)
+        return _decode_one(uav, name, ended, answers)
     warning = (
-        f"{dropped} answer{'s' if dropped > 1 else ''} in its name that it did not sign "
-        "(somebody else serves its key, or it has other keys)"
+        f"{dropped} answer{'s' if dropped > 1 else ''} without its signature "
+        "(another process serves its key, or it has other keys)"
     )
     if not answers:
-        return VehicleAnswer(uav, name, "unconfirmed", note=f"none of its own, and {warning}")
-    answer = _answer_of_one(uav, name, answers)
+        return VehicleAnswer(uav, name, "unconfirmed", note=f"no signed answer, and {warning}")
+    answer = _decode_one(uav, name, ended, answers)
     note = f"{answer.note}; " if answer.note else ""
     return msgspec.structs.replace(answer, note=f"{note}dropped: {warning}")
 
 
-def _answer_of_one(uav: int, name: str, answers: Sequence[bytes]) -> VehicleAnswer:
+def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> VehicleAnswer:
     if not answers:
-        note = "no agent of it is in touch: is `swarmctl agent` running there, and does it reach the network?"
+        if ended:
+            return VehicleAnswer(uav, name, "silent", note=f"{ended} on this machine [flight-ended]")
+        note = (
+            "its agent does not answer: its flight has ended, or `swarmctl agent` does not run there or has "
+            "no connection to the network [agent-silent]"
+        )
         return VehicleAnswer(uav, name, "silent", note=note)
     if len(answers) > 1:
-        note = f"{len(answers)} agents answer for it: end all but one"
+        note = f"{len(answers)} agents answer for it; end all but one"
         return VehicleAnswer(uav, name, "unconfirmed", note=note)
     try:
         answer = decode_answer(answers[0])
     except BadMessage as error:
-        note = f"its answer cannot be understood: {error}; is it of another version of this program?"
+        note = f"its answer is invalid: {error}; it may be another version of this program"
         return VehicleAnswer(uav, name, "unconfirmed", note=note)
     if answer.refused:
         return VehicleAnswer(uav, name, "refused", note=answer.refused)
@@ -303,7 +343,7 @@ def _answer_of_one(uav: int, name: str, answers: Sequence[bytes]) -> VehicleAnsw
 
 
 def has_failed(command: Request, answer: OperatorAnswer) -> bool:
-    """Whether it is not as ordered. Of a whole swarm those whose flight is over need not take it."""
+    """Return whether a vehicle did not take the command; with --all, landed vehicles need not."""
     outcomes = {vehicle.outcome for vehicle in answer.vehicles}
-    fine = {"taken", "over"} if command.uavs is None else {"taken"}
-    return bool(answer.refused) or "taken" not in outcomes or not outcomes <= fine
+    accepted = {"taken", "over"} if command.uavs is None else {"taken"}
+    return bool(answer.refused) or "taken" not in outcomes or not outcomes <= accepted

@@ -1,4 +1,4 @@
-"""The router of a star: what the vehicles' companions and the ground station connect to."""
+"""The router of a star network, to which companions and the ground station connect."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from swarmctl.bus.transports.zenoh_config import Configuration
 async def run(
     configuration: Configuration, say: Callable[[str], None], names: Mapping[int, str] | None = None
 ) -> None:
-    """Route until SIGINT or SIGTERM, and say where it listens, who comes and who goes.
+    """Route until SIGINT or SIGTERM; report the endpoint, connections and disconnections.
 
     `names` are the vehicles (system id: name); a certificate has the system id. Raises BusError.
     """
-    vehicles = {name_of(uav): _called(uav, name) for uav, name in (names or {}).items()}
+    vehicles = {name_of(uav): _label(uav, name) for uav, name in (names or {}).items()}
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
 
     def changed(address: str, name: str | None, has_come: bool) -> None:
-        who = "somebody" if not name else vehicles.get(name, name)
-        say(f"{who} at {address} {'has connected' if has_come else 'has gone'}")
+        client = "a client" if not name else vehicles.get(name, name)
+        say(f"{client} at {address} {'has connected' if has_come else 'has disconnected'}")
 
     signals = (signal.SIGINT, signal.SIGTERM)
     for number in signals:
@@ -38,5 +38,5 @@ async def run(
             loop.remove_signal_handler(number)
 
 
-def _called(uav: int, name: str) -> str:
+def _label(uav: int, name: str) -> str:
     return name if name == name_of(uav) else f"{name} ({name_of(uav)})"

@@ -1,4 +1,4 @@
-"""The ground station of a swarm whose agents run elsewhere: what each tells of itself, as a table."""
+"""Ground station of a swarm with agents on other machines: their states as a table."""
 
 from __future__ import annotations
 
@@ -16,48 +16,48 @@ from rich.text import Text
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus import keys
 from swarmctl.bus.transports.base import Transport
-from swarmctl.core.frames import Frame, MessageRefused, FrameCodec, StateShared
+from swarmctl.core.frames import Frame, FrameCodec, MessageRefused, StateShared
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.texts import printable
 from swarmctl.report.live_rows import COLOURS
 
 SILENT_S = 5.0
-"""A vehicle tells of itself once a second; what is older is shown as old."""
+"""Age after which a state is shown as old; vehicles send one a second."""
 REFRESH_S = 0.5
 STATE_AGE_S = 60.0
-"""by the wall clocks of both machines: what is older, or said later than now by more, is refused"""
+"""limit on the difference of a state's time and now, by both machines' clocks; others are refused"""
 MAX_SHOWN = 10**6
-"""larger numbers are nonsense, and would push the table apart"""
+"""larger numbers are invalid, and would widen the table"""
 ONCE_S = 5.0
-"""how long a single look waits for who has not been heard"""
+"""longest wait of `--once` for vehicles that were not received"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
 COLUMNS = (
     ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("cell", "left"), ("height\n[m]", "right"),
     ("heard\n[s] ago", "right"), ("cells\nknown", "right"), ("hostiles\nknown", "right"), ("plan", "right"),
     ("refused", "right"),
 )  # fmt: skip
-LATE, DOUBTS = ("late\n[s]", "right"), ("doubts", "left")
-"""shown where there is any"""
+LATE, CONTRADICTED = ("late\n[s]", "right"), ("contradicted by", "left")
+"""columns that are shown only with content"""
 LEGEND = (
-    "phase: what its agent does; mode: its autopilot's, when last heard; cell: row, col; height: above its "
-    "home; known: seen by itself or told by others; plan: the last of its flight, 1 the first; refused: "
-    "messages it did not take"
+    "phase: of its agent; mode: last known mode of its autopilot; cell: row, col; height: above its home; "
+    "known: from its own and others' observations; plan: number of its current plan, 1 the first; refused: "
+    "messages that it refused"
 )
-LATE_LEGEND = "; late: over its goal so long after take-off, which is not within its time bound"
-DOUBTS_LEGEND = "; doubts: who told it the contrary of what it saw"
+LATE_LEGEND = "; late: flight time to the goal, which exceeds its time bound"
+CONTRADICTED_LEGEND = "; contradicted by: vehicles that reported the contrary of its own observations"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """What is known of one vehicle."""
+class VehicleRow:
+    """The latest state of one vehicle."""
 
     name: str
     age_s: float | None
-    """since it was heard; None before"""
+    """since its last state; None before the first"""
     state: StateShared | None
     cell: Cell | None
-    doubts: tuple[str, ...] = ()
-    """vehicles that told the contrary of what it saw itself"""
+    contradicted_by: tuple[str, ...] = ()
+    """vehicles that reported the contrary of its own observations"""
 
     @property
     def is_silent(self) -> bool:
@@ -67,8 +67,8 @@ class Row:
     def note(self) -> str:
         if self.state is None:
             return ""
-        said = self.state.outcome or self.state.trouble
-        return "" if said == ARRIVED else printable(said)
+        text = self.state.outcome or self.state.trouble
+        return "" if text == ARRIVED else printable(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,30 +77,30 @@ class View:
 
     swarm: str
     network: str
-    """whether and where the swarm's network is reached, in words"""
-    rows: Sequence[Row]
+    """endpoint and state of the connection, as text"""
+    rows: Sequence[VehicleRow]
     refused: int
-    """what came and was no state of a vehicle of this swarm"""
+    """messages that were not valid states of this swarm's vehicles"""
 
 
 class Board:
-    """Keeps the newest that each vehicle has told. Pure: time is an argument."""
+    """Keeps the newest state of each vehicle. Pure: time is an argument."""
 
-    def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, seal: FrameCodec) -> None:
+    def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, codec: FrameCodec) -> None:
         self.refused = 0
         self._swarm = swarm
         self._names = names
         self._grid = grid
-        self._seal = seal
+        self._codec = codec
         self._newest: dict[int, tuple[Frame, StateShared, float]] = {}
 
     def take(self, key: str, payload: bytes, now_s: float, unix_s: float) -> None:
-        """What came under a key of the station; refused and counted if it is no vehicle's state of now.
+        """Store a state received under a key of the station; refuse and count all other messages.
 
-        `now_s` is by any clock that goes evenly, `unix_s` by the wall's.
+        `now_s` is a monotonic time, `unix_s` the wall clock's.
         """
         try:
-            frame = self._seal.decode(payload)
+            frame = self._codec.decode(payload)
         except MessageRefused:
             self.refused += 1
             return
@@ -111,7 +111,7 @@ class Board:
             return
         held = self._newest.get(frame.sender)
         is_newer = held is None or (frame.incarnation, frame.n) > (held[0].incarnation, held[0].n)
-        # What was recorded is put again by whoever likes: it is true, and no longer so.
+        # A recorded state that is put again is authentic, but no longer true.
         if not is_newer or abs(unix_s - frame.unix_s) > STATE_AGE_S:
             self.refused += 1
             return
@@ -128,15 +128,15 @@ class Board:
     def view(self, network: str, now_s: float) -> View:
         return View(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
 
-    def _row(self, uav: int, now_s: float) -> Row:
+    def _row(self, uav: int, now_s: float) -> VehicleRow:
         name, held = self._names[uav], self._newest.get(uav)
         if held is None:
-            return Row(name, None, None, None)
+            return VehicleRow(name, None, None, None)
         _, state, heard_s = held
         flagged = state.flagged[: len(self._names)]
-        doubts = tuple(self._names.get(other, str(other)) for other in flagged)
+        contradicted_by = tuple(self._names.get(other, str(other)) for other in flagged)
         cell = self._grid.cell_at(state.lat_deg, state.lon_deg)
-        return Row(name, now_s - heard_s, state, cell, doubts)
+        return VehicleRow(name, now_s - heard_s, state, cell, contradicted_by)
 
 
 async def watch(
@@ -149,9 +149,9 @@ async def watch(
     once: bool,
     wall_clock: Callable[[], float] = time.time,
 ) -> None:
-    """Show what comes until cancelled; `once`: one view, when all were heard or `ONCE_S` is over.
+    """Show states until cancelled; `once`: one view, after all vehicles were received or after `ONCE_S`.
 
-    `wall_clock` tells seconds since 1970.
+    `wall_clock` returns seconds since 1970.
     """
     clock = asyncio.get_running_loop().time
     bus.subscribe(keys.station(swarm), lambda key, payload: board.take(key, payload, clock(), wall_clock()))
@@ -166,25 +166,29 @@ async def watch(
 
 
 def table(view: View) -> Group:
-    """A view for a terminal."""
+    """Return a view as a table for a terminal."""
     grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
-    doubts = any(row.doubts for row in view.rows)
-    for title, justify in (*COLUMNS, *[LATE] * late, *[DOUBTS] * doubts):
+    contradicted = any(row.contradicted_by for row in view.rows)
+    for title, justify in (*COLUMNS, *[LATE] * late, *[CONTRADICTED] * contradicted):
         grid.add_column(Text(title), justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for row in view.rows:
-        cells = [*_cells(row), *[_late(row)] * late, *[Text(", ".join(row.doubts), style="red")] * doubts]
+        cells = [
+            *_cells(row),
+            *[_late(row)] * late,
+            *[Text(", ".join(row.contradicted_by), style="red")] * contradicted,
+        ]
         grid.add_row(*cells, style="bright_black" if row.is_silent else None)
-    legend = LEGEND + LATE_LEGEND * late + DOUBTS_LEGEND * doubts
+    legend = LEGEND + LATE_LEGEND * late + CONTRADICTED_LEGEND * contradicted
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
     if view.refused:
-        text = f"refused here: {view.refused} messages that were no vehicle's own state of now"
+        text = f"{view.refused} messages were refused here: not a vehicle's current signed state"
         notes.append(Text(text, style="red"))
     return Group(head, grid, Text(legend, style="bright_black"), *notes)
 
 
-def _cells(row: Row) -> list[Text]:
+def _cells(row: VehicleRow) -> list[Text]:
     state = row.state
     age = Text("never" if row.age_s is None else f"{row.age_s:.0f}", style="red" if row.is_silent else "")
     if state is None:
@@ -204,13 +208,13 @@ def _cells(row: Row) -> list[Text]:
     ]
 
 
-def _late(row: Row) -> Text:
+def _late(row: VehicleRow) -> Text:
     late_s = None if row.state is None else row.state.late_s
     return Text("" if late_s is None else number(late_s), style="red")
 
 
 class Lines:
-    """For logs and pipes: a line where something changed, and one a vehicle now and then."""
+    """Plain lines for logs and pipes: one at each change, and one for each vehicle in intervals."""
 
     def __init__(self, say: Callable[[str], None], every_s: float) -> None:
         self._say = say
@@ -232,23 +236,24 @@ class Lines:
             self._last[row.name] = now
 
 
-def line(row: Row) -> str:
-    """One vehicle as a plain line."""
+def line(row: VehicleRow) -> str:
+    """Return one vehicle as a plain line."""
     state = row.state
     if state is None:
-        return f"{row.name}: not heard"
-    age = "" if row.age_s is None or not row.is_silent else f", last heard {row.age_s:.0f} s ago"
+        return f"{row.name}: not received"
+    age = "" if row.age_s is None or not row.is_silent else f", last state {row.age_s:.0f} s old"
     where = "outside the area" if row.cell is None else f"cell {row.cell[0]},{row.cell[1]}"
     text = (
         f"{row.name}: {printable(state.phase)}{age}, mode {printable(state.mode) or 'unknown'}, {where}, "
-        f"{number(state.alt_rel_m)} m up, {number(state.n_observed)} cells and {number(state.n_found)} "
-        f"hostiles known, plan {number(state.plan_id)}, {number(state.refused)} messages refused"
+        f"{number(state.alt_rel_m)} m above home, {number(state.n_observed)} cells and "
+        f"{number(state.n_found)} hostiles known, "
+        f"plan {number(state.plan_id)}, {number(state.refused)} messages refused"
     )
-    text += "" if state.late_s is None else f", late: over its goal after {number(state.late_s)} s"
-    text += f", saw the contrary of what {', '.join(row.doubts)} told" if row.doubts else ""
+    text += "" if state.late_s is None else f", late: {number(state.late_s)} s to the goal"
+    text += f", contradicted by {', '.join(row.contradicted_by)}" if row.contradicted_by else ""
     return f"{text} ({row.note})" if row.note else text
 
 
 def number(value: float) -> str:
-    """What another machine says, to the next whole number; `?` where nobody can have meant it."""
+    """Return a number of another machine rounded; `?` for an invalid one."""
     return str(round(value)) if math.isfinite(value) and abs(value) < MAX_SHOWN else "?"

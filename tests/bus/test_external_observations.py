@@ -124,7 +124,7 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "points that disagree": (
         said(points=[point((4, 7), True), point((4, 7), False)]),
         RejectReason.TWICE,
-        "cell [4, 7] has points that are occupied and points that are clear",
+        "same cell twice: cell [4, 7]",
     ),
     "a point outside": (
         said(points=[{"lat_deg": 45.0, "lon_deg": 14.4, "occupied": True}]),
@@ -159,19 +159,19 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "too old": (
         said(cells=ONE, unix_s=NOW_S - OLDEST_S - 0.2),
         RejectReason.STALE,
-        "seen 60.2 s ago, expected at most 60",
+        "60.2 s",
     ),
     "milliseconds": (
         said(cells=ONE, unix_s=NOW_S * 1000.0),
         RejectReason.FUTURE,
-        "s from now, expected at most 5",
+        "future",
     ),
-    "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "seen 5.2 s from now"),
+    "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "5.2 s"),
     "a long name": (said(cells=ONE, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
     "a name that moves the cursor": (
         said(cells=ONE, source="\x1b[2J"),
         RejectReason.MALFORMED,
-        "cannot be printed",
+        "`source`",
     ),
     "too long": (said(cells=ONE, source="x" * MAX_BYTES), RejectReason.OVERSIZE, f"at most {MAX_BYTES}"),
 }
@@ -258,7 +258,7 @@ def test_the_published_schema_names_every_field_and_what_must_be_there() -> None
     assert report["required"] == ["version"]
     assert report["properties"]["version"]["enum"] == [1]
     assert found["oneOf"] == [{"required": ["cells"]}, {"required": ["points"]}]
-    assert set(found["$defs"]["Point"]["required"]) == {"lat_deg", "lon_deg", "occupied"}
+    assert set(found["$defs"]["ReportedPoint"]["required"]) == {"lat_deg", "lon_deg", "occupied"}
 
 
 # --- the inlet, over every transport
@@ -443,7 +443,7 @@ def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() 
         for _ in range(BURST):
             assert (await answered(bus, said(cells=ONE))).taken
         answer = await answered(bus, said(cells=ONE))
-        assert answer == ReportAnswer(False, why=f"too fast: expected at most {PER_S:g} reports a second")
+        assert not answer.taken
         await asyncio.sleep(1.0 / PER_S)
         assert (await answered(bus, said(cells=ONE))).taken
         assert not (await answered(bus, said(cells=ONE))).taken

@@ -91,9 +91,7 @@ def test_a_taken_port_is_an_error_with_advice() -> None:
 
     with contextlib.ExitStack() as held:
         port = taken_port(held)
-        with pytest.raises(
-            BusError, match=rf"communication.listen: .*tcp/127.0.0.1:{port}: .*`none`"
-        ):
+        with pytest.raises(BusError, match=rf"communication.listen: .*tcp/127.0.0.1:{port}: .*`none`"):
             asyncio.run(scene(port))
         scenario = small(communication={"bus": "zenoh", "listen": f"tcp/127.0.0.1:{port}"})
         (line,) = host.troubles(scenario, Path())
@@ -104,7 +102,7 @@ def test_an_endpoint_without_a_swarm_is_an_error() -> None:
     async def scene() -> None:
         with contextlib.ExitStack() as held:
             station = client.Station("test", BusEndpoint("127.0.0.1", taken_port(held)))
-        await client.give(station, SetWeights(None, w=0.2))
+        await client.send(station, SetWeights(None, w=0.2))
 
     with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:.*\[no-swarm-at-endpoint\]"):
         asyncio.run(scene())

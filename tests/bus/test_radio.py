@@ -276,9 +276,15 @@ def test_distance_is_symmetric(a: LatLon, b: LatLon) -> None:
 # On the equator a degree of longitude is 111 319.49 m.
 @pytest.mark.parametrize(
     ("lon_deg", "found"),
-    [(0.0, LossReason.TOO_NEAR), (0.00089, LossReason.TOO_NEAR), (0.0009, None), (0.0044, None), (0.0045, LossReason.TOO_FAR),
-     (90.0, LossReason.TOO_FAR)],
-)  # fmt: skip
+    [
+        (0.0, LossReason.TOO_NEAR),
+        (0.00089, LossReason.TOO_NEAR),
+        (0.0009, None),
+        (0.0044, None),
+        (0.0045, LossReason.TOO_FAR),
+        (90.0, LossReason.TOO_FAR),
+    ],
+)
 def test_uavs_hear_each_other_neither_too_near_nor_too_far(lon_deg: float, found: LossReason | None) -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
     assert radio.can_hear((0.0, 0.0), (0.0, lon_deg)) is found

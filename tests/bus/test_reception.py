@@ -12,8 +12,8 @@ from profiles import examples
 
 from swarmctl.bus.node.decoding import frame_decoder
 from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
-from swarmctl.bus.node.reception import ReceptionTable
 from swarmctl.bus.node.node import Node
+from swarmctl.bus.node.reception import ReceptionTable
 from swarmctl.core.frames import Content, Frame, FrameCodec, Relayed, SnapshotAsked, StateShared
 from swarmctl.core.observation import Observation
 

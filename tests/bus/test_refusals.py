@@ -34,7 +34,7 @@ from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 from swarmctl.security import issue as making
-from swarmctl.security.issue import make
+from swarmctl.security.issue import make_keys
 
 pytestmark = pytest.mark.interop
 ROOT = f"swarmctl/{SWARM}"
@@ -115,7 +115,7 @@ def without_certificate(there: BusEndpoint, _: Path) -> Configuration:
 
 
 def of_another_authority(there: BusEndpoint, folder: Path) -> Configuration:
-    make(folder, ["uav3"], 5, NOW)
+    make_keys(folder, ["uav3"], 5, NOW)
     own = keys_folder() / "uav3" / "ca.pem"
     stranger = folder / "uav3"
     # It knows the router's authority, so that it is the router that refuses.
@@ -127,7 +127,7 @@ def expired(there: BusEndpoint, folder: Path) -> Configuration:
     authority.mkdir()
     for name in ("ca.pem", "key.pem"):
         (authority / name).write_bytes((keys_folder() / making.AUTHORITY / name).read_bytes())
-    make(folder, ["uav3"], 5, NOW - dt.timedelta(days=6))
+    make_keys(folder, ["uav3"], 5, NOW - dt.timedelta(days=6))
     old = folder / "uav3"
     return zenoh_config.client(there, Credentials(old / "ca.pem", old / "cert.pem", old / "key.pem"))
 
@@ -164,7 +164,7 @@ def test_a_certificate_that_is_none_of_the_swarms_can_do_nothing(protocol: str, 
     authority.mkdir()
     for name in ("ca.pem", "key.pem"):
         (authority / name).write_bytes((keys_folder() / making.AUTHORITY / name).read_bytes())
-    make(tmp_path, ["uav9"], 5, NOW)
+    make_keys(tmp_path, ["uav9"], 5, NOW)
     own = tmp_path / "uav9"
     nine = Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
 
@@ -346,7 +346,7 @@ def test_what_is_too_long_reaches_nobody_and_is_counted(protocol: str) -> None:
 
 
 def test_a_mesh_passes_on_the_swarms_keys_for_the_swarms_certificates_only(tmp_path: Path) -> None:
-    make(tmp_path, ["uav3"], 5, NOW)
+    make_keys(tmp_path, ["uav3"], 5, NOW)
     forged = tmp_path / "uav3"
     foreign = Credentials(keys_folder() / "uav3" / "ca.pem", forged / "cert.pem", forged / "key.pem")
 

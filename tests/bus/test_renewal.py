@@ -8,13 +8,13 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.transports.renewal import LinkSet
-from swarmctl.bus.transports.renewal import MeshNeighbours
 from swarmctl.bus.transports.renewal import (
     EARLIEST_S,
     LATEST_S,
     MAX_DOUBLINGS,
     WHOLE_AFTER_S,
+    LinkSet,
+    MeshNeighbours,
     Renewal,
     patience_s,
 )

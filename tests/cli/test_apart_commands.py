@@ -47,10 +47,10 @@ def swarmctl(*words: str | Path) -> Result:
 REFUSED: list[tuple[str, list[str], str, int, str]] = [
     # name, words, configuration, exit code, what is said
     ("an agent of no vehicle", ["agent", "--uav", "uav9"], PLAIN + ROUTER, 2, "there is 1 (uav1), 2 (uav2)"),
-    ("an agent without a network", ["agent", "--uav", "1"], PLAIN, 2, "--launch when-ready to fly by itself"),
+    ("an agent without a network", ["agent", "--uav", "1"], PLAIN, 2, "--launch when-ready"),
     ("an agent at no URL", ["agent", "--uav", "1", "--url", "ftp://x"], PLAIN + ROUTER, 2, "--url: "),
     ("an agent at no router", ["agent", "--uav", "1", "--connect", "x"], PLAIN, 2, "--connect: 'x' is no"),
-    ("a simulated one called real", ["agent", "--uav", "1", "--real"], PLAIN + ROUTER, 2, "leave --real"),
+    ("a simulated one called real", ["agent", "--uav", "1", "--real"], PLAIN + ROUTER, 2, "--real: "),
     (
         "a real one not confirmed",
         ["agent", "--uav", "beta", "--real", "--confirm", "alpha"],
@@ -64,7 +64,7 @@ REFUSED: list[tuple[str, list[str], str, int, str]] = [
     ("watching nothing", ["watch"], PLAIN, 2, "`communication` has neither router nor mesh"),
     ("watching without keys", ["watch"], PLAIN + CERTIFIED, 1, "nowhere/operator: no such folder"),
     ("watching where nobody certifies", ["watch", "--connect", "tls/127.0.0.1:1"], PLAIN, 2, "needs certif"),
-    ("ordering nobody", ["order", "hold"], PLAIN + ROUTER, 2, "which vehicles? give --uav NAME"),
+    ("ordering nobody", ["order", "hold"], PLAIN + ROUTER, 2, "[which-vehicles]"),
     ("ignoring a vehicle in a return", ["order", "return", "--all", "--ignore", "uav2"],
      PLAIN + ROUTER, 2, "expected with launch alone"),
     ("ordering what is no order", ["order", "fly", "--all"], PLAIN + ROUTER, 2, "Invalid value for"),
@@ -81,7 +81,7 @@ REFUSED: list[tuple[str, list[str], str, int, str]] = [
 @pytest.mark.parametrize(
     ("words", "configuration", "code", "said"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED]
 )
-def test_what_cannot_be_is_said_before_anything_starts(
+def test_an_impossible_command_ends_before_a_run_folder_is_made(
     words: list[str], configuration: str, code: int, said: str, write: Write, tmp_path: Path
 ) -> None:
     folder = ["--out", str(tmp_path / "runs")] if words[0] == "agent" else []
@@ -96,7 +96,7 @@ def test_what_cannot_be_is_said_before_anything_starts(
     [(r[1], r[2]) for r in REFUSED if CERTIFIED in r[2]],
     ids=[r[0] for r in REFUSED if CERTIFIED in r[2]],
 )
-def test_where_the_keys_are_named_is_said(
+def test_problems_of_keys_have_the_line_of_the_configuration(
     words: list[str], configuration: str, write: Write, tmp_path: Path
 ) -> None:
     folder = ["--out", str(tmp_path / "runs")] if words[0] == "agent" else []

@@ -76,4 +76,4 @@ def test_it_is_said_that_nothing_real_is_armed_without_an_endurance(given: bool,
         file.write_text(file.read_text().replace("preflight: {endurance_s: 900}\n", ""))
     result = swarmctl("check", "--config", file, "--out", tmp_path)
     assert result.exit_code == 0, result.output
-    assert ("preflight.endurance_s is not set: without it alpha, beta" in result.output) is not given
+    assert ("preflight.endurance_s is not set, so alpha, beta" in result.output) is not given

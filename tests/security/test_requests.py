@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.core.messages import BadMessage
-from swarmctl.security.requests import FRESH_S, Opener, open_answer, seal, seal_answer
+from swarmctl.security.requests import FRESH_S, CommandOpener, open_answer, seal, seal_answer
 
 NOW = 1_800_000_000.0
 KEY = "swarmctl/test/uav/3/request/order/operator"
@@ -26,8 +26,8 @@ def is_operators(signature: bytes, data: bytes) -> bool:
     return True
 
 
-def opener(began_unix_s: float = NOW - 100.0) -> Opener:
-    return Opener("test", is_operators, began_unix_s, 5.0)
+def opener(began_unix_s: float = NOW - 100.0) -> CommandOpener:
+    return CommandOpener("test", is_operators, began_unix_s, 5.0)
 
 
 def sealed(
@@ -41,44 +41,44 @@ def timeless() -> bytes:
     return OPERATOR.sign(b"swarmctl request\0test\0" + body) + body
 
 
-def test_what_the_operator_gives_is_taken() -> None:
-    desk = opener()
-    assert desk.open(KEY, sealed(NOW), NOW + 1.0) == b"land"
-    assert desk.open(KEY, sealed(NOW + 0.5), NOW + 1.0) == b"land"
+def test_a_command_of_the_operator_is_accepted() -> None:
+    agent = opener()
+    assert agent.open(KEY, sealed(NOW), NOW + 1.0) == b"land"
+    assert agent.open(KEY, sealed(NOW + 0.5), NOW + 1.0) == b"land"
 
 
 REFUSED = {
-    "no seal": (b"land", "not signed"),
-    "nothing": (b"", "not signed"),
-    "a UAV's": (sealed(by=UAV), "not signed"),
-    "of another swarm": (sealed(swarm="other"), "not signed"),
-    "changed on its way": (sealed()[:-1] + b"!", "not signed"),
-    "for another vehicle": (sealed(key=KEY.replace("/3/", "/4/")), "a command for swarmctl/test/uav/4"),
-    "old": (sealed(NOW - FRESH_S - 1.0), "21 s old"),
-    "from the future": (sealed(NOW + 6.0), "6 s from now"),
-    "no time": (timeless(), "no number"),
+    "no seal": (b"land", "not-signed"),
+    "nothing": (b"", "not-signed"),
+    "a UAV's": (sealed(by=UAV), "not-signed"),
+    "of another swarm": (sealed(swarm="other"), "not-signed"),
+    "changed on its way": (sealed()[:-1] + b"!", "not-signed"),
+    "for another vehicle": (sealed(key=KEY.replace("/3/", "/4/")), "swarmctl/test/uav/4"),
+    "old": (sealed(NOW - FRESH_S - 1.0), "21 s.*command-old"),
+    "from the future": (sealed(NOW + 6.0), "6 s.*command-early"),
+    "no time": (timeless(), "time"),
 }
 
 
 @pytest.mark.parametrize(("data", "said"), REFUSED.values(), ids=REFUSED)
-def test_all_else_is_refused(data: bytes, said: str) -> None:
+def test_an_invalid_command_is_refused(data: bytes, said: str) -> None:
     with pytest.raises(BadMessage, match=said):
         opener().open(KEY, data, NOW)
 
 
-def test_a_command_is_taken_once() -> None:
-    desk, data = opener(), sealed()
-    desk.open(KEY, data, NOW)
-    with pytest.raises(BadMessage, match="replay"):
-        desk.open(KEY, data, NOW + 1.0)
-    with pytest.raises(BadMessage, match="old"):
-        desk.open(KEY, data, NOW + FRESH_S + 1.0)
+def test_a_command_is_accepted_once() -> None:
+    agent, data = opener(), sealed()
+    agent.open(KEY, data, NOW)
+    with pytest.raises(BadMessage, match="command-replayed"):
+        agent.open(KEY, data, NOW + 1.0)
+    with pytest.raises(BadMessage, match="command-old"):
+        agent.open(KEY, data, NOW + FRESH_S + 1.0)
 
 
 @pytest.mark.parametrize("down_s", [0.001, 3.0, 8.0])
-def test_what_an_agent_may_have_taken_before_it_was_started_again_is_not_taken_twice(down_s: float) -> None:
+def test_a_command_from_before_the_agents_start_is_refused(down_s: float) -> None:
     """Also within the tolerance for clocks that differ."""
-    with pytest.raises(BadMessage, match="before this agent began: give it again"):
+    with pytest.raises(BadMessage, match="command-before-start"):
         opener(began_unix_s=NOW + down_s).open(KEY, sealed(NOW), NOW + 10.0)
 
 
@@ -90,7 +90,7 @@ def is_uavs(signature: bytes, data: bytes) -> bool:
     return True
 
 
-def test_an_answer_is_of_the_vehicle_asked_and_to_what_it_was_asked() -> None:
+def test_an_answer_is_valid_for_its_vehicle_and_its_command_only() -> None:
     question = sealed()
     answer = seal_answer("test", KEY, question, b"taken", UAV.sign)
     assert open_answer("test", KEY, question, answer, is_uavs) == b"taken"
@@ -104,12 +104,12 @@ def test_an_answer_is_of_the_vehicle_asked_and_to_what_it_was_asked() -> None:
         (b"taken", "test", KEY, question),
         (b"", "test", KEY, question),
     ):
-        with pytest.raises(BadMessage, match="did not sign"):
+        with pytest.raises(BadMessage):
             open_answer(swarm, key, asked, data, is_uavs)
 
 
 @given(st.binary(max_size=300))
-def test_no_bytes_raise_anything_else(data: bytes) -> None:
-    trusting = Opener("test", lambda *_: True, NOW, 5.0)
+def test_any_bytes_raise_bad_message_only(data: bytes) -> None:
+    trusting = CommandOpener("test", lambda *_: True, NOW, 5.0)
     with pytest.raises(BadMessage):
         trusting.open(KEY, b"s" * 64 + data, NOW)

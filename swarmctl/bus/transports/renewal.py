@@ -9,7 +9,6 @@ asks the neighbour to renew its own.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 LinkEnds = tuple[str, str]
@@ -35,8 +34,8 @@ class LinkSet:
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._known: set[LinkEnds] = set()
+        self._known: dict[LinkEnds, object] = {}
+        """a token for each link; single operations on it are atomic"""
         self._doubted: set[LinkEnds] = set()
         self._alone_since_s: float | None = None
 
@@ -45,22 +44,20 @@ class LinkSet:
 
     def changed(self, ends: LinkEnds, *, has_come: bool) -> bool:
         """Record an event; return False if it repeats what is known."""
-        with self._lock:
-            if (ends in self._known) == has_come:
-                return False
-            (self._known.add if has_come else self._known.discard)(ends)
-            return True
+        if not has_come:
+            return self._known.pop(ends, None) is not None
+        token = object()
+        return self._known.setdefault(ends, token) is token
 
     def listed(self, listed: Iterable[LinkEnds]) -> None:
         """Compare with a full list; a link that is missing in two lists in a row has ended.
 
         A single list may miss a link that has just come up.
         """
-        there = set(listed)
-        with self._lock:
-            missing = self._known - there
-            self._known -= missing & self._doubted
-            self._doubted = missing
+        missing = self._known.copy().keys() - set(listed)
+        for ends in missing & self._doubted:
+            self._known.pop(ends, None)
+        self._doubted = missing
 
     def alone_s(self, now_s: float) -> float:
         """Return the time since the first call without any link [s]."""

@@ -1,0 +1,98 @@
+"""Configurations of the commands: a roster or a whole scenario, or an exit with every problem found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swarmctl.cli.console import EXPECTED, USAGE, err, fail
+from swarmctl.config import roster, yaml_lines
+from swarmctl.config.examples import example
+from swarmctl.config.roster import Roster
+from swarmctl.security.files import KeyringError
+
+if TYPE_CHECKING:
+    from swarmctl.config.model import Config, ConfigProblem
+    from swarmctl.config.scenario import Scenario
+
+
+def load_roster_or_exit(path: Path) -> Roster:
+    """Return the swarm of a configuration; exit with its problems if vehicles or endpoints are unclear."""
+    try:
+        return roster.load_roster(path)
+    except roster.RosterError as error:
+        fail(error.lines, USAGE)
+
+
+def config_or_example(config: Path | None, name: str | None) -> Path:
+    """Return the file of --config, or of the shipped configuration `name`; exit unless one is given."""
+    if config is not None and name is None:
+        return config
+    if config is not None or name is None:
+        fail(["give either --config FILE or --example NAME, such as --example swarm"], USAGE)
+    try:
+        return example(name)
+    except ValueError as error:
+        fail([f"--example {error}"], USAGE)
+
+
+def load_scenario_or_exit(path: Path) -> Scenario:
+    """Return the scenario of a configuration; exit with all of its problems."""
+    from swarmctl.config.model import ConfigError, load  # noqa: PLC0415 - commands that only send load less
+    from swarmctl.config.scenario import build  # noqa: PLC0415
+
+    try:
+        return build(load(path, _checked))
+    except ConfigError as error:
+        fail(error.lines, USAGE)
+
+
+def _checked(config: Config) -> Iterable[ConfigProblem]:
+    """Check a configuration across its sections; routes over a large area are planned by machine code."""
+    from swarmctl.cli import machine_code  # noqa: PLC0415
+    from swarmctl.config.checks import check_config  # noqa: PLC0415
+
+    machine_code.prepare(config.area.rows * config.area.cols, err)
+    return check_config(config)
+
+
+def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
+    """Exit with the problems that would stop a flight of this configuration on this machine now.
+
+    Each has its line of the file where there is one. `more` are problems that the caller has found.
+    """
+    from swarmctl.config.model import problem_lines  # noqa: PLC0415
+    from swarmctl.preflight import host  # noqa: PLC0415
+
+    document = yaml_lines.parse(path.read_text(encoding="utf-8"))
+    wrong_key = problem_lines(path, document, _signing_key_problems(scenario))
+    lines = {
+        vehicle.name: document.line_of(("vehicles", i)) for i, vehicle in enumerate(scenario.config.vehicles)
+    }
+    found = [*wrong_key]
+    for text in (*host.troubles(scenario, runs), *more):
+        line = lines.get(text.split(":")[0])
+        found.append(text if line is None else f"{path}:{line}: {text}")
+    if found:
+        fail(found, USAGE if wrong_key else EXPECTED)
+
+
+def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
+    from swarmctl.config.model import ConfigProblem  # noqa: PLC0415
+    from swarmctl.security.mavlink_key import read_mavlink_key  # noqa: PLC0415
+
+    if (file := scenario.config.links.signing_key) is not None:
+        try:
+            read_mavlink_key(Path(file))
+        except KeyringError as error:
+            yield ConfigProblem(("links", "signing_key"), str(error))
+
+
+def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:
+    """Return the problems of the folder `communication.keys`, each with its line of the configuration."""
+    from swarmctl.config.model import ConfigProblem, problem_lines  # noqa: PLC0415 - loads the planners
+
+    document = yaml_lines.parse(path.read_text(encoding="utf-8"))
+    located = (ConfigProblem(("communication", "keys"), text) for text in problems)
+    return problem_lines(path, document, located)

@@ -1,0 +1,240 @@
+"""Commands that fly: their options, the permission to arm, the terminal, interruption and the exit code."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any, TypeVar
+
+import typer
+
+from swarmctl.cli.console import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
+from swarmctl.config.links_checks import forwarding_problem
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight import companion
+from swarmctl.flight.director import Permission, PreflightFailed
+from swarmctl.flight.member import Member
+from swarmctl.links.url import parse_url
+from swarmctl.preflight.waivers import Waiver, parse_waivers
+from swarmctl.report import outputs
+from swarmctl.report.flight_table import flight_table, missed_bounds, network_lines
+from swarmctl.report.outcome import Report
+from swarmctl.report.terminal import LiveTable, PlainLines, Terminal
+
+RealOption = Annotated[
+    bool, typer.Option("--real", help="Allow arming vehicles that the built-in simulator does not play.")
+]
+ForwardOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--forward",
+        metavar="MAVLINK_URL",
+        help="Send a copy of all traffic of the vehicles there, for QGroundControl or Mission Planner, such "
+        "as udpout:127.0.0.1:14550; repeatable.",
+    ),
+]
+
+
+WaiveOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--waive",
+        metavar="CHECK[:VEHICLE]",
+        help="Accept a failed preflight check; it is shown and recorded in summary.json; repeatable.",
+    ),
+]
+T = TypeVar("T")
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+LATE_INTERRUPT = b"the flight is over and its files are being written; Ctrl-C again exits without them\n"
+STDERR = 2
+
+
+def parse_waivers_or_exit(texts: list[str] | None, scenario: Scenario) -> tuple[Waiver, ...]:
+    """Return the waivers of the options; exit if one is not allowed."""
+    try:
+        return parse_waivers(texts or (), [spec.name for spec in scenario.specs])
+    except ValueError as error:
+        fail([f"--waive {error}"], USAGE)
+
+
+class _TimedLines(PlainLines):
+    """Plain lines with the wall clock's time, for comparing logs of several machines."""
+
+    def say(self, text: str) -> None:
+        super().say(timed(text))
+
+
+class _TimedTable(LiveTable):
+    def log(self, text: str) -> None:
+        super().log(timed(text))
+
+
+def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
+    """Return the display; `with_time`: each permanent line has the wall clock's time."""
+    if out.is_terminal:
+        return (_TimedTable if with_time else LiveTable)(out, verbose=verbose)
+    return (_TimedLines if with_time else PlainLines)(out, verbose=verbose)
+
+
+def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
+    """Return the scenario with more receivers of the vehicles' traffic."""
+    config = scenario.config
+    for url in urls:
+        try:
+            parse_url(url)
+        except ValueError as error:
+            fail([f"--forward: {error}"], USAGE)
+        if problem := forwarding_problem(config.links, url):
+            fail([f"--forward {problem}"], USAGE)
+    links = config.links.model_copy(update={"forward": (*config.links.forward, *urls)})
+    return replace(scenario, config=config.model_copy(update={"links": links}))
+
+
+def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
+    """Write a run's files, print the results, and exit with the run's exit code."""
+    problem = _write_files(folder, scenario, report)
+    _print_results(report, folder)
+    if problem:
+        fail([problem], EXPECTED)
+    if report.bug is not None:
+        raise report.bug
+    if report.ended in ("stopped", "abandoned"):
+        raise typer.Exit(INTERRUPTED)
+    done = report.arrived + len(companion.ended_by_operator(report))
+    if report.trouble or done < max(len(report.states), 1) or _late(report):
+        raise typer.Exit(EXPECTED)
+
+
+def _late(report: Report) -> list[str]:
+    """Return the vehicles that missed their time bounds, without those that the operator recalled."""
+    return [name for name in missed_bounds(report.summary) if name not in companion.ended_by_operator(report)]
+
+
+def _print_results(report: Report, folder: Path) -> None:
+    for text in report.trouble:
+        err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+    if report.ended in ("ended", "stopped", "abandoned"):
+        out.print(flight_table(report.summary))
+        for text in network_lines(report.summary):
+            out.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+    if report.ended != "ended" or not report.all_arrived:
+        if report.ended == "abandoned":
+            out.print("ended at once, without waiting for the vehicles:", style="yellow", highlight=False)
+        for text in report.final_states:
+            out.print(text, highlight=False, markup=False, soft_wrap=True)
+    if report.ended == "failed":
+        out.print("no flight was completed; see above", highlight=False)
+    else:
+        out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
+        if recalled := companion.ended_by_operator(report):
+            out.print(f"ended by the operator: {', '.join(recalled)}", highlight=False, soft_wrap=True)
+        if late := _late(report):
+            err.print(
+                f"missed their time bounds: {', '.join(late)}", style="red", highlight=False, soft_wrap=True
+            )
+    out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
+
+
+def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
+    """Write a run's files; return the problem, empty if there is none."""
+    try:
+        if report.states:
+            outputs.write_run(folder, scenario, report)
+    except OSError as error:
+        return f"{folder}: the run's files could not be written: {error.strerror or error}"
+    return ""
+
+
+def confirm_real(scenario: Scenario, confirm: str) -> frozenset[str]:
+    """Return the names of all real vehicles, after the operator has typed them; exit without."""
+    names = [spec.name for spec in scenario.specs if not spec.simulated]
+    if not names:
+        fail(["--real: every vehicle of this configuration is simulated; remove --real"], USAGE)
+    if not confirm:
+        if not sys.stdin.isatty():
+            fail([f"--real needs a terminal for the confirmation, or --confirm {','.join(names)}"], USAGE)
+        for spec in scenario.specs:
+            if not spec.simulated:
+                out.print(f"  {spec.name}: system {spec.sysid} at {spec.url}", highlight=False)
+        confirm = typer.prompt(
+            "These real vehicles will be armed and fly. Type their names, separated by commas"
+        )
+    typed = [name.strip() for name in confirm.split(",") if name.strip()]
+    if sorted(typed) != sorted(names):
+        fail(
+            [f"not confirmed: expected {','.join(names)}, found {','.join(typed)}; no flight was started"],
+            USAGE,
+        )
+    return frozenset(names)
+
+
+def arming_permission(allowed: frozenset[str]) -> Permission:
+    """Return the check that lets the real vehicles `allowed` be armed, and no other."""
+
+    def permit(foreign: Sequence[Member]) -> None:
+        refused = [m for m in foreign if m.name not in allowed]
+        if refused:
+            raise PreflightFailed([_refusal(m) for m in refused])
+
+    return permit
+
+
+def _refusal(member: Member) -> str:
+    found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
+    return (
+        f"{member.name}: {found} at {member.spec.url} is not played by the built-in simulator, so it is not "
+        "armed; to fly it, give --real and type the vehicles' names [real-not-confirmed]"
+    )
+
+
+class _Loop(asyncio.SelectorEventLoop):
+    """An event loop that keeps a handler for a signal after the flight has removed its own.
+
+    asyncio would restore a handler that ends the process at once.
+    """
+
+    def __init__(self, on_late_signal: Callable[[int, FrameType | None], None]) -> None:
+        super().__init__()
+        self._on_late_signal = on_late_signal
+
+    def remove_signal_handler(self, sig: int) -> bool:
+        removed = super().remove_signal_handler(sig)
+        signal.signal(sig, self._on_late_signal)
+        return removed
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
+    """Yield a function that runs a flight; protect the writing of its files from interruption.
+
+    After the flight has removed its signal handlers, the first signal prints a warning only, until the
+    context ends. The second signal ends the process.
+    """
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    is_warned = False
+
+    def on_late_signal(_number: int, _frame: FrameType | None) -> None:
+        nonlocal is_warned
+        if is_warned:
+            os._exit(INTERRUPTED)
+        is_warned = True
+        with contextlib.suppress(OSError):
+            os.write(STDERR, LATE_INTERRUPT)  # a stream may be in the middle of writing another line
+
+    def run(flight: Coroutine[Any, Any, T]) -> T:
+        with asyncio.Runner(loop_factory=lambda: _Loop(on_late_signal)) as runner:
+            return runner.run(flight)
+
+    try:
+        yield run
+    finally:
+        for number, handler in before.items():
+            with contextlib.suppress(ValueError):  # not the main thread
+                signal.signal(number, handler)

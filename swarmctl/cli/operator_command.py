@@ -1,0 +1,129 @@
+"""Commands to vehicles in flight: their options, the flight they mean, authentication, and the answers."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+import time
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from swarmctl.bus.transports.access import OPERATOR
+from swarmctl.bus.transports.base import BusError
+from swarmctl.bus.transports.zenoh_config import Credentials
+from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
+from swarmctl.cli.console import EXPECTED, USAGE, err, fail, out
+from swarmctl.config import joining
+from swarmctl.config.roster import Roster
+from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
+from swarmctl.security import requests
+from swarmctl.security.files import KeyringError
+from swarmctl.security.participant import Keyring
+from swarmctl.station import client
+from swarmctl.station.client import Station
+
+UavsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--uav", metavar="NAME", help="A vehicle's name or system id; repeatable.", show_default=False
+    ),
+]
+AllOption = Annotated[bool, typer.Option("--all", help="All vehicles of the swarm.")]
+SwarmOption = Annotated[
+    str | None, typer.Option(help="The swarm's name, if more than one flies on this machine.")
+]
+FlyingConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        "-c",
+        help="The swarm's configuration, instead of its name. With communication.router or mesh the command "
+        "goes to each vehicle's own agent.",
+    ),
+]
+ConnectOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp/HOST:PORT", help="Endpoint of the flight or the router, if not on this machine."
+    ),
+]
+SendCommand = Callable[
+    [Station, Request, Credentials | None, client.Seals], Coroutine[Any, Any, OperatorAnswer]
+]
+
+
+def send_and_exit(
+    command: Callable[[], Request],
+    swarm: str | None,
+    config: Path | None,
+    connect: str | None,
+    line_of: Callable[[VehicleAnswer], str],
+    send: SendCommand = client.send,
+) -> None:
+    """Send a command and print the answers; exit with their code. `command` may raise ValueError."""
+    try:
+        request = command()
+        station, keyring = _find_station(swarm, config, connect)
+        credentials = joining.certified(station.endpoint, keyring)
+        seals = client.UNSEALED if keyring is None else Seals(station.swarm, keyring)
+        answer = asyncio.run(send(station, request, credentials, seals))
+    except KeyringError as error:
+        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
+    except (BusError, client.NoAnswer) as error:
+        fail([str(error)], EXPECTED)
+    except ValueError as error:
+        fail([str(error)], USAGE)
+    _print_answer(request, answer, station, line_of)
+
+
+@dataclass(frozen=True, slots=True)
+class Seals:
+    """Signs the operator's commands, and checks the signatures of the vehicles' answers."""
+
+    swarm: str
+    keyring: Keyring
+
+    def close(self, key: str, command: bytes) -> bytes:
+        return requests.seal(self.swarm, key, command, time.time(), self.keyring.signer.sign)
+
+    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+        return requests.open_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
+
+
+def find_station(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:
+    """Return the flight that the options mean, see `client.find`. Raises Unclear and BusError."""
+    if roster is None:
+        return client.find(swarm, None, connect)
+    return client.find(swarm, roster, connect, roster.names)
+
+
+def _find_station(
+    swarm: str | None, config: Path | None, connect: str | None
+) -> tuple[Station, Keyring | None]:
+    """Return the flight, and the operator's keys if it needs them.
+
+    Raises BusError, KeyringError and ValueError.
+    """
+    roster = None if config is None else load_roster_or_exit(config)
+    station = find_station(swarm, roster, connect)
+    # A process that flies all vehicles on this machine requires no signature.
+    if roster is None or not station.agents:
+        return station, None
+    return station, joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC))
+
+
+def _print_answer(
+    request: Request, answer: OperatorAnswer, station: Station, line_of: Callable[[VehicleAnswer], str]
+) -> None:
+    if answer.refused:
+        fail([f"{station.swarm} refused the command: {answer.refused}"], EXPECTED)
+    for vehicle in answer.vehicles:
+        console = out if vehicle.outcome == "taken" else err
+        console.print(line_of(vehicle), highlight=False, markup=False, soft_wrap=True)
+    if client.has_failed(request, answer):
+        raise typer.Exit(EXPECTED)
