@@ -216,7 +216,7 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
     # An agent with another vehicle's keys is not the asked vehicle.
     (operators,), _ = run_virtual(scene(tmp_path / "other", "uav2"))
     assert operators.outcome == "unconfirmed"
-    assert operators.note.startswith("none of its own, and 1 answer in its name that it did not sign")
+    assert "1 answer" in operators.note
 
 
 @pytest.mark.parametrize("alone", [True, False], ids=["one vehicle", "all in one process"])

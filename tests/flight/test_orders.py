@@ -257,7 +257,7 @@ class Ground:
         self.said: list[str] = []
         self.posted: list[AgentCommand] = []
         self.slow = slow
-        self.desk = OperatorService(
+        self.service = OperatorService(
             bus,
             "test",
             self.said.append,
@@ -266,13 +266,13 @@ class Ground:
             refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
             seal=unseal,
         )
-        self.desk.join(2, "uav2", self._post)
+        self.service.join(2, "uav2", self._post)
 
     def _post(self, event: AgentCommand) -> None:
         self.posted.append(event)
         if not self.slow:
             assert event.command is not None
-            self.desk.answered(event.command, VehicleAnswer(2, "uav2", "taken"))
+            self.service.answered(event.command, VehicleAnswer(2, "uav2", "taken"))
 
 
 ORDER, WEIGHTS = "swarmctl/test/uav/2/request/order/operator", "swarmctl/test/uav/2/request/weights/operator"
@@ -295,8 +295,8 @@ def test_orders_and_weights_have_keys_of_their_own() -> None:
         assert await asked(bus, WEIGHTS, SetWeights(("uav2",), w=0.2)) == TAKEN
         assert ground.posted == [ev.OperatorCommand(HOLD, 1), ev.WeightsChanged(2, 0.2)]
         for key, command in ((WEIGHTS, GiveOrder(None, "land")), (ORDER, SetWeights(None, w=0.2))):
-            assert "a command of the kind" in (await asked(bus, key, command)).refused
-        assert "there is 2 (uav2)" in (await asked(bus, ORDER, GiveOrder((3,), "land"))).refused
+            assert key in (await asked(bus, key, command)).refused
+        assert "2 (uav2)" in (await asked(bus, ORDER, GiveOrder((3,), "land"))).refused
         assert len(ground.posted) == 2
 
     run_virtual(scene())
@@ -359,8 +359,8 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
                 answer = await client.ask(bus, STATION, GiveOrder((2,), "land"), Operators())
                 assert answer == TAKEN
         assert len(ground.posted) == 4
-        assert ground.desk._tally == CommandCounts(passed_on=4, refused=garbage)
-        assert len(ground.said) <= operator_service.SAID_BURST + 1
+        assert ground.service._counts == CommandCounts(passed_on=4, refused=garbage)
+        assert len(ground.said) <= operator_service.SHOWN_BURST + 1
 
     run_virtual(scene())
 
@@ -372,7 +372,7 @@ def test_requests_beyond_the_rate_limit_are_counted_and_not_answered() -> None:
         for _ in range(5000):
             bus._served[ORDER](ORDER, b"nonsense", answers.append)
         assert len(answers) == operator_service.OPENED_BURST
-        assert ground.desk._tally.refused == 5000
+        assert ground.service._counts.refused == 5000
 
     run_virtual(scene())
 
@@ -384,7 +384,7 @@ def test_without_keys_the_rate_limit_is_shared_by_all_senders() -> None:
         for _ in range(operator_service.BURST + 3):
             bus._served[ORDER](ORDER, b"nonsense", answers.append)
         assert answers[-3:] == [operator_service.TOO_FAST] * 3
-        assert "faster than 4 a second" in ground.said[-1]
+        assert ground.said[-1].endswith("[commands-too-fast]")
 
     run_virtual(scene())
 
@@ -429,10 +429,10 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
 
     answer = run_virtual(scene(is_there=True))
     assert answer.outcome == "refused"
-    assert answer.note.startswith("not now; dropped: 1 answer in its name that it did not sign")
+    assert answer.note.startswith("not now; ")
     answer = run_virtual(scene(is_there=False))
     assert answer.outcome == "unconfirmed"
-    assert answer.note.startswith("none of its own, and 1 answer in its name that it did not sign")
+    assert "1 answer" in answer.note
 
 
 def test_two_answers_for_one_swarm_both_count_for_nothing() -> None:
@@ -440,7 +440,7 @@ def test_two_answers_for_one_swarm_both_count_for_nothing() -> None:
         bus = Crowd(forged)
         bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
         alone = client.Station("test", BusEndpoint("127.0.0.1", 7447))
-        with pytest.raises(client.NoAnswer, match="2 processes answer for test"):
+        with pytest.raises(client.NoAnswer, match=r"^2 processes"):
             await client.ask(bus, alone, SetWeights(None, w=0.2))
 
     run_virtual(scene())
@@ -470,10 +470,12 @@ def test_each_agent_answers_for_itself_without_delaying_others() -> None:
     assert took_s == pytest.approx(client.TIMEOUT_S)
     assert client.has_failed(GiveOrder(None, "hold"), answer)
     lines = [order_line("hold", vehicle) for vehicle in answer.vehicles]
-    assert lines[0].startswith("uav1: not ordered: no agent of it is in touch")
+    assert lines[0].startswith("uav1: not ordered: ")
+    assert lines[0].endswith("[agent-silent]")
     assert lines[1] == "uav2: hold ordered"
-    assert lines[2] == "uav3: unknown: its agent did not answer within 5 s"
-    assert "cannot be understood" in lines[3]
+    assert all(
+        line.startswith(f"{name}: unknown: ") for name, line in zip(("uav3", "uav4"), lines[2:], strict=True)
+    )
 
 
 def test_an_order_for_an_unknown_vehicle_asks_no_agent() -> None:
