@@ -1,4 +1,4 @@
-"""`python -m sim_vehicle`: a fleet on MAVLink links; `run` and `conformance` are commands of their own."""
+"""`python -m sim_vehicle`: a fleet on MAVLink links, and the commands `run`, `conformance` and `schema`."""
 
 import importlib
 import signal
@@ -13,7 +13,7 @@ import typer
 from sim_vehicle.serving.output import let_output_get_lost
 
 USAGE_ERROR, INTERRUPTED = 2, 130
-# Imported only when asked for: a fleet should be up in a moment.
+# Imported on use only, so that a fleet starts quickly.
 COMMANDS = {
     "run": ("sim_vehicle.scenarios.command", "run"),
     "conformance": ("sim_vehicle.conformance.cli", "conformance"),
@@ -23,14 +23,14 @@ DEFAULT_URL = "udpout:127.0.0.1:14550"
 HELP_FAULTS = "help"
 DISTRIBUTION = "mavlink-swarmctl"
 HELP = {"help_option_names": ["--help", "-h"]}
-# The class of all that can be wrong with a command line; its own name has moved between versions of typer.
+# The base class of errors in a command line; its name differs between versions of typer.
 USAGE: type[Any] = typer.BadParameter.__mro__[2]
 
 
 def fleet(
     count: Annotated[
         int | None,
-        typer.Option("--count", "-n", min=1, max=10_000, help="How many vehicles; 1 if not given."),
+        typer.Option("--count", "-n", min=1, max=10_000, help="Number of vehicles; default 1."),
     ] = None,
     home: Annotated[
         str | None,
@@ -39,44 +39,40 @@ def fleet(
             "-l",
             "--custom-location",
             metavar="LAT,LON,ALT[,HDG]",
-            help="Where the first stands [deg, deg, m above sea level]; the others 5 m apart to the east. "
-            "If not given, in Ljubljana, Slovenia.",
+            help="Position of the first vehicle [deg, deg, m above sea level], the others 5 m apart to the "
+            "east. Default: Ljubljana, Slovenia.",
         ),
     ] = None,
     personality: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="ardupilot (if not given), px4, mixed (in turn), or ardupilot:3,px4:2."
-        ),
+        typer.Option(metavar="NAME", help="ardupilot (default), px4, mixed (in turn), or ardupilot:3,px4:2."),
     ] = None,
     kind: Annotated[
         str | None,
-        typer.Option("--type", "--vehicle", "-v", metavar="TYPE", help="copter (if not given) or plane."),
+        typer.Option("--type", "--vehicle", "-v", metavar="TYPE", help="copter (default) or plane."),
     ] = None,
     speedup: Annotated[
         float | None,
-        typer.Option(
-            "--speedup", "-S", min=0.1, max=1000, help="Simulated seconds per second; 1 if not given."
-        ),
+        typer.Option("--speedup", "-S", min=0.1, max=1000, help="Simulated seconds per second; default 1."),
     ] = None,
     url: Annotated[
         list[str] | None,
         typer.Option(
             "--url",
             "--out",
-            help="Where to talk, more than once for more: udpout:HOST:PORT, udpin:HOST:PORT, "
-            f"tcpin:HOST:PORT, tcpout:HOST:PORT, serial:DEVICE:BAUD. If not given, {DEFAULT_URL}.",
+            help="A link, once for each: udpout:HOST:PORT, udpin:HOST:PORT, "
+            f"tcpin:HOST:PORT, tcpout:HOST:PORT, serial:DEVICE:BAUD. Default: {DEFAULT_URL}.",
         ),
     ] = None,
     per_port: Annotated[
         int | None,
-        typer.Option(min=1, max=250, help="Vehicles on a port, more on further ports; 250 if not given."),
+        typer.Option(min=1, max=250, help="Vehicles on a port, more on further ports; default 250."),
     ] = None,
     port_step: Annotated[
-        int, typer.Option(min=1, max=1000, help="From one port to the next (ArduPilot's instances: 10).")
+        int, typer.Option(min=1, max=1000, help="Distance of ports (ArduPilot's instances: 10).")
     ] = 1,
     sysid: Annotated[
-        int | None, typer.Option(min=1, max=250, help="System id of the first; 1 if not given.")
+        int | None, typer.Option(min=1, max=250, help="System id of the first vehicle; default 1.")
     ] = None,
     ready_s: Annotated[
         float | None,
@@ -84,16 +80,16 @@ def fleet(
             min=0,
             max=3600,
             help="Simulated seconds from boot to a position estimate; 0: at once. "
-            "If not given, as long as the real ones take.",
+            "Default: as on the real autopilots.",
         ),
     ] = None,
     wind: Annotated[
-        str | None, typer.Option(metavar="SPEED,FROM[,GUST]", help="[m/s, deg, m/s]; none if not given.")
+        str | None, typer.Option(metavar="SPEED,FROM[,GUST]", help="[m/s, deg, m/s]; default: no wind.")
     ] = None,
     param: Annotated[
         list[str] | None,
         typer.Option(
-            "--param", "-P", metavar="NAME=VALUE", help="A parameter of those vehicles that have it."
+            "--param", "-P", metavar="NAME=VALUE", help="A parameter, set on vehicles that have it."
         ),
     ] = None,
     param_file: Annotated[
@@ -106,10 +102,10 @@ def fleet(
         list[str] | None,
         typer.Option(
             metavar="NAME[:k=v,...]",
-            help="What goes wrong, e.g. packet_loss:rate=0.2,at=30,for=10; help lists.",
+            help="A fault, e.g. packet_loss:rate=0.2,at=30,for=10; `help` lists all.",
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of all randomness; 0 if not given.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default 0.")] = None,
     scenario: Annotated[
         Path | None, typer.Option(help="File with vehicles, faults, area and hostiles, YAML or JSON.")
     ] = None,
@@ -117,25 +113,23 @@ def fleet(
         bool,
         typer.Option(
             "--step",
-            help="Time stands still but for the lines `step SECONDS` on standard input, each "
+            help="Advance time by the lines `step SECONDS` on standard input only, each "
             "answered by `at SECONDS`; `quit` ends.",
         ),
     ] = False,
     tlog: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write what each vehicle sends there.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for a tlog of each vehicle.")
     ] = None,
-    table: Annotated[
-        bool, typer.Option(help="Show the fleet live, where output is a terminal; never with --step.")
-    ] = True,
-    parent_pid: Annotated[int | None, typer.Option(help="Stop when this process is gone.")] = None,
-    version: Annotated[bool, typer.Option("--version", help="Show which version this is.")] = False,
+    table: Annotated[bool, typer.Option(help="Show the fleet live on a terminal; never with --step.")] = True,
+    parent_pid: Annotated[int | None, typer.Option(help="Stop when this process has ended.")] = None,
+    version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
 ) -> None:
     """Vehicles in software that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops them.
 
-    `python -m sim_vehicle run --help` flies scenarios and judges them; `... conformance --help` examines any
-    autopilot. Exit codes: 0 ended as it should, 2 something given is wrong.
+    `python -m sim_vehicle run --help` flies scenarios and checks them; `... conformance --help` tests any
+    autopilot. Exit codes: 0 normal end, 2 invalid option.
     """  # fmt: skip
-    # --help needs none of these, which take a while
+    # Imported late: --help needs none of these, and they take time.
     from sim_vehicle.faults.spec import help_text  # noqa: PLC0415
     from sim_vehicle.links import LinkError  # noqa: PLC0415
     from sim_vehicle.serving.options import FleetOptions, OptionError, read_options  # noqa: PLC0415
@@ -148,7 +142,9 @@ def fleet(
         typer.echo(help_text())
         return
     if step and speedup is not None:
-        _refuse("--speedup: not with --step, where time passes only when it is told to; drop one of them")
+        _exit_usage_error(
+            "--speedup and --step exclude each other: --step advances time on request; drop one of them"
+        )
     options = FleetOptions(
         count=count,
         home=home,
@@ -180,7 +176,7 @@ def fleet(
             ),
         )
     except (OptionError, LinkError) as error:
-        _refuse(str(error))
+        _exit_usage_error(str(error))
 
 
 def _version() -> str:
@@ -189,33 +185,32 @@ def _version() -> str:
     try:
         return version(DISTRIBUTION)
     except PackageNotFoundError:
-        return "of a checkout that is not installed"
+        return "(not installed)"
 
 
-def _refuse(text: str) -> Never:
+def _exit_usage_error(text: str) -> Never:
     for line in text.splitlines():
         typer.echo(f"sim_vehicle: {line}", err=True)
     raise typer.Exit(USAGE_ERROR)
 
 
-def _leave(_number: int, _frame: FrameType | None) -> None:
+def _exit_now(_number: int, _frame: FrameType | None) -> None:
     sys.exit(0)
 
 
-def _end_by(handler: Callable[[int, FrameType | None], Any]) -> None:
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # the last: a terminal that is closed, where there is one
+def _handle_signals(handler: Callable[[int, FrameType | None], Any]) -> None:
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # SIGHUP: the terminal closes; missing on some platforms
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), handler)
 
 
 def main() -> None:
-    """The entry point of the package: the fleet, or one of the other commands."""
+    """Run the entry point of the package: the fleet, or another command."""
     name, arguments = "sim_vehicle", sys.argv[1:]
     command = COMMANDS.get(arguments[0]) if arguments else None
     let_output_get_lost()
-    # From the first moment on, also while things are imported. A fleet just stops; a command may have a
-    # vehicle in the air, and ends in order.
-    _end_by(_leave if command is None else signal.default_int_handler)
+    # Before the imports. A fleet just stops; a command can have a vehicle in the air and ends in order.
+    _handle_signals(_exit_now if command is None else signal.default_int_handler)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     try:
         if command is None:
@@ -227,7 +222,7 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except USAGE as error:
-        typer.echo(f"{name}: {' '.join(error.format_message().split())} (--help says more)", err=True)
+        typer.echo(f"{name}: {' '.join(error.format_message().split())} (see --help)", err=True)
         code = USAGE_ERROR
     if code == INTERRUPTED:
         typer.echo(f"{name}: interrupted", err=True)

@@ -1,7 +1,7 @@
-"""pytest fixtures: `vehicle`, `swarm`, `clock` and `link`; nothing heavy is imported until one is used.
+"""pytest fixtures: `vehicle`, `swarm`, `clock` and `link`; heavy imports wait for their use.
 
-A test's randomness comes from its file's name and its own, or from `--sim-seed`; one that fails prints the
-seed, the command that repeats it, and where the tlogs of its vehicles are.
+A test's randomness comes from its name and that of its file, or from `--sim-seed`. A failing test prints the
+seed, the command that repeats it, and the folder with the tlogs of its vehicles.
 """
 
 import os
@@ -37,11 +37,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture
 def sim_seed(request: pytest.FixtureRequest) -> int:
-    """The seed of this test's vehicles: `--sim-seed`, or one from the names of the test and its file."""
+    """Return the seed of this test's vehicles: `--sim-seed`, or one from the names of test and file."""
     given: int | None = request.config.getoption("--sim-seed")
     if given is not None:
         return given
-    # Not the path: it depends on where the project is, and on pytest's root.
+    # Not the path, which depends on the project's folder and on pytest's root.
     name = "::".join([request.node.path.name, *request.node.nodeid.split("::")[1:]])
     return zlib.crc32(name.encode())
 
@@ -60,7 +60,7 @@ def _sim_rig(
 
 @pytest.fixture
 def clock(_sim_rig: "Rig") -> "Clock":
-    """Simulated time: `run_until(condition, timeout)`, `run_for(seconds)`, `now`."""
+    """Return the simulated time: `run_until(condition, timeout)`, `run_for(seconds)`, `now`."""
     from sim_vehicle.testing.rig import Clock  # noqa: PLC0415
 
     return Clock(_sim_rig)
@@ -68,12 +68,12 @@ def clock(_sim_rig: "Rig") -> "Clock":
 
 @pytest.fixture
 def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
-    """Makes a test's vehicles: `swarm(count=3, personality="px4", faults=["packet_loss:rate=0.1"])`.
+    """Return a maker of vehicles: `swarm(count=3, personality="px4", faults=["packet_loss:rate=0.1"])`.
 
-    count, personality (ardupilot, px4, mixed), kind (copter, plane), faults (as for --fault), ready_s (from
-    boot to a position [s], 0 if not given; None: as long as the real ones take), params, home (latitude,
-    longitude, altitude), wind (as in a scenario), or a scenario (a file or a Scenario) to begin with.
-    ScenarioError says what cannot be.
+    Arguments: count, personality (ardupilot, px4, mixed), kind (copter, plane), faults (as for --fault),
+    ready_s (from boot to a position [s], 0 by default; None: as on the real autopilots), params, home
+    (latitude, longitude, altitude), wind (as in a scenario), or a scenario (a file or a Scenario) as a start.
+    ScenarioError if an argument is invalid.
     """
     from sim_vehicle.scenarios import ScenarioError  # noqa: PLC0415
     from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415
@@ -90,7 +90,7 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
         wind: Mapping[str, float] | None = None,
         scenario: "Scenario | Path | str | None" = None,
     ) -> "Swarm":
-        __tracebackhide__ = True  # what is wrong is in the test's own line
+        __tracebackhide__ = True  # the error is in the test's own line
         try:
             whole = scenario_for(
                 count,
@@ -107,20 +107,20 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
             raise ScenarioError(str(error)) from None
         return _sim_rig.create(whole, ready_s)
 
-    make.__name__ = make.__qualname__ = "swarm"  # which Python says of a keyword that there is not
+    make.__name__ = make.__qualname__ = "swarm"  # the name in Python's error about an unknown keyword
     return make
 
 
 @pytest.fixture
 def vehicle(swarm: "Callable[..., Swarm]") -> "Vehicle":
-    """One ArduPilot copter, ready to arm."""
+    """Return one ArduPilot copter, ready to arm."""
     made: Vehicle = swarm()[0]
     return made
 
 
 @pytest.fixture
 def link(_sim_rig: "Rig") -> "Iterator[Link]":
-    """The fleet over UDP in real time: `link.url`, `link.address`; `link.serve(speedup=10)` to be quicker."""
+    """Serve the fleet over UDP in real time: `link.url`, `link.address`, `link.serve(speedup=10)`."""
     from sim_vehicle.testing.served import Link  # noqa: PLC0415
 
     served = Link(_sim_rig)
@@ -143,7 +143,7 @@ def pytest_runtest_makereport(
 
 
 def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
-    """Where a tlog of each vehicle now is; a disk that is full does not hide why the test failed."""
+    """Write a tlog of each vehicle and return the folder; None if that fails (a full disk)."""
     try:
         folder = item.stash[FOLDERS]()
         rig.write_tlogs(folder)
@@ -159,7 +159,7 @@ def _words(rig: "Rig") -> str:
 
 
 def _command(item: pytest.Item, seed: int) -> str:
-    """From the folder pytest was started in."""
+    """Return the command that repeats a test from the folder of this run."""
     installed = item.config.pluginmanager.list_plugin_distinfo()
     loads = "" if any(plugin is sys.modules[__name__] for plugin, _ in installed) else f"-p {__name__} "
     file = os.path.relpath(item.path, item.config.invocation_params.dir)

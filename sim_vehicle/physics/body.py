@@ -29,7 +29,7 @@ class Body:
         self._index = index
         self.plane = bool(world.dynamics.planes[index])
 
-    # -- what the autopilot knows ------------------------------------------------------------------------
+    # -- state --------------------------------------------------------------------------------------------
 
     @property
     def position_m(self) -> tuple[float, float, float]:
@@ -136,7 +136,7 @@ class Body:
             east_m, north_m, _ = self.position_m
         return east_m, north_m
 
-    # -- what it orders ----------------------------------------------------------------------------------
+    # -- orders -------------------------------------------------------------------------------------------
 
     def arm(self, armed: bool) -> None:
         """Start or stop the motors; stopped in the air, a copter falls and a plane glides."""
@@ -338,7 +338,7 @@ class Body:
             speed_m_s = min(speed_m_s, STRONGEST_WIND_M_S)
         self._world.wind.set_steady(self._index, speed_m_s, from_deg)
 
-    # -- how -----------------------------------------------------------------------------------------------
+    # -- internals ----------------------------------------------------------------------------------------
 
     def _begin(self, order: int) -> None:
         self._motion.order[self._index] = order

@@ -129,7 +129,7 @@ class Dynamics(Motion):
         self.reached |= newly
         self.events |= newly
 
-    # -- what follows from the state ---------------------------------------------------------------------
+    # -- derived quantities -------------------------------------------------------------------------------
 
     @property
     def throttle(self) -> Floats:

@@ -33,10 +33,10 @@ class AttitudeSetpoints:
         """Forget the integrated attitude: another kind of set-point follows, or none."""
         self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
 
-    def to_attitude(self, message: Any, since_s: float) -> bool:
+    def apply(self, message: Any, since_s: float) -> bool:
         """Apply a message that came `since_s` [s] after the previous one; False if it asks for nothing."""
         if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
-            return self._turn_at(message, since_s)
+            return self._apply_rates(message, since_s)
         self.reset()
         if not all(math.isfinite(q) for q in message.q) or not any(message.q):
             return False
@@ -44,7 +44,7 @@ class AttitudeSetpoints:
         self._apply(roll, pitch, yaw, message.thrust, None)
         return True
 
-    def _turn_at(self, message: Any, since_s: float) -> bool:
+    def _apply_rates(self, message: Any, since_s: float) -> bool:
         wanted = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
         ignored = [bool(message.type_mask & bit) for bit in RATES]
         if all(ignored) or not all(math.isfinite(rate) for rate in wanted):

@@ -45,8 +45,8 @@ from sim_vehicle.wire.streams import Rates, Streams
 PREARM_TEXT_S = 30.0
 REBOOT_SILENCE_S = 1.5
 PHASES = 5  # phases of a second in which vehicles start to stream after a boot
-IDLE_LOOK_S = 1.0  # longest time between two decisions of a vehicle
-BUSY_LOOK_S = 0.1
+IDLE_INTERVAL_S = 1.0  # longest time between two decisions of a vehicle
+BUSY_INTERVAL_S = 0.1
 LOOKAHEAD_COMMANDS = 3  # navigation commands; a change of one of them restarts the current command
 
 
@@ -99,11 +99,8 @@ class Autopilot:
             clock=lambda: self.now,
             record=self._record_text,
         )
-        self.send, self.send_text, self.announce = (
-            self.sender.send,
-            self.sender.send_text,
-            self.sender.announce,
-        )
+        self.send = self.sender.send
+        self.send_text, self.announce = self.sender.send_text, self.sender.announce
         body.set_gps_fix(personality.gps_fix_type)
         self.params = Parameters(
             personality.parameters,
@@ -142,9 +139,9 @@ class Autopilot:
         self.setpoints = Setpoints(self)
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
-        self._idle_look_s = float(rng.random())
+        self._next_idle_s = float(rng.random())
         # Few phases only, so that messages at 1 Hz are encoded for many vehicles at a time.
-        self._phase_s = math.floor(self._idle_look_s * PHASES) / PHASES
+        self._phase_s = math.floor(self._next_idle_s * PHASES) / PHASES
         self.now = 0.0
         self.alarm_s = 0.0
         self.strikes = 0
@@ -174,7 +171,7 @@ class Autopilot:
         self.flight.cleared_for_takeoff = False
         self.flight.enter(self.mode)
 
-    # -- out ---------------------------------------------------------------------------------------------
+    # -- output -------------------------------------------------------------------------------------------
 
     def _record_text(self, now: float, severity: int, text: str) -> None:
         self.storage.text(now, severity, text)
@@ -200,7 +197,7 @@ class Autopilot:
         """Write this vehicle's row of the status."""
         publish(self, now)
 
-    # -- in ----------------------------------------------------------------------------------------------
+    # -- input --------------------------------------------------------------------------------------------
 
     def receive(self, message: Any, now: float) -> None:
         """Process one message addressed to this vehicle or to all."""
@@ -262,7 +259,7 @@ class Autopilot:
         status, i = self.status, self.index
         return float(status.clock_offset_s[i] + (now - status.clock_since_s[i]) * status.clock_drift[i])
 
-    # -- time --------------------------------------------------------------------------------------------
+    # -- time ---------------------------------------------------------------------------------------------
 
     def update(self, now: float) -> None:
         """Decide about boot, readiness, mode, landing, failsafes and transfers; set the next alarm."""
@@ -276,7 +273,7 @@ class Autopilot:
         self.sender.send_late(now)
         failsafe_s = self.failsafes.update(now)
         self.flight.run(now)
-        self._end_setpoint(now)
+        self.setpoints.expire(now)
         touchdown_m_s = self.body.take_touchdown_m_s()
         if touchdown_m_s > 0:
             self.announce("touchdown", speed=touchdown_m_s)
@@ -289,37 +286,22 @@ class Autopilot:
         self.storage.tick(now)
         self.storage.note(now)
         # Not one second from now: vehicles that booted together would all decide at the same tick.
-        while self._idle_look_s <= now + EPSILON_S:
-            self._idle_look_s += IDLE_LOOK_S
+        while self._next_idle_s <= now + EPSILON_S:
+            self._next_idle_s += IDLE_INTERVAL_S
         self.alarm_s = min(
-            self._idle_look_s,
+            self._next_idle_s,
             failsafe_s,
             disarm_s,
-            self.flight.next_look_s(now),
+            self.flight.next_run_s(now),
             self.readiness.next_s(now),
             self.jobs.tick(now),
-            self._setpoint_deadline_s(),
+            self.setpoints.next_deadline_s,
             self.transfer.next_deadline_s,
             self.storage.next_s(now),
             self.sender.next_s,
-            now + BUSY_LOOK_S if self.fence_watch.active or self.params.listing else math.inf,
+            now + BUSY_INTERVAL_S if self.fence_watch.active or self.params.listing else math.inf,
         )
         self.publish(now)
-
-    def _setpoint_deadline_s(self) -> float:
-        timeout_s = self.flight_parameters.setpoint_timeout_s
-        if self.mode.setpoints_only:
-            return self.setpoints.last_received_s + timeout_s if self.flight.flying else math.inf
-        return self.setpoints.deadline_s(timeout_s)
-
-    def _end_setpoint(self, now: float) -> None:
-        if now + EPSILON_S >= self._setpoint_deadline_s():
-            self.setpoints.reset()
-            if self.mode.setpoints_only:
-                self.announce("setpoints_lost")
-                self.failsafes.act(self.flight_parameters.setpoint_action, now, at_once=True)
-            elif self.mode.behaviour is Behaviour.GUIDED and self.flight.flying:
-                self.body.stop()
 
     def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
         """Go silent for `silence_s` [s], then boot."""
@@ -357,7 +339,7 @@ class Autopilot:
         text = f"STRIKE {self.strikes} over {over[0]},{over[1]} from {by[0]},{by[1]}"
         self.send_text(mavlink.MAV_SEVERITY_WARNING, text)
 
-    # -- position ------------------------------------------------------------------------------------
+    # -- position -----------------------------------------------------------------------------------------
 
     def position_known(self, now: float) -> bool:
         """Return True with a position estimate good enough for navigation."""
@@ -366,7 +348,7 @@ class Autopilot:
     def here(self) -> GeodeticPosition:
         return GeodeticPosition(*self.body.lat_lon_deg, self.body.alt_amsl_m)
 
-    # -- arming and mode ---------------------------------------------------------------------------------
+    # -- arming and mode ----------------------------------------------------------------------------------
 
     @property
     def mode(self) -> Mode:
@@ -388,7 +370,7 @@ class Autopilot:
         if self.personality.landing_disarms:
             self.arming.stop()
 
-    # -- mission -----------------------------------------------------------------------------------------
+    # -- mission ------------------------------------------------------------------------------------------
 
     def start_mission_if_stopped(self) -> None:
         if self.mission.state is not MissionState.ACTIVE:
@@ -408,7 +390,7 @@ class Autopilot:
         """
         if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
             return
-        if index > 0 and index not in self.mission.coming(LOOKAHEAD_COMMANDS):
+        if index > 0 and index not in self.mission.next_navigation(LOOKAHEAD_COMMANDS):
             return
         restarted = self.mission.restart_current(self.flight.pilot)
         self.announce("mission_changed" if restarted else "mission_change_failed")

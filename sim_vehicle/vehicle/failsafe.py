@@ -16,7 +16,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.remote_watch import LONG, SHORT, RemoteWatch
 
-LOOK_S = 0.1
+CHECK_INTERVAL_S = 0.1
 _BEHAVIOURS = {
     FailsafeAction.HOLD: Behaviour.HOLD,
     FailsafeAction.RETURN: Behaviour.RETURN,
@@ -83,7 +83,7 @@ class Failsafes:
         )
         if self._gcs_heartbeat_s is None or self.gcs or math.isinf(flight_parameters.gcs_timeout_s):
             return due_s
-        return min(due_s, self._gcs_heartbeat_s + flight_parameters.gcs_timeout_s + LOOK_S)
+        return min(due_s, self._gcs_heartbeat_s + flight_parameters.gcs_timeout_s + CHECK_INTERVAL_S)
 
     @property
     def gcs_missing(self) -> bool:
@@ -192,7 +192,7 @@ class Failsafes:
         """Return True if the ground station has been silent longer than the limit."""
         flight_parameters = self._vehicle.flight_parameters
         if self._gcs_heartbeat_s is None:
-            return self.gcs_missing and flight_parameters.gcs_missed_unheard
+            return self.gcs_missing and flight_parameters.gcs_never_heard_is_lost
         return now - self._gcs_heartbeat_s > flight_parameters.gcs_timeout_s
 
     def _handle_lost_link(
@@ -234,7 +234,7 @@ class Failsafes:
             self._handle_lost_link(
                 stage, flight_parameters.rc_short_action, flight_parameters.rc_short_action_in, now
             )
-            self._remote.acted(before, vehicle.mode.number)
+            self._remote.record_mode_change(before, vehicle.mode.number)
 
     def _watch_position(self, now: float) -> None:
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters

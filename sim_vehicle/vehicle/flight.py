@@ -19,7 +19,7 @@ DROP_M_S = 8.0
 FASTEST_M_S = 50.0
 FARTHEST_M = 1e6  # limit of altitudes, up and down
 PILOT_ACCELERATION_M_S2 = 2.5
-LOOK_S = 0.1  # longest time between two runs while a manoeuvre is in progress
+RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in progress
 
 
 class Flight:
@@ -66,9 +66,9 @@ class Flight:
         self._manoeuvre: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
         # limits set in flight, by the name of the parameter limit they replace
-        self._in_force: dict[str, float] = {}
+        self._set_in_flight: dict[str, float] = {}
 
-    # -- facts -------------------------------------------------------------------------------------------
+    # -- state --------------------------------------------------------------------------------------------
 
     @property
     def flight_parameters(self) -> FlightParameters:
@@ -104,20 +104,20 @@ class Flight:
 
     def limit(self, **limits: float) -> None:
         """Apply limits (see `Body.limit`) instead of the parameters' until the mode changes."""
-        self._in_force.update(limits)
+        self._set_in_flight.update(limits)
         self.body.limit(**limits)
 
     def restore_speed(self) -> None:
         """Return to the speed of the parameters."""
-        self._in_force.pop("speed_m_s", None)
+        self._set_in_flight.pop("speed_m_s", None)
         self.apply_limits()
 
     def parameters_changed(self, before: FlightParameters) -> None:
         """Apply changed parameters; a limit set in flight stays unless its own parameter changed."""
         now = self.flight_parameters
-        self._in_force = {
+        self._set_in_flight = {
             name: value
-            for name, value in self._in_force.items()
+            for name, value in self._set_in_flight.items()
             if getattr(before, name) == getattr(now, name)
         }
         self.apply_limits()
@@ -142,20 +142,20 @@ class Flight:
                 bank_limit_deg=flight_parameters.bank_limit_deg,
                 stall_m_s=flight_parameters.stall_m_s,
             )
-        self.body.limit(**self._in_force)
+        self.body.limit(**self._set_in_flight)
         self.body.set_wind(flight_parameters.wind_m_s, flight_parameters.wind_from_deg)
         self.body.set_battery(capacity_mah=flight_parameters.capacity_mah, full_v=flight_parameters.full_v)
 
-    def next_look_s(self, now: float) -> float:
+    def next_run_s(self, now: float) -> float:
         """Return when to run again at the latest [s], unless the body reports an event before."""
         if self.behaviour is Behaviour.MISSION:
             busy = self.pilot.busy or self.mission.waiting or not self.flying
         else:
             busy = self.armed and self._manoeuvre is not None
         settling = not self.body.airborne and not self.landed(now)
-        return now + LOOK_S if busy or settling else math.inf
+        return now + RUN_INTERVAL_S if busy or settling else math.inf
 
-    # -- modes -------------------------------------------------------------------------------------------
+    # -- modes --------------------------------------------------------------------------------------------
 
     def enter(self, mode: Mode) -> None:
         """Leave the present behaviour and begin that of `mode`."""
@@ -167,7 +167,7 @@ class Flight:
         self._manoeuvre, self.guided_target_m = None, None
         self.pilot.forget()
         self.taking_off = False
-        self._in_force.clear()
+        self._set_in_flight.clear()
         self.apply_limits()
         self.body.face(None)
         if mode.behaviour is Behaviour.MISSION:
@@ -235,7 +235,7 @@ class Flight:
         sinks_m_s = self.flight_parameters.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_M_S
         self.body.move_vertically(-sinks_m_s)
 
-    # -- guided ------------------------------------------------------------------------------------------
+    # -- guided -------------------------------------------------------------------------------------------
 
     def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = 0.0) -> None:
         """Fly to a point (east, north, up [m]) and stay there; a plane circles around it."""
@@ -313,8 +313,8 @@ class Flight:
         else:
             wanted_deg = angle_deg
         rate_rad_s = math.radians(rate_deg_s) if rate_deg_s > 0 else None
-        self.faced_rad = math.radians(wanted_deg % 360.0)
-        self.body.face(self.faced_rad, rate_rad_s)
+        self.commanded_heading_rad = math.radians(wanted_deg % 360.0)
+        self.body.face(self.commanded_heading_rad, rate_rad_s)
         return True
 
     def altitude_amsl_m(self, frame: int, z_m: float) -> float:

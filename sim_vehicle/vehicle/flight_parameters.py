@@ -102,7 +102,7 @@ class FlightParameters:
     fence_return_height_m: float = 0.0  # above home, at the fence's return point
     loiter_leaves_aligned: bool = False  # a circle to an altitude always ends toward the next position
     return_lands: int = 0  # by the mission's nearest landing; 1: after circling over home, 2: at once, 0: no
-    waypoints_say_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m for all
+    waypoints_set_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m for all
     # altitude tolerance at a waypoint; beyond it the plane circles until it is met
     waypoint_height_m: float = math.inf
     circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
@@ -113,14 +113,14 @@ class FlightParameters:
     # what only some autopilots have
     battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
     failsafe_delay_s: float = 0.0  # hold before a failsafe acts
-    gcs_missed_unheard: bool = False  # a ground station never heard since the boot counts as lost
+    gcs_never_heard_is_lost: bool = False  # a ground station never heard since the boot counts as lost
     # Actions in the air by mode number, instead of gcs_action and so on.
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_short_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_short_action: FailsafeAction | None = None  # at the loss; None: only rc_action
     rc_watched: bool = True
-    rc_missed_unarmed: bool = True  # a loss before arming counts
+    rc_lost_unarmed_counts: bool = True  # a loss before arming counts
     rc_timeout_s: float = 0.0  # time without a frame until the loss
     rc_long_s: float = 0.0  # time from the short action, or the last frame, to rc_action
     position_watched: bool = True

@@ -191,20 +191,20 @@ class CircleToAltitude:
         next_m: tuple[float, float] | None,
         near_m: float | None = None,
     ) -> None:
-        self._flight, self._there = flight, False
+        self._flight, self._at_altitude = flight, False
         self._centre_m, self._radius_m, self._near_m = centre_m, radius_m, near_m
         # A position inside the circle is never ahead.
         inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_SHARE * abs(radius_m)
         self._next_m = None if inside else next_m
-        self._comes = flight.flight_parameters.circles_first
-        up_m = flight.body.alt_amsl_m if self._comes else centre_m[2]
+        self._approaching = flight.flight_parameters.circles_first
+        up_m = flight.body.alt_amsl_m if self._approaching else centre_m[2]
         flight.body.loiter(*centre_m[:2], up_m, radius_m)
 
     def _is_there(self) -> bool:
         body = self._flight.body
-        if self._comes:
+        if self._approaching:
             if body.reached:
-                self._comes = False
+                self._approaching = False
                 body.loiter(*self._centre_m, self._radius_m)
             return False
         if self._near_m is None:
@@ -213,9 +213,9 @@ class CircleToAltitude:
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
-        self._there = self._there or self._is_there()
-        if not self._there or self._next_m is None:
-            return self._there
+        self._at_altitude = self._at_altitude or self._is_there()
+        if not self._at_altitude or self._next_m is None:
+            return self._at_altitude
         east_m, north_m, _ = body.position_m
         bearing_rad = math.atan2(self._next_m[0] - east_m, self._next_m[1] - north_m)
         return abs(math.remainder(bearing_rad - body.heading_rad, 2 * math.pi)) <= ALIGNED_RAD
@@ -239,7 +239,7 @@ class Circling:
         self._flight, self._centre_m, self._radius_m = flight, centre_m, radius_m
         east_m, north_m, _ = flight.body.position_m
         self._bearing_rad = math.atan2(east_m - centre_m[0], north_m - centre_m[1])
-        self._left = math.ceil(turns * self.POINTS_A_TURN) if radius_m else 0
+        self._points_left = math.ceil(turns * self.POINTS_A_TURN) if radius_m else 0
         self._turns = turns
         self._flown_rad = 0.0
         self._seen_rad: float | None = None
@@ -262,7 +262,7 @@ class Circling:
         east_m = self._centre_m[0] + radius_m * math.sin(self._bearing_rad)
         north_m = self._centre_m[1] + radius_m * math.cos(self._bearing_rad)
         speed_m_s = self._flight.body.corner_speed_m_s(2 * math.pi / self.POINTS_A_TURN)
-        self._flight.body.fly_to(east_m, north_m, self._centre_m[2], speed_m_s if self._left else 0.0)
+        self._flight.body.fly_to(east_m, north_m, self._centre_m[2], speed_m_s if self._points_left else 0.0)
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
@@ -270,9 +270,9 @@ class Circling:
             return False
         if body.plane:
             return self._round_rad() >= 2 * math.pi * self._turns
-        if self._left == 0:
+        if self._points_left == 0:
             return True
-        self._left -= 1
+        self._points_left -= 1
         step_rad = 2 * math.pi / self.POINTS_A_TURN
         self._bearing_rad += step_rad if self._radius_m >= 0 else -step_rad
         self._fly_to_point()

@@ -36,8 +36,8 @@ LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
-MOST_AT_ONCE = 50  # do-commands in one update; jumps back can repeat them endlessly
-MOST_BETWEEN = 1000  # do-commands between two navigation commands, with repetitions
+MAX_PER_UPDATE = 50  # do-commands in one update; jumps back can repeat them endlessly
+MAX_BETWEEN = 1000  # do-commands between two navigation commands, with repetitions
 
 
 class MissionState(IntEnum):
@@ -116,7 +116,7 @@ class Mission:
     flown: Item | None = None  # copy of that command from its start; outlives its deletion
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
-    begins_anew: bool = False  # the previous item in the list was not flown before this one
+    without_approach: bool = False  # the previous item in the list was not flown before this one
     disarms_on_landing: bool = True  # a landing item ends the mission and stops the motors
     stays_landed: bool = False  # the mission never ends: the index stays at the landing, also after disarming
     in_landing: bool = False  # the latest item begun belongs to a landing
@@ -151,7 +151,7 @@ class Mission:
     def item(self, index: int) -> Item:
         return self.home() if index == 0 else self.items[index]
 
-    # -- changing it -------------------------------------------------------------------------------------
+    # -- changes ------------------------------------------------------------------------------------------
 
     def put(self, index: int, item: Item) -> bool:
         """Store an item at an index or append it; return True if that changed the mission.
@@ -187,7 +187,7 @@ class Mission:
         self.cut(0)
         self.reset()
 
-    # -- what it says ------------------------------------------------------------------------------------
+    # -- state --------------------------------------------------------------------------------------------
 
     @property
     def reported_state(self) -> MissionState:
@@ -230,12 +230,12 @@ class Mission:
                     continue
             else:
                 passed.append(index)
-                if len(passed) > MOST_BETWEEN:
+                if len(passed) > MAX_BETWEEN:
                     return None
             index += 1
         return None
 
-    # -- flying it ---------------------------------------------------------------------------------------
+    # -- execution ----------------------------------------------------------------------------------------
 
     @property
     def _starts_over(self) -> bool:
@@ -268,7 +268,7 @@ class Mission:
             pilot.start_navigation(self.flown, None)  # its item was deleted
         return self.flown is not None
 
-    def coming(self, count: int) -> list[int]:
+    def next_navigation(self, count: int) -> list[int]:
         """Return the indices of the next navigation commands, the current one first."""
         found: list[int] = []
         jumps, index = dict(self._jumps), self._find_navigation(self.index, {}, [])
@@ -345,7 +345,7 @@ class Mission:
             self._advance(pilot, self.index + 1)
 
     def _run_pending(self, pilot: Pilot, now: float) -> None:
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MAX_PER_UPDATE):
             if not self._pending or self.state is not MissionState.ACTIVE:
                 return
             index = self._pending[0]

@@ -13,16 +13,16 @@ from sim_vehicle.vehicle.numbers import finite, whole
 
 LocalPoint = tuple[float, float, float]
 AHEAD_M = 50_000.0  # length of a leg that ends at an altitude
-NOWHERE_M = 0.1  # shortest distance that gives a direction
-CLEARS_BY_M = 10.0  # climb beyond the take-off altitude of a plane that climbs straight on
+MIN_DIRECTION_M = 0.1  # shortest distance that gives a direction
+CLIMB_MARGIN_M = 10.0  # climb beyond the take-off altitude of a plane that climbs straight on
 ALTITUDE_REACHED_M = 5.0
-BEGINS_AT_M_S = 1.0  # speed below which a leg begins after braking
+LEG_START_SPEED_M_S = 1.0  # speed below which a leg begins after braking
 YAW_REACHED_RAD = math.radians(2.0)
-THROUGH = frozenset(
+FLOWN_THROUGH = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT, mavlink.MAV_CMD_CONDITION_GATE}
 )
-WAITS = THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY}
-REPORTED = THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_LOITER_TURNS}
+WAITS = FLOWN_THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY}
+REPORTED = FLOWN_THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_LOITER_TURNS}
 SHORT_NAMES = {
     mavlink.MAV_CMD_NAV_TAKEOFF: "Takeoff",
     mavlink.MAV_CMD_NAV_WAYPOINT: "WP",
@@ -57,7 +57,7 @@ class MissionPilot:
         self._after_braking_m_s: float | None = None  # speed at the end of a leg that begins after braking
         self._following: Item | None = None
 
-    # -- facts -------------------------------------------------------------------------------------------
+    # -- state --------------------------------------------------------------------------------------------
 
     @property
     def armed(self) -> bool:
@@ -78,11 +78,11 @@ class MissionPilot:
         self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
         self._under_way, self._after_braking_m_s = False, None
 
-    # -- navigation commands -----------------------------------------------------------------------------
+    # -- navigation commands ------------------------------------------------------------------------------
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
         flight = self._flight
-        broken_off = self._under_way
+        interrupted = self._under_way
         self.forget()
         flight.taking_off = item.command in TAKEOFFS
         self._target_m = flight.guided_target_m = self._goal_m(item)
@@ -90,7 +90,7 @@ class MissionPilot:
             return
         if item.command in LANDINGS:
             # Without an approach line a plane spirals down.
-            self._manoeuvre = Landing(flight, item.place_deg, circles=flight.mission.begins_anew)
+            self._manoeuvre = Landing(flight, item.place_deg, circles=flight.mission.without_approach)
         elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._manoeuvre = Return(flight)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
@@ -104,7 +104,7 @@ class MissionPilot:
             self._following = following
             flight.body.limit(radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
-            if broken_off and self._under_way and flight.flight_parameters.begins_legs_at_rest:
+            if interrupted and self._under_way and flight.flight_parameters.begins_legs_at_rest:
                 self._after_braking_m_s = self._pass_speed_m_s(item, following)
                 flight.body.stop()
                 return
@@ -114,8 +114,10 @@ class MissionPilot:
         """Return the acceptance radius of an item [m]; for a plane the item itself can set it."""
         flight_parameters = self._flight.flight_parameters
         item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
-        tells = self._flight.body.plane and flight_parameters.waypoints_say_radius and item_radius_m > 0.0
-        return item_radius_m if tells else flight_parameters.waypoint_radius_m
+        sets_radius = (
+            self._flight.body.plane and flight_parameters.waypoints_set_radius and item_radius_m > 0.0
+        )
+        return item_radius_m if sets_radius else flight_parameters.waypoint_radius_m
 
     def _goal_m(self, item: Item) -> LocalPoint:
         flight = self._flight
@@ -140,18 +142,18 @@ class MissionPilot:
         heading_rad = body.heading_rad
         if item.place_deg is not None:
             ahead_m = body.locate(*item.place_deg)
-            if math.dist(ahead_m, (east_m, north_m)) > NOWHERE_M:
+            if math.dist(ahead_m, (east_m, north_m)) > MIN_DIRECTION_M:
                 heading_rad = math.atan2(ahead_m[0] - east_m, ahead_m[1] - north_m)
         return east_m + AHEAD_M * math.sin(heading_rad), north_m + AHEAD_M * math.cos(heading_rad)
 
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
         """Return the speed for flying through a waypoint [m/s]; 0: stop there."""
-        through = item.command in THROUGH and item.param1 == 0
+        through = item.command in FLOWN_THROUGH and item.param1 == 0
         if self._flight.body.plane:  # a plane circles only on request or at the end
             through = through and following is not None
             through = through or item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT
             return self._flight.flight_parameters.speed_m_s if through else 0.0
-        if not through or following is None or following.command not in THROUGH:
+        if not through or following is None or following.command not in FLOWN_THROUGH:
             return 0.0
         target_m, here_m, next_m = (
             self._target_m,
@@ -184,7 +186,7 @@ class MissionPilot:
         if self._after_braking_m_s is None:
             return False
         flight, pass_speed_m_s = self._flight, self._after_braking_m_s
-        if math.hypot(*flight.body.velocity_m_s[:2]) > BEGINS_AT_M_S:
+        if math.hypot(*flight.body.velocity_m_s[:2]) > LEG_START_SPEED_M_S:
             return True
         self._after_braking_m_s = None
         flight.go(self._target_m, pass_speed_m_s)
@@ -198,7 +200,7 @@ class MissionPilot:
         if self._takes_off_along:
             if not flight.body.airborne:
                 east_m, north_m, up_m = self._target_m
-                flight.go((east_m, north_m, up_m + CLEARS_BY_M), flight.flight_parameters.speed_m_s)
+                flight.go((east_m, north_m, up_m + CLIMB_MARGIN_M), flight.flight_parameters.speed_m_s)
                 return False
             return flight.body.alt_amsl_m >= self._target_m[2]
         if not flight.body.airborne:
@@ -246,10 +248,10 @@ class MissionPilot:
         """Return True for a plane at a waypoint with the wrong altitude."""
         flight = self._flight
         off_m = abs(flight.body.alt_amsl_m - self._target_m[2])
-        through = item.command in THROUGH and flight.body.plane and flight.body.airborne
+        through = item.command in FLOWN_THROUGH and flight.body.plane and flight.body.airborne
         return through and off_m > flight.flight_parameters.waypoint_height_m
 
-    # -- commands on the way -----------------------------------------------------------------------------
+    # -- do and condition commands ------------------------------------------------------------------------
 
     def do(self, item: Item) -> None:
         flight = self._flight
@@ -259,7 +261,7 @@ class MissionPilot:
             relative = item.param4 == 1
             direction = whole(item.param3)
             if flight.turn(item.param1, item.param2, direction=direction, relative=relative):
-                self._wanted_heading_rad = flight.faced_rad
+                self._wanted_heading_rad = flight.commanded_heading_rad
         elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
             if item.param1 == 1 or item.place_deg is None:
                 flight.set_home(GeodeticPosition(*flight.body.lat_lon_deg, flight.body.alt_amsl_m))
@@ -276,7 +278,7 @@ class MissionPilot:
         error_rad = math.remainder(body.heading_rad - self._wanted_heading_rad, 2 * math.pi)
         return abs(error_rad) < YAW_REACHED_RAD
 
-    # -- what is said ------------------------------------------------------------------------------------
+    # -- reports ------------------------------------------------------------------------------------------
 
     def mission_item_started(self, index: int, item: Item) -> None:
         name = SHORT_NAMES.get(item.command, str(item.command))

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.vehicle.mission import (
     CONDITIONS,
     MAX_JUMPS_IN_A_ROW,
-    MOST_AT_ONCE,
+    MAX_PER_UPDATE,
     NAVIGATION,
     Item,
     Mission,
@@ -87,7 +87,7 @@ class Px4Mission(Mission):
         else:
             self.state, self._disarmed_since = MissionState.NOT_STARTED, False
 
-    # -- flying it ---------------------------------------------------------------------------------------
+    # -- execution ----------------------------------------------------------------------------------------
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
         """Enter the mission mode: an armed vehicle flies on, a disarmed one after arming."""
@@ -130,7 +130,7 @@ class Px4Mission(Mission):
             return
         if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_since:
             self._activate(pilot)
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MAX_PER_UPDATE):
             item = self.flown
             if self.state is not MissionState.ACTIVE or item is None or not self._done(pilot, item, now):
                 return
@@ -157,13 +157,13 @@ class Px4Mission(Mission):
             pilot.no_mission()
             return
         self._flown_once = True
-        self.state, self.begins_anew = MissionState.ACTIVE, True
+        self.state, self.without_approach = MissionState.ACTIVE, True
         self._begin(pilot, found)
 
     def _go_on(self, pilot: Pilot) -> None:
         found = self._resolve(self.index + 1, count=True)
         if found is not None:
-            self.begins_anew = False
+            self.without_approach = False
             self._begin(pilot, found)
             return
         if self.index + 1 >= self.count:
@@ -212,7 +212,7 @@ class Px4Mission(Mission):
 
     def _following(self, index: int) -> Item | None:
         """Return the next navigation command after `index`, for the corner at it."""
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MAX_PER_UPDATE):
             found = self._resolve(index + 1, count=False)
             if found is None:
                 return None

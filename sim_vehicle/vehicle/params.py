@@ -61,7 +61,7 @@ class Parameters:
         self._index = {name: index for index, name in enumerate(self._names)}
         self._read_only = read_only
         self._pacer = Pacer()
-        self._listed = len(self._names)  # index of the next parameter in the list; -1: the hash
+        self._list_index = len(self._names)  # index of the next parameter in the list; -1: the hash
 
     def __getitem__(self, name: str) -> float | int:
         return self._values[name]
@@ -105,17 +105,17 @@ class Parameters:
     @property
     def listing(self) -> bool:
         """True while a list is being sent, so that `tick` has work."""
-        return self._listed < len(self._names)
+        return self._list_index < len(self._names)
 
     def tick(self, send: Callable[[Any], None], now: float) -> None:
         """Send the part of a requested list that the link can carry by `now` [s]."""
         while self.listing and self._pacer.take(FRAME_BYTES, now):
-            send(self._hash_message() if self._listed < 0 else self.value_message(self._listed))
-            self._listed += 1
+            send(self._hash_message() if self._list_index < 0 else self.value_message(self._list_index))
+            self._list_index += 1
 
     def reboot(self) -> None:
         """Stop sending a list; the values stay."""
-        self._listed = len(self._names)
+        self._list_index = len(self._names)
 
     def receive(self, message: Any, send: Callable[[Any], None], now: float) -> str | None:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; return the name that was set, or None.
@@ -125,7 +125,7 @@ class Parameters:
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
             # A restarted list omits the hash.
-            self._listed = -1 if self._byte_wise and not self.listing else 0
+            self._list_index = -1 if self._byte_wise and not self.listing else 0
             self.tick(send, now)
             return None
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
@@ -136,7 +136,7 @@ class Parameters:
             if kind == "PARAM_REQUEST_READ":
                 send(self._hash_message())
             else:  # a ground station sends the hash if it has the values: the list ends
-                self._listed = len(self._names)
+                self._list_index = len(self._names)
         if message.param_id not in self._values:
             return None
         if kind == "PARAM_SET":
@@ -177,8 +177,8 @@ class Parameters:
         kind = self._wire_type(name)
         if self._byte_wise and isinstance(value, int):
             return _BytesValue(name, struct.pack("<i", value), kind, len(self._names), index)
-        told = UNINDEXED if named and not self._byte_wise else index
-        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self._names), told)
+        sent_index = UNINDEXED if named and not self._byte_wise else index
+        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self._names), sent_index)
 
 
 class _BytesValue(mavlink.MAVLink_param_value_message):  # type: ignore[misc]

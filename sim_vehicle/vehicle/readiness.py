@@ -8,8 +8,8 @@ from sim_vehicle.epoch import EPSILON_S
 FULL_READY_S = 41.0
 GPS_FIX_S = 10.0
 HOME_S = 20.0
-MODE_UNDONE_S = 2.0  # first reading of the RC mode switch; it undoes earlier mode changes
-MILESTONES_S = (MODE_UNDONE_S, GPS_FIX_S, HOME_S, FULL_READY_S)
+MODE_SWITCH_READ_S = 2.0  # first reading of the RC mode switch; it undoes earlier mode changes
+MILESTONES_S = (MODE_SWITCH_READ_S, GPS_FIX_S, HOME_S, FULL_READY_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Readiness:
         return self._passed(FULL_READY_S, now)
 
     def mode_switch_read(self, now: float) -> bool:
-        return self._passed(MODE_UNDONE_S, now)
+        return self._passed(MODE_SWITCH_READ_S, now)
 
     def next_s(self, now: float) -> float:
         """Return the time of the next milestone [s]; inf after the last."""

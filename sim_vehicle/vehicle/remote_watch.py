@@ -19,7 +19,7 @@ class RemoteWatch:
         self._vehicle = vehicle
         self.lost = False
         self._since_s = math.inf
-        self._missed = True  # the present loss counts
+        self._loss_counts = True  # the present loss counts
         self._stage: str | None = None
         self._long_due_s = math.inf
         self._mode_before, self._mode_then = 0, 0
@@ -27,7 +27,7 @@ class RemoteWatch:
     @property
     def next_s(self) -> float:
         """Time of the next stage [s]."""
-        if math.isinf(self._since_s) or not self._missed or self._stage == LONG:
+        if math.isinf(self._since_s) or not self._loss_counts or self._stage == LONG:
             return math.inf
         return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc_timeout_s
 
@@ -36,12 +36,12 @@ class RemoteWatch:
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         silent = flight_parameters.rc_required or vehicle.injected_faults.rc_lost
         if not (silent and flight_parameters.rc_watched):
-            self._heard()
+            self._end_loss()
             return None
         if math.isinf(self._since_s):
             self._since_s = now
-            self._missed = vehicle.armed or flight_parameters.rc_missed_unarmed
-        if not self._missed or self._stage == LONG:
+            self._loss_counts = vehicle.armed or flight_parameters.rc_lost_unarmed_counts
+        if not self._loss_counts or self._stage == LONG:
             return None
         if not self.lost and now + EPSILON_S >= self._since_s + flight_parameters.rc_timeout_s:
             self.lost = True
@@ -54,11 +54,11 @@ class RemoteWatch:
             return LONG
         return None
 
-    def acted(self, before: int, then: int) -> None:
+    def record_mode_change(self, before: int, then: int) -> None:
         """Record the mode change of a stage, to be undone."""
         self._mode_before, self._mode_then = before, then
 
-    def _heard(self) -> None:
+    def _end_loss(self) -> None:
         if math.isinf(self._since_s):
             return
         was_lost, stage = self.lost, self._stage

@@ -10,6 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.attitude_setpoints import AttitudeSetpoints
 from sim_vehicle.vehicle.behaviour import Behaviour
@@ -64,13 +65,24 @@ class Setpoints:
         """True if the latest set-point is recent enough to enter a mode that needs them."""
         return now - self._last_received_s < self._vehicle.flight_parameters.setpoint_timeout_s
 
-    def deadline_s(self, timeout_s: float) -> float:
-        """Return when the current set-point expires [s]; inf if it does not."""
-        return self._last_received_s + timeout_s if self._expires else math.inf
-
     @property
-    def last_received_s(self) -> float:
-        return self._last_received_s
+    def next_deadline_s(self) -> float:
+        """Time at which the current set-point, or the mode that needs a stream of them, expires [s]."""
+        vehicle = self._vehicle
+        expires = vehicle.flight.flying if vehicle.mode.setpoints_only else self._expires
+        return self._last_received_s + vehicle.flight_parameters.setpoint_timeout_s if expires else math.inf
+
+    def expire(self, now: float) -> None:
+        """End the current set-point if it is due: act on a lost stream, or stop in guided flight."""
+        if now + EPSILON_S < self.next_deadline_s:
+            return
+        vehicle = self._vehicle
+        self.reset()
+        if vehicle.mode.setpoints_only:
+            vehicle.announce("setpoints_lost")
+            vehicle.failsafes.act(vehicle.flight_parameters.setpoint_action, now, at_once=True)
+        elif vehicle.mode.behaviour is Behaviour.GUIDED and vehicle.flight.flying:
+            vehicle.body.stop()
 
     def receive(self, message: Any, now: float) -> None:
         """Process one set-point message at `now` [s]."""
@@ -84,7 +96,7 @@ class Setpoints:
         if vehicle.mode.behaviour is not Behaviour.GUIDED or not ready:
             return
         if message.get_type() == "SET_ATTITUDE_TARGET":
-            if self._attitude.to_attitude(message, since_s):
+            if self._attitude.apply(message, since_s):
                 self._expires, vehicle.flight.taking_off = True, False
             return
         self._attitude.reset()

@@ -99,24 +99,24 @@ class Storage:
 
     def note(self, now: float) -> None:
         """Record changes of the vehicle's state; begin and end logs when required."""
-        self._begin_if_wanted(now)
+        self._begin_if_required(now)
         if not self.recorder.recording:
             return
-        seen = _look(self._vehicle)
+        seen = _logged_state(self._vehicle)
         if seen != self._seen:
             log = self.recorder.event(now)
             if log is not None:
                 self._log_changes(log, now, seen)
             self._flown = self._flown or (self._seen.armed and not seen.armed)
             self._seen = seen
-        if not self._wanted():
+        if not self._recording_required():
             self.recorder.end(now)
 
-    def _begin_if_wanted(self, now: float) -> None:
-        if not self.recorder.recording and self._wanted():
+    def _begin_if_required(self, now: float) -> None:
+        if not self.recorder.recording and self._recording_required():
             self._begin(now)
 
-    def _wanted(self) -> bool:
+    def _recording_required(self) -> bool:
         vehicle = self._vehicle
         when = vehicle.flight_parameters.logs
         if when is LogWhen.NEVER or not (vehicle.booted and self.recorder.enabled):
@@ -129,7 +129,7 @@ class Storage:
 
     def text(self, now: float, severity: int, text: str) -> None:
         """Record a STATUSTEXT, that of the arming and that of the disarming included."""
-        self._begin_if_wanted(now)
+        self._begin_if_required(now)
         log = self.recorder.event(now)
         if log is not None:
             log.text(now, severity, text)
@@ -186,7 +186,7 @@ def _numbers(place: GeodeticPosition) -> tuple[float, float, float]:
     return place.lat_deg, place.lon_deg, place.alt_amsl_m
 
 
-def _look(vehicle: Vehicle) -> _LoggedState:
+def _logged_state(vehicle: Vehicle) -> _LoggedState:
     failsafes, mission = vehicle.failsafes, vehicle.mission
     return _LoggedState(
         vehicle.armed,

@@ -15,7 +15,7 @@ from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
 LAST_TIMESTAMP = 2**48 - 1  # largest time stamp in a signature
 NEW_STREAM_AGE = 60 * TICKS_PER_S  # largest age of the first message of a stream
-MOST_STREAMS = 16
+MAX_STREAMS = 16
 SIGNED = 0x01  # bit of the incompatibility flags, the third byte
 SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
 UNSIGNED_ALLOWED = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO})
@@ -115,7 +115,7 @@ class Signing:
         last = self._streams.get(stream)
         if last is None:
             own = max(self._timestamp, self._clock(now))
-            if len(self._streams) >= MOST_STREAMS or timestamp + NEW_STREAM_AGE < own:
+            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE < own:
                 return False
         elif timestamp <= last:
             return False

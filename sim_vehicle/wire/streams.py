@@ -49,9 +49,6 @@ class Streams:
         interval_s = float(self._interval_s[ROWS[message_id], vehicle])
         return None if math.isinf(interval_s) else interval_s
 
-    def wanted(self, vehicle: int, message_id: int) -> bool:
-        return bool(np.isfinite(self._interval_s[ROWS[message_id], vehicle]))
-
     def clear(self, vehicle: int) -> None:
         """Stop all streams of a vehicle, as a reboot does."""
         self._interval_s[:, vehicle] = self._due_s[:, vehicle] = np.inf
@@ -78,9 +75,9 @@ class Rates:
         unsupported: Collection[int],
     ) -> None:
         self._streams, self._vehicle, self._unsupported = streams, vehicle, unsupported
-        self._usual_hz = {**default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
+        self._default_hz = {**default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
         # strike messages have begun since the boot, or a ground station has set their rate
-        self._strikes_settled = False
+        self._strikes_decided = False
 
     def can(self, message_id: int) -> bool:
         """Return True if this autopilot can stream a message."""
@@ -90,15 +87,15 @@ class Rates:
         """Set an interval; a first stream also starts the strike messages. KeyError: not a stream."""
         self._streams.set_interval(self._vehicle, message_id, interval_s, now)
         if message_id == STRIKES:
-            self._strikes_settled = True
-        elif interval_s > 0 and not self._strikes_settled:
-            self._strikes_settled = True
+            self._strikes_decided = True
+        elif interval_s > 0 and not self._strikes_decided:
+            self._strikes_decided = True
             if self.interval_s(STRIKES) is None:
                 self._streams.set_interval(self._vehicle, STRIKES, STRIKES_S, now)
 
     def reset(self, message_id: int, now: float) -> None:
         """Return to the default rate."""
-        rate_hz = self._usual_hz.get(message_id, 0.0)
+        rate_hz = self._default_hz.get(message_id, 0.0)
         self.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
     def interval_s(self, message_id: int) -> float | None:
@@ -108,6 +105,6 @@ class Rates:
     def boot(self, now: float, first_s: float) -> None:
         """Reset to the default streams, from `first_s` [s] on."""
         self._streams.clear(self._vehicle)
-        self._strikes_settled = False
-        for message_id, rate_hz in self._usual_hz.items():
+        self._strikes_decided = False
+        for message_id, rate_hz in self._default_hz.items():
             self._streams.set_interval(self._vehicle, message_id, 1.0 / rate_hz, now, first_s=first_s)

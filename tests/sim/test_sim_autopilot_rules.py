@@ -1,4 +1,4 @@
-"""What a vehicle keeps to whatever a ground station, a parameter or a fault asks for."""
+"""Rules that a vehicle keeps under any request of a ground station, parameter or fault."""
 
 import math
 from typing import Any
@@ -294,10 +294,10 @@ def test_on_px4_a_yaw_in_a_frame_of_the_body_is_from_north() -> None:
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(1.0, abs=0.05)
 
 
-# -- who is heard, and when ----------------------------------------------------------------------------------
+# -- accepted senders and times ---------------------------------------------------------------------------
 
 
-def test_with_sysid_enforce_only_the_ground_station_is_heard() -> None:
+def test_with_sysid_enforce_only_messages_of_the_ground_station_count() -> None:
     station = Station(sysid=42)
     assert station.set_mode(GUIDED) == 0
     set_parameter(station, "SYSID_ENFORCE", 1)

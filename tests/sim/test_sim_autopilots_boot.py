@@ -1,4 +1,4 @@
-"""From boot to ready, as observed: text on the link, when what is there, what a heartbeat shows and when."""
+"""From boot to ready, as observed: text on the link, times of readiness, and heartbeats."""
 
 from collections import Counter
 
@@ -103,7 +103,7 @@ def test_status_5_stays_while_a_failsafe_is_latched_even_landed_and_disarmed() -
 
 
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_px4s_mission_state_is_0_whatever_happens_to_the_mission() -> None:
+def test_px4s_mission_state_is_always_0() -> None:
     station = Px4Station()
     states = Counter[int]()
 

@@ -1,4 +1,4 @@
-"""What ArduCopter does when something fails in flight, and after how long; parameters set it all off."""
+"""ArduCopter's reactions to failures in flight and their delays, injected by parameters."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink

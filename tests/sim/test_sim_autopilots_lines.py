@@ -1,13 +1,13 @@
-"""That every line of what was observed on the two autopilots is pinned by a test, for each one it speaks of.
+"""Every line of the observations of both autopilots has a test, for each autopilot it mentions.
 
-`autopilot_lines` has the lines, and how a test says which it pins.
+`autopilot_lines` has the lines and the mark by which a test names its line.
 """
 
 from pathlib import Path
 
 from autopilot_lines import LINES, marked
 
-# What is said there and no test can hold: the line, what of it, and why.
+# Observations without a possible test: the line, the part of it, and the reason.
 NOT_PINNED = (
     ("1.16", "1376 params", "only parameters that something acts by are there"),
     ("1.19", "410 (EVENT) among the unknown ones", "no events are sent; 380, 411 and 436 are"),
@@ -29,7 +29,7 @@ def test_every_line_is_pinned_for_each_autopilot_that_it_speaks_of() -> None:
     assert sorted(wanted - pinned) == []
 
 
-def test_no_test_pins_a_line_that_is_not_there() -> None:
+def test_no_test_names_a_missing_line() -> None:
     strangers = [
         f"{test} pins {line!r} of {of}"
         for line, of, test in all_marked()
@@ -38,7 +38,7 @@ def test_no_test_pins_a_line_that_is_not_there() -> None:
     assert strangers == []
 
 
-def test_a_line_that_no_test_pins_says_why() -> None:
+def test_a_line_without_a_test_has_a_reason() -> None:
     assert {line for line, autopilots in LINES.items() if not autopilots} <= {
         line for line, _, _ in NOT_PINNED
     }

@@ -1,4 +1,4 @@
-"""What MAVSDK asks of the two autopilots, action by action, and the different answers that it hides."""
+"""The requests of MAVSDK to both autopilots, action by action, and the different answers it hides."""
 
 import math
 
@@ -121,7 +121,7 @@ def test_a_speed_is_changed_by_a_command_in_flight() -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 start_mission")
-def test_a_mission_is_started_in_auto_paused_by_brake_and_goes_on_in_auto() -> None:
+def test_a_mission_starts_in_auto_pauses_in_brake_and_continues_in_auto() -> None:
     station = Station()
     assert station.upload([home_item(), takeoff(10), waypoint(200, 0, 10)]) == 0
     assert station.set_mode(GUIDED) == ACCEPTED

@@ -1,4 +1,4 @@
-"""What becomes of a mission that is changed, cut or cleared while it is flown, as both autopilots do it."""
+"""Missions that are changed, shortened or cleared in flight, on both autopilots."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ def reached(station: Station) -> list[int]:
 
 
 def northbound(more: int = 0) -> Station:
-    """An ArduCopter in AUTO on its way to item 2, far in the north; items behind it as wanted."""
+    """Return an ArduCopter in AUTO on its way to item 2, far in the north, with more items behind it."""
     station = Station()
     station.fly_mission([takeoff(), waypoint(600, 0), *(waypoint(600, 50.0 * i) for i in range(1, more + 1))])
     station.until(lambda: place_m(station)[0] > 50, 60)
@@ -160,7 +160,7 @@ def test_set_current_after_an_upload_in_auto_flies_the_new_plan_from_its_start()
 
 
 def px4_northbound(more: int = 0) -> Px4Station:
-    """A PX4 on its way to item 1, far in the north; items behind it as wanted."""
+    """Return a PX4 on its way to item 1, far in the north, with more items behind it."""
     station = Px4Station()
     behind = (waypoint(600, 50.0 * i, 10) for i in range(1, more + 1))
     station.upload_and_wait([takeoff(10), waypoint(600, 0, 10), *behind])

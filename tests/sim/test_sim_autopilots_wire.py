@@ -1,4 +1,4 @@
-"""What ArduCopter makes of ids, sizes and kinds on the wire; home, which moves; and returns as an item."""
+"""ArduCopter on the wire: ids, sizes and kinds of messages, moving home, and returns as items."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -82,7 +82,7 @@ def test_relative_altitudes_are_above_where_it_was_armed_last() -> None:
 
 
 @pytest.mark.autopilots("1.12")
-def test_a_return_as_an_item_never_shows_its_mode_and_the_mission_begins_anew() -> None:
+def test_a_return_item_never_shows_its_mode_and_the_mission_restarts() -> None:
     station = Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     station.fly_mission([takeoff(10), waypoint(40, 0, 10), rtl])
@@ -134,20 +134,20 @@ def test_the_count_is_with_home_and_the_total_without() -> None:
         (b"WPNAV_SPEED", 123.5, 123.5),
     ],
 )
-def test_an_integer_parameter_keeps_what_fits_into_its_width(name: bytes, sent: float, kept: float) -> None:
+def test_an_integer_parameter_is_limited_to_its_width(name: bytes, sent: float, kept: float) -> None:
     station = Station()
     (answer,) = station.send(mavlink.MAVLink_param_set_message(1, 0, name, sent, 9))
     assert answer.param_value == kept
 
 
 @pytest.mark.parametrize("kind", ["copter", "plane"])
-def test_every_integer_parameter_says_how_wide_it_is(kind: str) -> None:
+def test_every_integer_parameter_has_a_declared_width(kind: str) -> None:
     personality = personality_of("ardupilot", kind)
     integers = {name for name, value in personality.parameters.items() if isinstance(value, int)}
     assert integers - set(personality.parameter_bits) == set()
 
 
-def test_what_a_scenario_sets_is_of_the_parameters_own_type() -> None:
+def test_a_scenarios_parameter_gets_the_type_of_its_default() -> None:
     (vehicle,) = scenario().vehicles
     changed = vehicle.model_copy(update={"params": {"RTL_ALT": 2000.0, "WPNAV_SPEED": 500.0}})
     station = Station(Fleet(scenario(vehicles=[changed.model_dump()]), ready_s=0))

@@ -1,4 +1,4 @@
-"""The spoilt wire alone: what goes in, what comes out, and when."""
+"""The impaired link alone: frames in, frames out, and their times."""
 
 import math
 from collections import Counter
@@ -26,7 +26,7 @@ WIRE = (
 
 
 class Wire:
-    """One channel with faults on it, given as on the command line."""
+    """One channel with faults, given as on the command line."""
 
     def __init__(self, *texts: str, seed: int = 1) -> None:
         self.channel = Channel()
@@ -100,7 +100,7 @@ def test_burst_loss_loses_its_share_in_bursts_of_its_length() -> None:
     seed=st.integers(0, 2**32),
     gap_s=st.floats(0, 0.5),
 )
-def test_what_has_nothing_to_lose_loses_nothing_and_keeps_order(
+def test_a_fault_without_losses_passes_every_frame_in_order(
     lengths: list[int], seed: int, gap_s: float
 ) -> None:
     wire = Wire(
@@ -117,7 +117,7 @@ def test_what_has_nothing_to_lose_loses_nothing_and_keeps_order(
 
 @settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(name=st.sampled_from(WIRE), seed=st.integers(0, 2**32), gap_s=st.floats(0, 0.3))
-def test_any_wire_fault_lets_out_what_went_in_and_holds_nothing_for_ever(
+def test_every_link_fault_passes_only_its_input_and_ends_every_delay(
     name: str, seed: int, gap_s: float
 ) -> None:
     frames = numbered(60, length=40)
@@ -186,7 +186,7 @@ def test_a_thin_line_takes_the_time_that_bytes_take() -> None:
     assert [due_s for _, due_s in arrived] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
 
 
-def test_a_full_buffer_drops_what_comes_last() -> None:
+def test_a_full_buffer_drops_the_latest_frames() -> None:
     frames = numbered(50, 100)
     arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(frames, gap_s=0.0)
     assert [frame for frame, _ in arrived] == frames[:10]
@@ -205,7 +205,7 @@ def test_outage_and_one_way() -> None:
     assert [frame for frame, _ in one_way.carry(frames, DOWN)] == frames
 
 
-def test_a_direction_that_is_not_named_is_left_alone() -> None:
+def test_the_other_direction_of_a_fault_is_unimpaired() -> None:
     wire = Wire("packet_loss:rate=1,direction=to_vehicle")
     frames = numbered(20)
     assert [frame for frame, _ in wire.carry(frames, DOWN)] == frames
@@ -235,7 +235,7 @@ def test_a_channel_without_faults_and_frames_is_idle() -> None:
 
 
 def mixed(seconds: int, rate_hz: int = 20) -> list[tuple[bytes, float]]:
-    """A vehicle's stream: a heartbeat each second, attitudes between."""
+    """Return a vehicle's stream: a heartbeat each second, attitudes between."""
     attitude = mavlink.MAVLink_attitude_message(1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
     out = []
     for i in range(seconds * rate_hz):

@@ -53,7 +53,7 @@ def test_readiness_grows_with_the_time_from_boot() -> None:
     assert not prearm_ok(station)
     assert not station.ask(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT).flags & mavlink.EKF_POS_HORIZ_ABS
     assert station.set_mode(0) == 0
-    assert prearm_ok(station)  # in STABILIZE the bit says nothing about a position
+    assert prearm_ok(station)  # in STABILIZE the bit is independent of a position
     assert station.set_mode(4) == 0
     station.wait(21)
     assert prearm_ok(station)
@@ -220,7 +220,7 @@ def test_a_position_target_moves_it_in_guided_only() -> None:
     station.until(lambda: abs(station.fleet.truth().lat_deg[0] - 46.0493) < 2e-5, 30)
 
 
-def test_identity_says_that_no_aircraft_is_behind_it() -> None:
+def test_the_identity_marks_a_simulated_vehicle() -> None:
     station = Station()
     version = station.ask(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     assert bytes(version.uid2) == b"sim_vehicle" + bytes(6) + b"\x01"
@@ -243,7 +243,7 @@ def test_parameters_are_listed_read_and_set() -> None:
     assert (by_index.param_id, by_index.param_index) == ("RTL_ALT", index)
     (set_to,) = station.send(mavlink.MAVLink_param_set_message(1, 0, b"RTL_ALT", 2500, 9))
     assert set_to.param_value == 2500
-    assert got.param_index == set_to.param_index == 65_535  # who names a parameter is not told its index
+    assert got.param_index == set_to.param_index == 65_535  # a request by name gets no index
     assert station.send(mavlink.MAVLink_param_set_message(1, 0, b"NO_SUCH_NAME", 1, 9)) == []
     (kept,) = station.send(mavlink.MAVLink_param_set_message(1, 0, b"SYSID_THISMAV", 9, 9))
     assert kept.param_value == 1

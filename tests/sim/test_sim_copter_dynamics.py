@@ -1,4 +1,4 @@
-"""How copters move: set-points, yaw, lean, what wind does to them, and what failures leave of that."""
+"""Copter motion: set-points, yaw, tilt, wind, and failures."""
 
 import math
 
@@ -57,7 +57,7 @@ def test_it_turns_to_a_heading_the_short_way_at_the_rate(heading_deg: float, rat
     assert world.dynamics.rates_rad_s[0] == pytest.approx((0, 0, 0), abs=1e-6)
 
 
-def test_a_yaw_rate_goes_on_until_something_else_is_said() -> None:
+def test_a_yaw_rate_lasts_until_the_next_order() -> None:
     world = bodies.world()
     body = bodies.copter(world)
     body.move((0.0, 0.0, 0.0), yaw_rate_rad_s=0.5)
@@ -68,7 +68,7 @@ def test_a_yaw_rate_goes_on_until_something_else_is_said() -> None:
     assert world.dynamics.rates_rad_s[0, 2] == 0
 
 
-def test_it_faces_along_its_legs_unless_told_otherwise() -> None:
+def test_a_copter_faces_along_its_legs_by_default() -> None:
     world = bodies.world()
     body = bodies.copter(world)
     body.fly_to(100.0, 0.0, bodies.GROUND_M + 50)
@@ -83,7 +83,7 @@ def test_it_faces_along_its_legs_unless_told_otherwise() -> None:
     assert math.degrees(body.heading_rad) == pytest.approx(354.0, abs=3.0)  # from 10 m east
 
 
-def test_it_leans_by_acceleration_and_drag_and_feels_its_weight_along_its_thrust() -> None:
+def test_tilt_follows_acceleration_and_drag_and_the_specific_force_follows_thrust() -> None:
     world = bodies.world()
     body = bodies.copter(world)
     assert world.dynamics.attitude_rad[0, :2] == pytest.approx((0, 0), abs=1e-3)
@@ -123,7 +123,7 @@ def test_a_storm_beyond_its_authority_takes_it_along() -> None:
     body = bodies.copter(world)
     body.set_wind(30.0, 0.0)
     bodies.wait(world, 20.0)
-    # It leans 40 degrees at most: that holds against sqrt(g tan(40 deg) / 0.016) = 22.7 m/s.
+    # The largest tilt is 40 degrees, which holds against sqrt(g tan(40 deg) / 0.016) = 22.7 m/s.
     assert body.velocity_m_s[1] == pytest.approx(
         -(30.0 - math.sqrt(GRAVITY_M_S2 * math.tan(0.698) / 0.016)), abs=0.1
     )
@@ -205,7 +205,7 @@ NUMBERS = st.floats(-1e6, 1e6)
 
 @settings(max_examples=examples(25), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 5), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
-def test_whatever_it_is_told_its_state_stays_finite_and_within_limits(
+def test_any_orders_keep_the_state_finite_and_within_limits(
     orders: list[tuple[int, float, float, float]],
 ) -> None:
     world = bodies.world(wind=WindSettings(8.0, 30.0, 3.0))

@@ -1,4 +1,4 @@
-"""What ArduPilot does when something is lost, by mode and by parameter, and what it does not arm without."""
+"""ArduPilot's failsafes by mode and by parameter, and its arming checks."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -32,7 +32,7 @@ def beat(there: Station) -> None:
 
 
 def plane(mode: int, **params: float) -> Station:
-    """In the air, in that mode."""
+    """Return a station with the vehicle in the air, in that mode."""
     there = station("plane", **params)
     there.set_mode(PLANE_TAKEOFF)
     assert there.arm() == 0
@@ -46,7 +46,7 @@ def plane(mode: int, **params: float) -> Station:
 # -- the battery ---------------------------------------------------------------------------------------------
 
 
-def test_a_battery_that_is_low_before_arming_does_not_use_up_the_failsafe() -> None:
+def test_a_low_battery_before_arming_does_not_consume_the_failsafe() -> None:
     there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=2, SIM_BATT_VOLTAGE=11.0)
     there.wait(15)
     assert not any("is low" in text for text in there.texts())
@@ -58,7 +58,7 @@ def test_a_battery_that_is_low_before_arming_does_not_use_up_the_failsafe() -> N
     assert there.until(lambda: there.mode == "RTL", 10) >= 2
 
 
-def test_of_two_limits_that_are_passed_at_once_the_worse_one_counts() -> None:
+def test_the_worse_of_two_limits_passed_at_once_counts() -> None:
     there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_CRT_VOLT=11.0, BATT_FS_CRT_ACT=1)
     there.fly(20)
     set_parameter(there, "SIM_BATT_VOLTAGE", 10.5)
@@ -79,7 +79,7 @@ def landing_mission() -> list[dict]:  # type: ignore[type-arg]
 
 
 @pytest.mark.parametrize(("action", "mode"), [(4, "AUTO"), (5, "GUIDED"), (6, "AUTO"), (7, "RTL")])
-def test_what_a_quadplane_would_do_about_its_battery_a_plane_does_otherwise(action: int, mode: str) -> None:
+def test_battery_actions_of_quadplanes_map_to_those_of_planes(action: int, mode: str) -> None:
     there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=action, BATT_LOW_TIMER=1)
     there.upload(landing_mission())
     there.set_mode(PLANE_TAKEOFF)
@@ -152,7 +152,7 @@ def test_a_plane_that_lands_by_its_mission_is_not_called_back() -> None:
         (3, ALT_HOLD, "LAND"),
     ],
 )
-def test_what_a_lost_position_leads_to(action: int, begun_in: int, ends_in: str) -> None:
+def test_the_action_of_a_lost_position(action: int, begun_in: int, ends_in: str) -> None:
     there = station(FS_EKF_ACTION=action)
     there.fly(80)
     inject(there, "gps_loss")
@@ -172,7 +172,7 @@ def test_without_a_remote_control_either_a_lost_position_lands() -> None:
     there.until(lambda: there.mode == "LAND", 12)
 
 
-def test_without_a_threshold_nobody_watches_the_position() -> None:
+def test_without_a_threshold_the_position_is_not_watched() -> None:
     there = station(FS_EKF_THRESH=0)
     there.fly(40)
     inject(there, "gps_loss")
@@ -181,7 +181,7 @@ def test_without_a_threshold_nobody_watches_the_position() -> None:
     assert "EKF Failsafe" not in there.texts()
 
 
-def test_a_return_lands_whatever_its_final_height_while_the_remote_control_is_lost() -> None:
+def test_a_return_without_remote_control_lands_despite_its_final_height() -> None:
     there = station(RTL_ALT_FINAL=500, RTL_LOIT_TIME=1000)
     there.fly(20)
     inject(there, "rc_loss")
@@ -207,7 +207,7 @@ def test_a_return_lands_whatever_its_final_height_while_the_remote_control_is_lo
         ("BATT_FS_LOW_ACT", 7, "BRAKE"),
     ],
 )
-def test_what_a_failsafe_does_by_its_parameter(parameter: str, value: float, mode: str) -> None:
+def test_the_action_of_a_failsafe_follows_its_parameter(parameter: str, value: float, mode: str) -> None:
     there = station("copter", **{parameter: value, "BATT_LOW_VOLT": 11.5, "BATT_LOW_TIMER": 1})
     there.set_mode(GUIDED)
     assert there.arm() == 0
@@ -243,7 +243,7 @@ def test_a_brake_or_land_without_a_position_lands() -> None:
         (16, AUTO, "RTL", "GCS Failsafe"),
     ],
 )
-def test_in_which_modes_a_copter_goes_on_without_a_ground_station(
+def test_modes_in_which_a_copter_continues_without_a_ground_station(
     options: int, mode: int, ends_in: str, text: str
 ) -> None:
     there = station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
@@ -256,7 +256,7 @@ def test_in_which_modes_a_copter_goes_on_without_a_ground_station(
     assert text in there.texts()
 
 
-def test_the_pilots_modes_go_on_without_a_ground_station_unless_told_otherwise() -> None:
+def test_pilot_modes_continue_without_a_ground_station_by_default() -> None:
     there = station()
     (option,) = there.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FS_OPTIONS", -1))
     assert option.param_value == 16

@@ -187,7 +187,7 @@ def test_a_system_id_that_occurs_on_two_links_means_both() -> None:
     assert [a.gps_lost for a in ward.injected_faults] == [False, True, False, True]
 
 
-def test_an_injected_fault_begins_at_once_and_lasts_as_long_as_it_says() -> None:
+def test_an_injected_fault_begins_at_once_and_lasts_for_its_duration() -> None:
     ward = Ward()
     ward.schedule.tick(20.0)
     ward.schedule.inject(parse_fault("stuck_mode:answer=refused,for=5,sysid=1"), 20.0)
@@ -210,7 +210,7 @@ def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
     assert ward.injected_faults[1].gps_offset_m == (0.0, 0.0, 0.0)
 
 
-def test_a_clock_drifts_and_keeps_what_it_has_drifted() -> None:
+def test_a_clock_keeps_its_accumulated_drift() -> None:
     ward = Ward("clock_drift:drift_ppm=2000,at=100,for=50")
     for now in (0.0, 100.0):
         ward.schedule.tick(now)
@@ -287,7 +287,7 @@ def test_a_sensor_that_fails_is_unhealthy(unit: int, kind: int, bit: int) -> Non
     assert ward.injected_faults[0].unhealthy_sensors == bit
 
 
-def test_a_link_switched_off_comes_back_since_nobody_could_call_it_back() -> None:
+def test_a_link_switched_off_by_command_returns_by_itself() -> None:
     ward = Ward()
     assert inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF) == ACCEPTED
     ward.schedule.tick(1.2)
@@ -298,7 +298,7 @@ def test_a_link_switched_off_comes_back_since_nobody_could_call_it_back() -> Non
     assert ward.schedule.names(0) == ()
 
 
-def test_a_failure_that_is_ended_before_it_begins_does_not_begin() -> None:
+def test_a_failure_ended_before_its_start_never_begins() -> None:
     ward = Ward()
     inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF)
     inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OK, now=1.1)

@@ -133,7 +133,7 @@ def test_a_bad_radio_reports_itself_and_a_mission_still_gets_up_with_patience() 
 
 
 def heard_in(steps_s: float, *, seed: int = 3) -> dict[int, bytes]:
-    """Bytes a vehicle over 12 s, of a fleet whose wires are bad in many ways."""
+    """Return each vehicle's bytes over 12 s, of a fleet with many impairments."""
     troubled = fleet(
         3, "burst_loss:rate=0.2", "delay:delay_s=0.3,jitter_s=0.3", "duplication", "reordering:at=4,for=3",
         "corruption:rate=0.05,at=2", "sik_radio:sysid=2,at=6,for=3", "absent_ack:rate=0.5", seed=seed,
@@ -226,7 +226,7 @@ def test_absent_acknowledgements_leave_no_gap() -> None:
 
 
 @pytest.mark.parametrize(("answer", "result"), [("accepted", 0), ("refused", mavlink.MAV_RESULT_FAILED)])
-def test_a_stuck_mode_stays_whatever_is_answered(answer: str, result: int) -> None:
+def test_a_stuck_mode_stays_for_every_answer(answer: str, result: int) -> None:
     there = station(f"stuck_mode:answer={answer},for=10")
     assert there.set_mode(GUIDED) == result
     assert there.mode == "STABILIZE"
@@ -326,7 +326,7 @@ def test_a_sagging_battery_is_seen_and_recovers() -> None:
     )
 
 
-def test_charge_that_is_gone_is_given_back_at_the_end() -> None:
+def test_removed_charge_returns_at_the_end_of_the_fault() -> None:
     there = station()
     inject(there, "battery_sag:sag_v=0,at_most=0.3,for=5")
     there.wait(1)
@@ -351,7 +351,7 @@ def test_a_lost_remote_control_is_a_failsafe() -> None:
     there.until(lambda: there.mode == "RTL", 10)
 
 
-def test_everything_at_once_stops_nothing() -> None:
+def test_all_faults_at_once_stop_nothing() -> None:
     troubled = fleet(4, *[f"{name}:at=2,for=20" for name in FAULTS], *[f"{name}:at=12" for name in FAULTS])
     codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     for step in range(400):

@@ -101,7 +101,7 @@ def test_a_mission_out_of_the_fence_is_flown_until_the_breach_and_a_mode_change_
     assert station.mode == "AUTO"
 
 
-def test_coming_back_clears_the_breach_and_the_status_says_so() -> None:
+def test_a_return_into_the_fence_clears_the_breach_and_its_status() -> None:
     station = fenced()
     station.stream(mavlink.MAVLINK_MSG_ID_FENCE_STATUS)
     station.fly_mission([takeoff(), waypoint(400, 0), land(400, 0)])
@@ -146,7 +146,7 @@ def test_limits_by_parameter(
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, "AUTO"), (2, "LAND"), (4, "BRAKE")], ids=["report only", "land", "brake"]
 )
-def test_what_follows_a_breach(action: int, mode: str) -> None:
+def test_the_action_of_a_breach(action: int, mode: str) -> None:
     station = fenced()
     set_parameter(station, "FENCE_ACTION", action)
     station.fly_mission([takeoff(), waypoint(400, 0)])
@@ -156,7 +156,7 @@ def test_what_follows_a_breach(action: int, mode: str) -> None:
 
 
 @pytest.mark.parametrize("enabled_anew", [False, True])
-def test_a_limit_that_is_configured_later_counts_once_the_fence_is_enabled_anew(enabled_anew: bool) -> None:
+def test_a_later_limit_counts_after_the_next_enabling_of_the_fence(enabled_anew: bool) -> None:
     station = fenced(kind=4)
     set_parameter(station, "FENCE_ALT_MAX", 15)
     set_parameter(station, "FENCE_TYPE", 5)
@@ -186,7 +186,7 @@ def test_a_breach_of_the_circle_that_goes_unheeded_acts_again_20_m_farther_out()
     assert texts == ["Circle fence breached", "Manual recovery started", "Circle fence breached"]
 
 
-def test_more_than_100_m_beyond_the_fence_it_lands_whatever_the_action() -> None:
+def test_a_vehicle_100_m_beyond_the_fence_lands_for_every_action() -> None:
     station = fenced(kind=2)
     set_parameter(station, "FENCE_ENABLE", 0)
     set_parameter(station, "FENCE_RADIUS", 60.0)

@@ -1,4 +1,4 @@
-"""What the stored fence forbids, and how far away its edges are, against shapely-free plane geometry."""
+"""Zones of the stored fence and distances to their edges, against independent plane geometry."""
 
 import math
 
@@ -70,7 +70,7 @@ def test_no_fence_forbids_nothing() -> None:
     assert made.total == 0
 
 
-def test_a_concave_polygon_and_one_that_crosses_itself() -> None:
+def test_a_concave_and_a_self_intersecting_polygon() -> None:
     u_shape = [(0, 0), (100, 0), (100, 100), (0, 100), (0, 70), (70, 70), (70, 30), (0, 30)]
     made = fence(*polygon(POLYGON, [(float(n), float(e)) for n, e in u_shape]))
     assert [made.breaches(*at(n, e)) for n, e in ((50, 15), (85, 50), (30, 50), (50, 85))] == [

@@ -1,4 +1,4 @@
-"""Whole flights in virtual time: what the vehicle does with a mission, by mode, and when told to stop."""
+"""Whole flights in virtual time: missions by mode, and stops on request."""
 
 import math
 
@@ -277,7 +277,7 @@ def test_pause_and_continue() -> None:
     station.until(lambda: place_m(station)[0] > 290, 60)
 
 
-def test_a_leg_that_is_broken_off_for_another_begins_at_rest() -> None:
+def test_the_leg_after_an_interrupted_one_begins_at_rest() -> None:
     # `AC_WPNav::set_wp_destination`: it begins at the place where the vehicle can stop.
     station = Station()
     station.fly_mission([takeoff(), waypoint(600, 0), waypoint(600, 300), land(0, 300)])
@@ -296,7 +296,7 @@ def test_a_leg_that_is_broken_off_for_another_begins_at_rest() -> None:
     assert place_m(station)[0] - begun_m > 15, "it stops ahead"
 
 
-def test_what_is_changed_far_ahead_does_not_disturb_the_leg_that_is_flown() -> None:
+def test_a_change_far_ahead_does_not_disturb_the_current_leg() -> None:
     station = Station()
     items = [waypoint(600 + 100 * i, 0) for i in range(5)]
     station.fly_mission([takeoff(), *items])

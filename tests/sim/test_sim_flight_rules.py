@@ -61,7 +61,7 @@ def reposition(station: Station, north_m: float, height_m: float, *params: float
 # -- ArduCopter ------------------------------------------------------------------------------------------
 
 
-def test_a_reposition_that_is_refused_changes_no_mode() -> None:
+def test_a_refused_reposition_changes_no_mode() -> None:
     station = Station()
     set_parameter(station, "FENCE_RADIUS", 60.0)
     set_parameter(station, "FENCE_ENABLE", 1)
@@ -101,7 +101,7 @@ def test_a_limping_copter_that_came_down_stays_down_when_its_motor_is_back() -> 
     station.until(lambda: station.height_m > 9, 30)
 
 
-def test_a_capacity_that_nobody_knows_takes_no_vehicle_down() -> None:
+def test_an_unknown_battery_capacity_has_no_effect() -> None:
     station = Station()
     station.fly(20)
     set_parameter(station, "BATT_CAPACITY", 0)
@@ -209,7 +209,7 @@ def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
 
 
 @pytest.mark.parametrize(("radius_m", "direction"), [(90.0, 0.0), (140.0, 1.0)])
-def test_a_reposition_says_how_wide_a_plane_circles_and_which_way(radius_m: float, direction: float) -> None:
+def test_a_reposition_sets_radius_and_direction_of_a_planes_circle(radius_m: float, direction: float) -> None:
     station = airborne_plane()
     assert reposition(station, 300, 100, -1, 1, radius_m, direction) == 0
     station.wait(90)

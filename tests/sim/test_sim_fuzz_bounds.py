@@ -1,4 +1,4 @@
-"""What a message may cost: answers, memory and work stay in proportion to what was sent."""
+"""The cost of a message: answers, memory and work stay in proportion to its size."""
 
 import random
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG
 
 STORM = 300
-# What long answers may put on a link at once, and a second, in frames of the shortest of them (PARAM_VALUE).
+# Limits of long answers on a link, at once and per second, in frames of PARAM_VALUE (the shortest).
 AT_ONCE, A_SECOND = 40_000 // 37, 200_000 // 37
 PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
 
@@ -21,7 +21,7 @@ def command(number: int, *params: float) -> Any:
 
 
 def storm(kind: str) -> Iterator[Any]:
-    """So many of a message that is answered at length."""
+    """Return many messages with a long answer."""
     for i in range(STORM):
         if kind == "parameters":
             yield mavlink.MAVLink_param_request_list_message(1, 1)
@@ -145,7 +145,7 @@ def test_peers_are_forgotten_when_they_are_gone() -> None:
 def test_signing_hears_only_so_many_streams() -> None:
     bench = Bench("ardupilot", "copter")
     bench.sign()
-    bench.check()  # those who are known stay so
+    bench.check()  # known peers stay known
     codec = mavlink.MAVLink(None)
     codec.signing.secret_key, codec.signing.sign_outgoing = bytes(range(7, 39)), True
     beat = mavlink.MAVLink_timesync_message(0, 1)
@@ -159,7 +159,7 @@ def test_signing_hears_only_so_many_streams() -> None:
     bench.check()
 
 
-def test_frames_of_every_length_cost_what_they_hold() -> None:
+def test_unknown_and_odd_length_frames_cost_in_proportion_to_their_content() -> None:
     """Unknown ids and payloads longer or shorter than the message: nothing but what was meant is answered."""
     source = random.Random(5)
     bench = Bench("px4", "copter")

@@ -51,7 +51,7 @@ def test_random_bytes(name: str, data: list[tuple[bytes, int, float]]) -> None:
 @MODEST
 @given(seed=st.integers(0, 2**32), cuts=st.lists(st.integers(1, 400), max_size=20))
 def test_a_stream_may_be_cut_anywhere(seed: int, cuts: list[int]) -> None:
-    """However the bytes are dealt out, the answers are the same bytes."""
+    """Every split of the bytes gives the same answers."""
     whole, dealt = Bench("ardupilot", "copter"), Bench("ardupilot", "copter")
     stream = b"".join(frames(whole, random.Random(seed)))
     whole.put(stream)
@@ -91,7 +91,7 @@ def test_broken_frames(name: str, kind: str, is_signing: bool) -> None:
     bench.check()
 
 
-# -- spoilt wires ----------------------------------------------------------------------------------------
+# -- impaired links ---------------------------------------------------------------------------------------
 
 
 def test_every_fault_of_the_wire_is_here() -> None:
@@ -105,7 +105,7 @@ def test_every_fault_of_the_wire_is_here() -> None:
 
 @pytest.mark.parametrize("wire", WIRES)
 @pytest.mark.parametrize("name", ["ardupilot", "px4"])
-def test_broken_frames_and_messages_over_spoilt_wires(name: str, wire: str) -> None:
+def test_broken_frames_and_messages_over_impaired_links(name: str, wire: str) -> None:
     source = random.Random(f"{name} {wire}")
     for_s = "" if "for=" in wire else ("," if ":" in wire else ":") + "for=30"
     bench = Bench(name, "copter", faults=[wire + for_s])

@@ -1,4 +1,4 @@
-"""Every message and every command, with fields that nobody should send: the fleet lives and answers."""
+"""Every message and every command with extreme fields: the fleet survives and answers."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Parameters at values nobody would want, in flight: whatever they do, it is physics."""
+"""Parameters at extreme values in flight: the motion stays physical."""
 
 import math
 import struct
@@ -57,7 +57,7 @@ def test_one_after_the_other(name: str, kind: str, value: float) -> None:
 
 @pytest.mark.parametrize("value", [LARGEST, -LARGEST, 0.0, 1e-45, -1.0])
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_all_at_once_and_flying_on(name: str, kind: str, value: float) -> None:
+def test_a_vehicle_with_all_parameters_changed_still_flies(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     bench.fly()
     parameters = bench.fleet.vehicles[0].personality.parameters
@@ -76,7 +76,7 @@ def test_all_at_once_and_flying_on(name: str, kind: str, value: float) -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_what_is_no_number_is_not_taken(name: str, kind: str, value: float) -> None:
+def test_a_value_that_is_no_number_is_refused(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     personality = bench.fleet.vehicles[0].personality
     for parameter, usual in personality.parameters.items():

@@ -1,4 +1,4 @@
-"""What fuzzing has found, a row each."""
+"""Findings of fuzzing, one row each."""
 
 import struct
 from typing import Any
@@ -129,7 +129,7 @@ def test_a_home_beyond_the_sky(z: float) -> None:
 
 @pytest.mark.parametrize("at", [3.4e38, -3.4e38, float("nan"), float("inf"), 214.8])
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_a_place_that_is_none_on_earth_in_the_old_kind_of_item(name: str, kind: str, at: float) -> None:
+def test_a_position_outside_the_earth_in_a_legacy_item(name: str, kind: str, at: float) -> None:
     bench = Bench(name, kind)
     bench.send(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
     for seq in range(2):
@@ -151,7 +151,7 @@ def test_the_protocol_version_is_asked_for(name: str, kind: str) -> None:
 def calibration_results(
     bench: Bench, sysid: int = 1, *, mavlink1: bool = False, spoilt: int = 0
 ) -> list[int]:
-    """The results that a calibration is acknowledged with when a cancellation comes after its beginning."""
+    """Return the results of a calibration with a cancellation after its start."""
     assert bench.command(CALIBRATION, 1) == IN_PROGRESS
     cancel = bytearray(bench.frame(CommandCancel(sysid, 1, CALIBRATION), mavlink1=mavlink1))
     cancel[-1] ^= spoilt
@@ -166,12 +166,12 @@ def test_a_cancelled_command_ends(is_signing: bool, mavlink1: bool) -> None:
     bench = Bench("ardupilot", "copter")
     if is_signing:
         bench.sign()
-    # What is not signed is not obeyed where signatures are demanded.
+    # Unsigned messages are not obeyed if signatures are required.
     wanted = ACCEPTED if is_signing and mavlink1 else CANCELLED
     assert calibration_results(bench, mavlink1=mavlink1) == [wanted]
 
 
-def test_a_spoilt_cancellation_is_none() -> None:
+def test_a_corrupted_cancellation_is_ignored() -> None:
     assert calibration_results(Bench("ardupilot", "copter"), spoilt=1) == [ACCEPTED]
 
 

@@ -1,4 +1,4 @@
-"""The commands a mission may be made of: what is kept of them, and what a copter does with them."""
+"""Commands of a mission: their stored form, and their execution by a copter."""
 
 import math
 from itertools import pairwise
@@ -30,7 +30,7 @@ NAN = math.nan
 
 
 def reached(station: Station) -> list[int]:
-    """In order, a repetition at once left out."""
+    """Return the values in order without immediate repetitions."""
     seqs = [m.seq for m in station.of("MISSION_ITEM_REACHED")]
     return [seq for before, seq in zip([-1, *seqs], seqs, strict=False) if seq != before]
 
@@ -66,7 +66,9 @@ def reached(station: Station) -> list[int]:
         pytest.param(mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0, 2.5, 3, 1), (0, 2.5, 3, 1), id="IMAGE_START"),
     ],
 )
-def test_what_ardupilot_keeps(command: int, sent: tuple[float, ...], kept: tuple[float, ...]) -> None:
+def test_the_stored_form_of_items_on_ardupilot(
+    command: int, sent: tuple[float, ...], kept: tuple[float, ...]
+) -> None:
     p1, p2, p3, p4 = sent
     stored = store_item(Item(command, 6, p1, p2, p3, p4, x=460_000_000, y=145_000_000, z=20.0))
     assert isinstance(stored, Item)
@@ -83,7 +85,7 @@ def test_what_ardupilot_keeps(command: int, sent: tuple[float, ...], kept: tuple
         pytest.param(SPLINE, {"z": 90_000.0}, mavlink.MAV_MISSION_INVALID_PARAM7, id="altitude"),
     ],
 )
-def test_what_ardupilot_refuses(command: int, sent: dict[str, Any], result: int) -> None:
+def test_items_refused_by_ardupilot(command: int, sent: dict[str, Any], result: int) -> None:
     assert store_item(Item(command, **sent)) == result
 
 
@@ -102,7 +104,7 @@ def test_a_plane_keeps_the_radii_of_a_waypoint_and_knows_no_spline() -> None:
     st.integers(-(2**31), 2**31 - 1),
     st.sampled_from([store_item, store_plane_item]),
 )
-def test_what_is_kept_once_is_kept_as_it_is(
+def test_storing_a_stored_item_again_changes_nothing(
     command: int, frame: int, numbers: list[float], x: int, store: Any
 ) -> None:
     p1, p2, p3, p4, z = numbers
@@ -184,7 +186,7 @@ def test_a_condition_of_yaw_turns_the_vehicle() -> None:
     assert math.degrees(station.of("ATTITUDE")[-1].yaw) == pytest.approx(135, abs=6)
 
 
-def test_a_landing_sequence_and_a_payload_that_is_not_there_do_not_stop_a_mission() -> None:
+def test_a_landing_sequence_and_a_missing_payload_do_not_stop_a_mission() -> None:
     station = Station()
     idle = [
         mavlink.MAV_CMD_DO_LAND_START,
@@ -212,7 +214,7 @@ def test_home_can_be_set_on_the_way() -> None:
 
 
 def px4_item(command: int, *args: float, **fields: Any) -> dict[str, Any]:
-    """A command without a place, in the frame PX4 wants for it."""
+    """Return a command without a position, in PX4's frame for it."""
     return item(command, frame=2, x=0, y=0, **fields)
 
 

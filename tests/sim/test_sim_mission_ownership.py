@@ -101,7 +101,7 @@ def test_a_do_command_that_came_to_the_current_index_is_carried_out_on_the_way()
     assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
 
 
-def test_do_commands_before_a_chosen_command_are_carried_out_once_it_is_flown() -> None:
+def test_do_commands_before_a_selected_command_run_with_it() -> None:
     station = Station()
     slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
     assert station.upload([home_item(), takeoff(10), slower, waypoint(300, 0, 10)]) == 0
@@ -138,7 +138,7 @@ def paused() -> Station:
     return station
 
 
-def test_a_command_chosen_during_a_pause_ends_it_and_the_mission_goes_on() -> None:
+def test_selecting_a_command_during_a_pause_resumes_the_mission() -> None:
     station = paused()
     assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 3) == ACCEPTED
     state = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state
@@ -146,7 +146,7 @@ def test_a_command_chosen_during_a_pause_ends_it_and_the_mission_goes_on() -> No
     station.until(lambda: current(station) == 4, 90)
 
 
-def test_a_new_mission_during_a_pause_is_flown_only_once_it_ends() -> None:
+def test_a_new_mission_during_a_pause_is_flown_after_the_pause() -> None:
     station = paused()
     here = north_m(station)
     assert station.upload([home_item(), takeoff(10), waypoint(0, 90, 10), waypoint(0, 0, 10)]) == 0
@@ -173,7 +173,7 @@ def test_after_a_pause_the_vehicle_flies_on_to_a_command_that_was_deleted() -> N
 
 
 @pytest.mark.parametrize("command", [16, 19, 93, 112])
-def test_px4_takes_a_hold_or_delay_that_is_no_number_for_none(command: int) -> None:
+def test_px4_treats_a_nan_hold_or_delay_as_none(command: int) -> None:
     station = Px4Station()
     placed = command in (16, 19)
     waits = item(command, 20, 0, 10.0, param1=NAN, frame=6 if placed else 2)
@@ -258,7 +258,7 @@ def test_arducopter_starts_no_part_of_a_mission(items: tuple[float, float]) -> N
     assert station.mode == "GUIDED"
 
 
-def test_px4_starts_at_the_item_it_is_told() -> None:
+def test_px4_starts_at_the_requested_item() -> None:
     station = Px4Station()
     station.upload_and_wait([takeoff(10), waypoint(200, 0, 10.0), waypoint(30, 0, 10.0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START, 3) == DENIED
@@ -283,7 +283,7 @@ def landing_mission() -> list[dict[str, Any]]:
     return [home_item(), takeoff(60), waypoint(2500, 0, 60), start, waypoint(400, 0, 50), land(0, 0)]
 
 
-def test_arduplane_goes_on_at_its_landing_sequence_when_it_is_told() -> None:
+def test_arduplane_jumps_to_its_landing_sequence_on_request() -> None:
     station = plane()
     assert station.upload(landing_mission()) == 0
     assert station.set_mode(PLANE_AUTO) == ACCEPTED
@@ -297,7 +297,7 @@ def test_arduplane_goes_on_at_its_landing_sequence_when_it_is_told() -> None:
     station.until(lambda: current(station) == 5, 200)
 
 
-def test_arduplane_without_a_landing_sequence_says_so() -> None:
+def test_arduplane_without_a_landing_sequence_reports_that() -> None:
     station = plane()
     assert station.upload([home_item(), takeoff(60), waypoint(500, 0, 60)]) == 0
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == FAILED

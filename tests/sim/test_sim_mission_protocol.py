@@ -1,4 +1,4 @@
-"""The mission protocol as ArduCopter speaks it, message by message."""
+"""The mission protocol of ArduCopter, message by message."""
 
 import math
 from typing import Any
@@ -26,7 +26,7 @@ def mission(n: int, east_m: float = 0.0) -> list[dict[str, Any]]:
 
 
 @pytest.mark.autopilots("2 item 0", "2 count")
-def test_what_was_sent_comes_back_and_home_is_the_vehicles_own() -> None:
+def test_a_download_equals_the_upload_except_home() -> None:
     station = Station()
     sent = mission(7)
     sent[0] = waypoint(5000, 5000, 77.0)
@@ -134,7 +134,7 @@ def test_an_upload_refused_in_the_middle_leaves_a_mixture_too() -> None:
 
 
 @pytest.mark.autopilots("2 wrong / duplicate item")
-def test_duplicates_are_reported_and_the_upload_goes_on() -> None:
+def test_duplicates_are_reported_and_the_upload_continues() -> None:
     station = Station()
     new = mission(4)
     station.count(4)

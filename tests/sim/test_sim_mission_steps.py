@@ -1,4 +1,4 @@
-"""The order in which the two autopilots go through a mission, with a pilot who only takes notes."""
+"""The order in which both autopilots execute a mission, with a pilot that only records."""
 
 from typing import Any
 
@@ -56,7 +56,7 @@ def test_px4_goes_over_every_item_and_reports_it() -> None:
     assert pilot.log[-1] == ("ended", -1)
 
 
-def test_px4_jumps_are_no_items_of_their_own_and_are_counted_anew_after_the_end() -> None:
+def test_px4_jumps_are_not_current_and_their_counts_restart_after_the_end() -> None:
     mission, pilot = px4(Item(TAKEOFF), Item(WP), Item(WP), jump(1, 2), Item(WP))
     assert fly(mission, pilot) == [0, 1, 2, 1, 2, 1, 2, 4]
     mission.reset()
@@ -92,7 +92,7 @@ def test_px4_keeps_its_place_over_a_change_of_mode_and_starts_over_only_after_th
     assert (mission.index, mission.state) == (0, MissionState.ACTIVE)
 
 
-def test_px4_after_a_flight_begins_a_new_mission_at_the_kept_index_or_where_it_is_told() -> None:
+def test_px4_starts_a_new_mission_after_a_flight_at_the_kept_or_requested_index() -> None:
     mission, pilot = px4(Item(TAKEOFF), Item(WP), Item(LAND))
     fly(mission, pilot)
     pilot.armed = False
@@ -145,7 +145,7 @@ def test_px4_in_flight_takes_a_new_mission_at_its_index_and_an_empty_one_ends_it
     assert mission.index == 0
 
 
-def test_px4_flies_no_mission_that_is_not_feasible() -> None:
+def test_px4_flies_no_infeasible_mission() -> None:
     pilot = IdlePilot()
     mission = Px4Mission(feasible=lambda items: all(item.z < 100 for item in items))
     mission.replace(pilot, [Item(WP, z=200.0)])
@@ -237,7 +237,7 @@ EVENTS = st.lists(
 
 
 def happen(event: str, mission: Mission, pilot: IdlePilot, index: int) -> None:
-    """What befalls a mission beside a change of its items."""
+    """Events of a mission other than changes of its items."""
     pilot.armed = event == "arm" or (pilot.armed and event != "disarm")
     pilot.arrived = event == "arrive" or (pilot.arrived and event != "depart")
     befall = {

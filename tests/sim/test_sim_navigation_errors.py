@@ -1,4 +1,4 @@
-"""What a vehicle takes for its position: noise, drift, glitches, loss of GPS, and where that leads."""
+"""Position estimates: noise, drift, glitches and loss of GPS, and their effects."""
 
 import math
 
@@ -118,7 +118,7 @@ def test_after_the_gps_is_lost_it_reckons_drifts_and_gives_up_its_position() -> 
     assert off_m(world) < 0.5
 
 
-def test_how_long_it_reckons_is_the_autopilots_choice() -> None:
+def test_the_duration_of_dead_reckoning_depends_on_the_autopilot() -> None:
     world = bodies.world(2)
     world.estimator.lost_after_s[:] = (5.0, 8.0)
     world.gps_lost[:] = True

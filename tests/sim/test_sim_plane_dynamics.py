@@ -1,4 +1,4 @@
-"""How fixed wings move: take-off, legs, circles, turns, stall, glide and landing, in calm and in wind."""
+"""Fixed-wing motion: take-off, legs, circles, turns, stall, glide and landing, with and without wind."""
 
 import math
 
@@ -215,7 +215,7 @@ def test_it_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) -> None
     assert not body.crashed
 
 
-def test_sinking_at_a_rate_it_goes_on_around_its_circle() -> None:
+def test_a_sinking_plane_continues_on_its_circle() -> None:
     world = bodies.world(planes=True)
     body = bodies.plane(world)
     body.move_vertically(-2.0)
@@ -262,7 +262,7 @@ NUMBERS = st.floats(-1e4, 1e4)
 
 @settings(max_examples=examples(15), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
-def test_whatever_it_is_told_its_limits_are_kept(orders: list[tuple[int, float, float, float]]) -> None:
+def test_any_orders_keep_a_plane_within_its_limits(orders: list[tuple[int, float, float, float]]) -> None:
     world = bodies.world(planes=True, wind=WindSettings(7.0, 120.0, 2.0))
     body = bodies.plane(world, height_m=None)
     body.loiter(0, 0, UP_M)

@@ -1,4 +1,4 @@
-"""How a plane comes down by its mission: when it returns, and out of a circle; and how near it turns."""
+"""Mission landings of a plane: after a return and out of a circle; acceptance radii."""
 
 import math
 from typing import Any
@@ -104,7 +104,7 @@ def test_a_circle_is_left_at_its_altitude_and_toward_the_next_place(way: float) 
 
 
 @pytest.mark.parametrize(("radius_m", "nearest_m"), [(10.0, 10.0), (120.0, 120.0), (0.0, 90.0)])
-def test_a_waypoint_says_how_near_it_is_there(radius_m: float, nearest_m: float) -> None:
+def test_a_waypoint_sets_its_acceptance_radius(radius_m: float, nearest_m: float) -> None:
     station = plane()  # WP_RADIUS is 90 m as it comes
     told = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)
     assert station.upload([home_item(), takeoff(50), told, waypoint(800, 1500, 50)]) == 0
@@ -132,7 +132,7 @@ def test_after_a_landing_by_its_mission_it_does_not_arm_in_that_landing(mode: in
     assert station.arm() == 0
 
 
-def test_after_a_landing_its_mission_begins_anew_once_a_pilot_is_to_fly() -> None:
+def test_a_landed_mission_restarts_after_a_pilots_mode() -> None:
     station = landed_by_its_mission()
     station.set_mode(0)
     assert "In landing sequence: mission reset" in station.texts()

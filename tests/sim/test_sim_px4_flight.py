@@ -175,7 +175,7 @@ def test_a_return_waits_over_home_or_stays_there() -> None:
     assert station.height_m == pytest.approx(10, abs=1.0)  # RTL_DESCEND_ALT
 
 
-# -- going where it is told ------------------------------------------------------------------------------
+# -- guided flight ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.autopilots("1.17", "MAVSDK 5 goto_location", of="px4")
@@ -331,7 +331,7 @@ def test_a_mission_lands_where_it_says() -> None:
     assert position_m(station) == (pytest.approx(30, abs=2), pytest.approx(20, abs=2))
 
 
-def test_who_lands_amid_its_mission_is_not_disarmed() -> None:
+def test_a_landing_inside_a_mission_does_not_disarm() -> None:
     """Commander::handleAutoDisarm: not in mission mode before the mission is finished."""
     station = Px4Station()
     station.upload_and_wait([takeoff(10), land(30, 20), waypoint(60, 20, 10)])
@@ -451,7 +451,7 @@ def test_the_battery_has_its_stages() -> None:
         (0.2, 0.15, TEMPORARILY_REJECTED, "Emergency battery level"),
     ],
 )
-def test_com_arm_bat_min_says_with_how_little_it_arms(
+def test_com_arm_bat_min_is_the_lowest_charge_for_arming(
     least: float, share: float, answer: int, text: str
 ) -> None:
     params = {"COM_ARM_BAT_MIN": least, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.4, "BAT_EMERGEN_THR": 0.3}
@@ -514,7 +514,7 @@ def test_a_battery_that_was_critical_when_it_armed_is_no_failsafe() -> None:
 
 
 @pytest.mark.parametrize(("lost_before", "mode"), [(True, "Hold"), (False, "Return")])
-def test_a_pilot_who_was_not_there_at_arming_is_not_missed(*, lost_before: bool, mode: str) -> None:
+def test_a_remote_control_lost_before_arming_does_not_count(*, lost_before: bool, mode: str) -> None:
     station = Px4Station(params={"NAV_RCL_ACT": 2, "COM_FAIL_ACT_T": 0.0})
     if lost_before:
         station.fleet.inject(parse_fault("rc_loss"), station.now)
@@ -536,7 +536,7 @@ def terminated_by_failsafe(station: Px4Station) -> None:
 
 
 @pytest.mark.parametrize("terminate", [terminated_by_command, terminated_by_failsafe])
-def test_a_flight_that_is_terminated_stays_so_until_the_next_boot(terminate: Any) -> None:
+def test_a_terminated_flight_stays_terminated_until_the_next_boot(terminate: Any) -> None:
     station = Px4Station(params={"COM_DL_LOSS_T": 2, "COM_FAIL_ACT_T": 0.0})
     station.fly(20)
     terminate(station)

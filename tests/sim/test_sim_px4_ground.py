@@ -42,14 +42,14 @@ def prearm_ok(station: Px4Station) -> bool:
 
 
 def integer(message: object) -> int:
-    """The value of an INT32 parameter as it is meant."""
+    """Return the value of an INT32 parameter."""
     return int(struct.unpack("<i", struct.pack("<f", message.param_value))[0])  # type: ignore[attr-defined]
 
 
 # -- boot and readiness ----------------------------------------------------------------------------------
 
 
-def test_boots_into_hold_without_a_word_that_is_not_mavlink() -> None:
+def test_boots_into_hold_without_non_mavlink_bytes() -> None:
     station = Px4Station()
     station.wait(1.0)
     assert station.raw[0] == 0xFD
@@ -118,7 +118,7 @@ def test_messages_pymavlink_does_not_know_come_as_phantoms_without_a_system_id()
     assert ids == {(0, 0)}
 
 
-def test_a_ping_to_nobody_in_particular_is_answered() -> None:
+def test_a_ping_without_a_target_is_answered() -> None:
     station = Px4Station()
     replies = station.send(mavlink.MAVLink_ping_message(123_456, 7, 0, 0))
     (answer,) = [m for m in replies if m.get_type() == "PING"]
@@ -246,7 +246,7 @@ def test_with_stick_input_disabled_a_pilots_mode_can_be_armed() -> None:
     assert station.arm() == ACCEPTED
 
 
-def test_a_ground_station_that_is_watched_has_to_be_there() -> None:
+def test_a_watched_ground_station_is_required_for_arming() -> None:
     station = Px4Station(params={"NAV_DLL_ACT": 2})
     assert station.arm() == TEMPORARILY_REJECTED
     station.beat()
@@ -342,7 +342,7 @@ def test_home_is_set_by_command() -> None:
     assert station.command(set_home, 1) == DENIED
 
 
-def test_calibration_is_told_in_texts() -> None:
+def test_calibration_progress_is_reported_in_texts() -> None:
     station = Px4Station()
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1) == ACCEPTED
     assert station.texts()[-2:] == ["[cal] calibration started: 2 gyro", "[cal] calibration done: gyro"]
@@ -463,7 +463,7 @@ def test_position_is_held_on_the_ground_at_home() -> None:
     assert home.altitude == pytest.approx(ALT_M * 1000, abs=2000)
 
 
-def test_who_tells_the_hash_is_sent_no_more_of_the_list() -> None:
+def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:
     station = Px4Station()
 
     def listed() -> int:
@@ -499,7 +499,7 @@ def test_a_list_that_begins_again_has_no_hash() -> None:
 
 
 def _to(target: tuple[int, int], name: str) -> Any:
-    """A message that would be seen to have an effect, to a system and component."""
+    """Return a message with a visible effect, to a system and component."""
     arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
     here = (mavlink.MAV_FRAME_LOCAL_NED, 0x0DF8, 0, 0, -5, *[0.0] * 8)
     messages = {
@@ -517,7 +517,7 @@ def _to(target: tuple[int, int], name: str) -> Any:
 
 
 def _obeys(target: tuple[int, int], name: str) -> bool:
-    """Whether PX4 does what a message to this system and component says."""
+    """Return True if PX4 obeys a message to this system and component."""
     station = Px4Station()
     station.wait(1.0)
     origin = station.ask(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)

@@ -1,4 +1,4 @@
-"""PX4's parameters that a ground station sets, what they change, and its GPS in SYS_STATUS."""
+"""Effects of PX4's parameters, and its GPS in SYS_STATUS."""
 
 import pytest
 from px4_station import (
@@ -63,7 +63,7 @@ def test_after_which_time_a_remote_control_counts_as_lost(after_s: float) -> Non
 
 @pytest.mark.parametrize(("without_gps", "result"), [(1, ACCEPTED), (0, TEMPORARILY_REJECTED)])
 def test_whether_it_arms_without_a_gps_where_a_pilot_flies(without_gps: int, result: int) -> None:
-    """With stick input disabled nobody has to be there."""
+    """With stick input disabled no pilot is required."""
     station = Px4Station(params={"COM_ARM_WO_GPS": without_gps, "COM_RC_IN_MODE": 4})
     inject(station, "gps_loss")
     station.wait(3.0)
@@ -89,7 +89,7 @@ def test_its_gps_is_present_while_the_estimator_uses_it() -> None:
     assert gps_bits(station) == (True, True)
 
 
-def test_before_its_first_fix_it_is_not_there() -> None:
+def test_gps_is_absent_in_sys_status_before_the_first_fix() -> None:
     station = Px4Station(ready_s=40.0)
     station.wait(5.0)
     assert gps_bits(station)[0] is False

@@ -1,4 +1,4 @@
-"""A PX4 fixed wing: which missions it flies, how it takes off, comes down, and returns by RTL_TYPE."""
+"""A PX4 fixed wing: feasible missions, take-off, landing, and returns by RTL_TYPE."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ SETUP = {"RTL_RETURN_ALT": 30.0, "NAV_LOITER_RAD": 60.0, "NAV_FW_ALT_RAD": 60.0}
 
 
 def order(command: int, **fields: float) -> dict[str, Any]:
-    """A command of a mission that has no place."""
+    """Return a mission command without a position."""
     return item(command, 0, 0, 0) | FRAME_MISSION | {"x": 0, "y": 0} | fields
 
 
@@ -88,7 +88,7 @@ def away_m(station: Px4Station, north_m: float, east_m: float) -> float:
         ),
     ],
 )
-def test_what_it_would_not_fly_it_says_and_keeps(items: list[dict[str, Any]], says: str | None) -> None:
+def test_an_infeasible_mission_is_reported_and_stored(items: list[dict[str, Any]], says: str | None) -> None:
     station = plane()
     station.upload_and_wait(items)
     rejected = [text for text in station.texts() if text.startswith("Mission rejected")]
@@ -96,7 +96,7 @@ def test_what_it_would_not_fly_it_says_and_keeps(items: list[dict[str, Any]], sa
     assert (says is None) is not rejected if says is None else says in rejected[0]
 
 
-def test_a_steeper_slope_is_flown_once_its_parameter_lets_it() -> None:
+def test_a_steeper_slope_is_flown_if_its_parameter_allows_it() -> None:
     station = plane(FW_LND_ANG=7.0)
     station.upload_and_wait([*ROUTE, circle(-250, 60, 30), land(0, 0)])
     assert not [text for text in station.texts() if text.startswith("Mission rejected")]
@@ -119,7 +119,7 @@ def test_it_climbs_straight_on_toward_the_place_of_its_take_off() -> None:
     assert place_m(station)[0] > 50.0
 
 
-def test_it_turns_off_before_a_waypoint_by_its_speed_whatever_the_item_says() -> None:
+def test_the_turn_before_a_waypoint_depends_on_the_speed_and_not_on_the_item() -> None:
     for radius_m in (0.0, 200.0):
         corner = waypoint(800, 0, 40) | {"param2": radius_m}
         station = flown([up(), corner, waypoint(800, 1500, 40), *HOME])
@@ -155,7 +155,7 @@ def test_a_jump_leads_past_the_landing_at_home() -> None:
     assert away_m(station, 1200, 0) < 60
 
 
-def test_a_landing_that_is_begun_anew_circles_down_around_its_place() -> None:
+def test_a_restarted_landing_spirals_down_around_its_position() -> None:
     station = flown([*ROUTE, *HOME])
     station.until(lambda: current(station) == 2, 120)
     station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 5))
@@ -176,7 +176,7 @@ def test_a_landing_that_is_begun_anew_circles_down_around_its_place() -> None:
         ([*ROUTE], 1, None),
     ],
 )
-def test_a_return_lands_by_the_mission_where_rtl_type_says_so(
+def test_a_return_lands_by_the_mission_according_to_rtl_type(
     items: list[dict[str, Any]], kind: int, lands_at: tuple[float, float] | None
 ) -> None:
     station = flown(items, RTL_TYPE=kind)
@@ -192,7 +192,7 @@ def test_a_return_lands_by_the_mission_where_rtl_type_says_so(
 
 
 def test_the_first_landing_of_the_list_is_the_one_a_return_goes_to() -> None:
-    """A landing at its goal before DO_LAND_START takes its place (mavlink_mission.cpp)."""
+    """A landing at its target before DO_LAND_START takes its place (mavlink_mission.cpp)."""
     station = flown([*ROUTE, *down(900, 0), *HOME], RTL_TYPE=1)
     station.until(lambda: current(station) == 2, 120)
     assert station.change(AUTO, RETURN) == 0
@@ -256,7 +256,7 @@ def test_along_its_mission_it_flies_on_from_where_it_is() -> None:
     assert away_m(station, 0, 0) < 60
 
 
-def test_who_lands_already_is_not_called_back_by_a_return() -> None:
+def test_a_return_does_not_interrupt_a_landing() -> None:
     station = flown([*ROUTE, *HOME])
     station.until(lambda: current(station) == 2, 120)
     assert station.change(AUTO, HOLD) == 0
@@ -277,7 +277,7 @@ def test_told_to_land_it_circles_down_where_it_is() -> None:
 
 
 def test_told_to_start_its_landing_on_the_ground_it_arms() -> None:
-    """Which is why no ground station should tell it so unseen."""
+    """A ground station should therefore check before it commands this."""
     station = plane()
     station.upload_and_wait([*ROUTE, *HOME])
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == 0
@@ -285,7 +285,7 @@ def test_told_to_start_its_landing_on_the_ground_it_arms() -> None:
     assert station.armed
 
 
-def test_a_place_outside_of_its_fence_is_no_mission_whatever_a_breach_would_lead_to() -> None:
+def test_a_mission_outside_the_fence_is_refused_for_every_fence_action() -> None:
     station = plane(GF_ACTION=0, GF_MAX_VER_DIST=100.0, GF_MAX_HOR_DIST=2000.0)
     station.upload_and_wait([*ROUTE, *HOME])
     assert not [text for text in station.texts() if "violation" in text]

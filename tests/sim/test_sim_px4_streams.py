@@ -24,7 +24,7 @@ def test_it_comes_at_the_rate_asked_for(message_id: int) -> None:
     assert len([m for m in station.wait(10) if m.get_msgId() == message_id]) == pytest.approx(50, abs=1)
 
 
-def test_a_distance_sensor_may_be_asked_for_and_what_nobody_knows_may_not() -> None:
+def test_a_distance_sensor_can_be_requested_and_an_unknown_message_cannot() -> None:
     station = Px4Station()
     station.stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
     assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 140, 1e5) == FAILED  # until 1.13
@@ -83,7 +83,7 @@ def test_its_receiver_reports_a_3d_fix() -> None:
 
 
 def set_origin(station: Station, north_deg: float = 0.001) -> list[int]:
-    """Latitudes of the origins that are told."""
+    """Return the latitudes of the reported origins."""
     message = mavlink.MAVLink_set_gps_global_origin_message(
         1, round((LAT_DEG + north_deg) * 1e7), round(LON_DEG * 1e7), 290_000
     )
@@ -97,7 +97,7 @@ def test_the_origin_moves_and_local_coordinates_with_it() -> None:
     local = station.ask(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
     assert local.x == pytest.approx(-111.2, abs=1)
     assert local.z == pytest.approx(-10, abs=1)
-    assert set_origin(station, 90.0) == [round((LAT_DEG + 0.001) * 1e7)]  # off the earth: told, not taken
+    assert set_origin(station, 90.0) == [round((LAT_DEG + 0.001) * 1e7)]  # off the earth: reported, not used
     home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     assert home.latitude == pytest.approx(LAT_DEG * 1e7, abs=30)
     assert (home.x, home.z) == pytest.approx((-111.2, -10), abs=1)

@@ -1,4 +1,4 @@
-"""Whatever comes in, the fleet survives, answers the next good message, and counts what it could not read."""
+"""Any input: the fleet survives, answers the next valid message, and counts unreadable bytes."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,7 +25,7 @@ def answers(fleet: Fleet, now: float) -> bool:
 
 @MODEST
 @given(st.integers(1, 44), st.binary(min_size=1, max_size=30))
-def test_a_truncated_frame_costs_no_more_than_what_it_claims(cut: int, noise: bytes) -> None:
+def test_a_truncated_frame_costs_no_more_than_its_announced_length(cut: int, noise: bytes) -> None:
     fleet = Fleet(scenario(), ready_s=0)
     codec = mavlink.MAVLink(None, srcSystem=255)
     frame = mavlink.MAVLink_command_long_message(1, 0, 400, 0, 1, 0, 0, 0, 0, 0, 1).pack(codec)
@@ -34,7 +34,7 @@ def test_a_truncated_frame_costs_no_more_than_what_it_claims(cut: int, noise: by
     assert answers(fleet, 1.0)
 
 
-def test_what_cannot_be_read_is_counted() -> None:
+def test_unreadable_bytes_are_counted() -> None:
     fleet = Fleet(scenario(), ready_s=0)
     codec = mavlink.MAVLink(None, srcSystem=255)
     good = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(codec)

@@ -1,4 +1,4 @@
-"""Set-points that lean the vehicle: attitudes, body rates and accelerations, in both autopilots."""
+"""Set-points that tilt the vehicle: attitudes, body rates and accelerations, on both autopilots."""
 
 import math
 from collections.abc import Callable
@@ -122,7 +122,7 @@ def test_an_acceleration_is_flown(flying: Callable[[], Station]) -> None:
     assert station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).vz / 100 == pytest.approx(-1.0, abs=0.3)
 
 
-def test_a_lean_that_is_not_repeated_ends_and_the_vehicle_stops() -> None:
+def test_an_attitude_setpoint_without_a_successor_expires_and_the_vehicle_stops() -> None:
     station = ardupilot()
     hold(station, attitude(0, -10, 0), 3)
     station.wait(12)
@@ -140,7 +140,7 @@ def test_a_lean_that_is_not_repeated_ends_and_the_vehicle_stops() -> None:
         acceleration(math.nan, 0, 0),
     ],
 )
-def test_what_is_no_setpoint_changes_nothing(message: Any) -> None:
+def test_an_invalid_setpoint_changes_nothing(message: Any) -> None:
     station = ardupilot()
     before = station.fleet.truth()
     hold(station, message, 2)
@@ -151,7 +151,7 @@ def test_what_is_no_setpoint_changes_nothing(message: Any) -> None:
 
 
 def test_a_plane_turns_toward_a_lean() -> None:
-    """Whoever leans a plane to the right has it turn to the right."""
+    """A roll to the right turns a plane to the right."""
     station = Px4Station("plane")
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, 360) == 0

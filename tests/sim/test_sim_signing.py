@@ -48,7 +48,7 @@ def test_without_a_key_all_passes_as_it_is() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(text=st.binary(min_size=1, max_size=50), severity=st.integers(0, 7), seq=st.integers(0, 255))
-def test_what_is_signed_is_believed_by_pymavlink(text: bytes, severity: int, seq: int) -> None:
+def test_pymavlink_accepts_signed_frames(text: bytes, severity: int, seq: int) -> None:
     codec = station(None)
     codec.seq = seq
     message = mavlink.MAVLink_statustext_message(severity, text)

@@ -1,4 +1,4 @@
-"""A vehicle's own logs and files, from the outside: flights are flown, logs downloaded, files read."""
+"""A vehicle's logs and files from the outside: flights, downloaded logs, and files."""
 
 import json
 import lzma
@@ -27,7 +27,7 @@ def fleet(*, seed: int = 1, count: int = 1, **spec: Any) -> Fleet:
 
 
 class Ground(Station):
-    """A station that also knows the log and file messages."""
+    """A station with log and file messages."""
 
     def log_list(self) -> list[Any]:
         before = len(self.heard)
@@ -44,7 +44,7 @@ class Ground(Station):
         return b"".join(chunks[offset] for offset in sorted(chunks))
 
     def ftp(self, opcode: int, data: bytes = b"", *, offset: int = 0, size: int | None = None) -> bytes:
-        """One request that succeeds; the data of the answer."""
+        """Return the data of the answer to one successful request."""
         self.seq = getattr(self, "seq", 0) + 1
         head = HEADER.pack(self.seq, 0, opcode, len(data) if size is None else size, 0, 0, offset)
         payload = (head + data).ljust(251, b"\0")
@@ -92,7 +92,7 @@ def of(messages: list[Any], kind: str) -> list[Any]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
-    """A mission flown by an ArduCopter, and its log as it was downloaded."""
+    """A mission flown by an ArduCopter, and its downloaded log."""
     station = Ground(fleet())
     station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, hz=10.0)
     station.fly_mission([takeoff(15.0), waypoint(40.0, 0.0, 15.0), land(40.0, 30.0)])
@@ -209,7 +209,7 @@ def test_a_mission_put_as_a_file_is_the_mission() -> None:
     assert [m.command for m in station.download()] == [16, 22, 16, 16]
 
 
-def test_a_mission_that_is_refused_is_refused_as_a_file_too() -> None:
+def test_a_refused_mission_is_refused_as_a_file_too() -> None:
     station = Ground(fleet())
     assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
     content = station.file(b"@MISSION/mission.dat")

@@ -1,4 +1,4 @@
-"""Strikes against Eq. 1: who is in reach, how often it hits, and how the vehicle tells it."""
+"""Strikes against Eq. 1: cells in range, frequency of hits, and reports of the vehicle."""
 
 import math
 import re
@@ -47,7 +47,7 @@ def test_cells_grow_north_and_east_from_the_south_west_corner() -> None:
 
 
 def area_station(firing_strength: tuple[float, float, float]) -> Station:
-    """The vehicle stands 25 m south of the middle of column 0; hostile in cell (3, 0), cells of 50 m."""
+    """The vehicle starts 25 m south of the middle of column 0; hostile in cell (3, 0), cells of 50 m."""
     origin_lat_deg, origin_lon_deg = LAT_DEG + 25 / 111_195, LON_DEG - 25 / 77_450
     area = {"origin_lat_deg": origin_lat_deg, "origin_lon_deg": origin_lon_deg}
     area |= {"rows": 6, "cols": 6, "cell_size_m": 50.0}
@@ -55,7 +55,7 @@ def area_station(firing_strength: tuple[float, float, float]) -> Station:
     return Station(Fleet(scenario(**extra), ready_s=0))
 
 
-def test_a_crossing_is_struck_once_for_each_cell_entered_and_flies_on() -> None:
+def test_a_crossing_gets_one_strike_for_each_cell_entered_and_continues() -> None:
     # certain hits from the own cell, nearly certain ones from its neighbours
     station = area_station((1.0, 0.999, 0.998))
     station.fly_mission([takeoff(), waypoint(290, 0), land(290, 0)])
@@ -81,7 +81,7 @@ def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
     assert station.fleet.truth().strikes.tolist() == [1]
 
 
-def test_the_running_count_is_sent_once_a_second_when_streams_are_wanted() -> None:
+def test_the_strike_count_is_sent_at_1_hz_with_streams() -> None:
     station = area_station((1.0, 0.999, 0.998))
     assert [m for m in station.wait(5) if m.get_type() == "NAMED_VALUE_INT"] == []
     station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)

@@ -1,4 +1,4 @@
-"""What a vehicle sends, when it was asked and when it was not; and that equal runs give equal bytes."""
+"""Messages of a vehicle by default and on request; equal runs give equal bytes."""
 
 from collections import Counter
 from typing import Any
@@ -63,7 +63,7 @@ def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> 
     assert [m for m in station.wait(5) if m.get_msgId() == message_id] == []
 
 
-def test_what_a_missing_sensor_would_tell_is_accepted_and_does_not_come() -> None:
+def test_the_stream_of_a_missing_sensor_is_accepted_and_stays_empty() -> None:
     station = Station()
     station.stream(WITHOUT_A_SENSOR, hz=5)
     assert [m for m in station.wait(5) if m.get_msgId() == WITHOUT_A_SENSOR] == []
@@ -71,7 +71,7 @@ def test_what_a_missing_sensor_would_tell_is_accepted_and_does_not_come() -> Non
 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
 @pytest.mark.parametrize("message_id", sorted(NOT_ARDUPILOTS))
-def test_what_ardupilot_does_not_send_is_denied(message_id: int) -> None:
+def test_messages_unsupported_by_ardupilot_are_denied(message_id: int) -> None:
     station = Station()
     assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6) == mavlink.MAV_RESULT_DENIED
     assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id) == mavlink.MAV_RESULT_FAILED
@@ -136,7 +136,7 @@ def test_timesync_is_answered() -> None:
 
 
 def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
-    """A short flight of three vehicles; what is sent to them does not depend on the step."""
+    """Return the bytes of a short flight of three vehicles; their input does not depend on the step."""
     vehicles = [scenario().vehicles[0].model_copy(update={"sysid": sysid}) for sysid in (1, 2, 3)]
     area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 9, "cols": 9, "cell_size_m": 20}
     extra = {"area": area, "firing_strength": [0.6, 0.3, 0.1], "hostiles": [[1, 0], [3, 1]], "seed": seed}
@@ -187,5 +187,5 @@ def test_strikes_that_were_stopped_do_not_come_back_with_another_stream() -> Non
     assert counts(5) == pytest.approx(10, abs=1)
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
     station.wait(5)
-    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)  # since the boot nobody has said anything about them
+    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)  # no interval has been set since the boot
     assert counts(5) == pytest.approx(5, abs=1)

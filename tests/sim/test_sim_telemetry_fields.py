@@ -25,7 +25,7 @@ LOCAL_TARGET = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
 
 @dataclass
 class Facts:
-    """What is really so, in SI units; places are metres from the start."""
+    """The true state in SI units; positions are metres from the start."""
 
     north_m: float
     east_m: float
@@ -33,9 +33,9 @@ class Facts:
     north_m_s: float
     east_m_s: float
     up_m_s: float
-    used_j: float  # by the voltage and current that were told all the way
+    used_j: float  # by the reported voltage and current
     used_mah: float
-    throttle: float  # share, as told
+    throttle: float  # share, as reported
     ampere: float  # as told
     remaining: float
     capacity_mah: float
@@ -99,7 +99,7 @@ def _place_m(station: Station) -> tuple[float, float, float]:
 
 
 class Flight:
-    """A vehicle on its way through the wind to a goal that is higher, and what it tells there."""
+    """A vehicle on its way through the wind to a higher goal, and its reports."""
 
     def __init__(self, personality: str) -> None:
         self.station = station = Station(_fleet(personality))
@@ -139,7 +139,7 @@ def flights() -> dict[str, Flight]:
 
 Expected = Callable[[Facts], float]
 BOTH, ARDUPILOT, PX4 = ("ardupilot", "px4"), ("ardupilot",), ("px4",)
-# message, field, what it should be, how near, whose
+# message, field, expected value, tolerance, autopilot
 ROWS: tuple[tuple[str, str, Expected, float, tuple[str, ...]], ...] = (
     ("GLOBAL_POSITION_INT", "lat", lambda f: (LAT_DEG + f.north_m / NORTH_M_DEG) * 1e7, 10, BOTH),
     ("GLOBAL_POSITION_INT", "lon", lambda f: (LON_DEG + f.east_m / EAST_M_DEG) * 1e7, 10, BOTH),
@@ -219,7 +219,7 @@ ROWS: tuple[tuple[str, str, Expected, float, tuple[str, ...]], ...] = (
         for personality in row[4]
     ],
 )
-def test_a_field_tells_what_is_so(
+def test_a_field_equals_the_true_value(
     flights: dict[str, Flight], message: str, field: str, expected: Expected, near: float, personality: str
 ) -> None:
     flight = flights[personality]
@@ -227,7 +227,7 @@ def test_a_field_tells_what_is_so(
 
 
 @pytest.mark.parametrize("personality", BOTH)
-def test_the_flight_is_one_that_shows_signs_and_units(flights: dict[str, Flight], personality: str) -> None:
+def test_the_flight_shows_signs_and_units(flights: dict[str, Flight], personality: str) -> None:
     facts = flights[personality].facts
     assert facts.north_m_s > 2
     assert facts.east_m_s < -1
@@ -237,7 +237,7 @@ def test_the_flight_is_one_that_shows_signs_and_units(flights: dict[str, Flight]
     assert facts.used_j > 1000
 
 
-# -- who tells of a target, and when ---------------------------------------------------------------------
+# -- reports of targets -----------------------------------------------------------------------------------
 
 
 def _tells(station: Station, message_id: int) -> bool:
@@ -277,7 +277,7 @@ def test_ardupilot_tells_of_a_target_in_modes_that_have_one() -> None:
 
 
 @pytest.mark.parametrize("personality", BOTH)
-def test_a_velocity_that_is_flown_is_the_local_target(personality: str) -> None:
+def test_a_velocity_setpoint_is_the_local_target(personality: str) -> None:
     station = Station(_fleet(personality))
     _take_off(station, personality)
     order = mavlink.MAVLink_set_position_target_local_ned_message(

@@ -150,7 +150,7 @@ def test_the_storage_of_a_fence_is_limited() -> None:
 
 
 @pytest.mark.autopilots("2 fence")
-def test_fence_total_is_told() -> None:
+def test_fence_total_is_reported() -> None:
     bench = ardupilot()
     bench.upload(square(), FENCE)
     bench.upload([fields(0, CIRCLE, param1=9.0)], FENCE)

@@ -107,7 +107,7 @@ def test_a_clean_upload_succeeds_after_anything(make: Any, script: list[Any]) ->
 @settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(script=events)
 def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
-    """Whatever is stored is empty or was announced and sent completely: its size was counted out."""
+    """A stored list is empty or was announced and sent completely, by its size."""
     bench = px4()
     bench.upload(waypoints(4))
     sizes: set[int] = {0, 4}
@@ -129,7 +129,7 @@ def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
 @settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(lost=st.lists(st.booleans(), max_size=40))
 def test_an_upload_over_a_link_with_losses_ends_in_the_whole_mission(make: Any, lost: list[bool]) -> None:
-    """A station that repeats the count until asked, and answers every request, gets there in the end."""
+    """A station that repeats the count until it is requested, and answers every request, succeeds."""
     bench: Bench = make()
     losses = iter(lost)
     items = waypoints(5)

@@ -1,4 +1,4 @@
-"""The mission protocol as PX4 1.15 speaks it, message by message."""
+"""The mission protocol of PX4 1.15, message by message."""
 
 import math
 import struct
@@ -159,7 +159,7 @@ def test_a_wrong_or_duplicate_item_is_ignored_and_a_repeated_last_one_is_accepte
         pytest.param({"command": 20, "frame": 6}, UNSUPPORTED, id="RTL in frame 6"),
     ],
 )
-def test_what_is_refused_at_upload(sent: dict[str, Any], result: int) -> None:
+def test_items_refused_at_upload(sent: dict[str, Any], result: int) -> None:
     assert px4().upload([fields(0), fields(1, **sent)]) == result
 
 
@@ -203,7 +203,7 @@ def test_a_partial_write_gets_no_reply_at_all() -> None:
 
 
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", of="px4")
-def test_mission_set_current_works_and_says_when_it_does_not() -> None:
+def test_mission_set_current_works_and_reports_failures() -> None:
     bench = px4()
     bench.upload(waypoints(4))
     bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 3))
@@ -305,7 +305,7 @@ def test_a_ground_station_may_cancel_an_upload() -> None:
     assert bench.upload(waypoints(2)) == ACCEPTED
 
 
-def test_a_ground_station_that_knows_no_legacy_requests_says_so() -> None:
+def test_a_ground_station_can_reject_legacy_requests() -> None:
     bench = px4()
     assert kinds(bench.count(2)) == ["MISSION_REQUEST"]
     assert kinds(bench.ack(mavlink.MAV_MISSION_UNSUPPORTED)) == ["MISSION_REQUEST_INT"]
@@ -322,7 +322,7 @@ def test_a_download_asks_in_order_and_an_unexpected_request_ends_it() -> None:
     assert bench.read(0) == []  # no transfer: silence
 
 
-def test_who_is_not_the_partner_is_told_in_a_text() -> None:
+def test_a_stranger_is_rejected_with_a_text() -> None:
     bench = px4()
     bench.count(2)
     assert bench.item(fields(0), peer=OTHER) == []
@@ -347,7 +347,7 @@ def test_a_count_during_a_download_is_busy_until_the_ground_station_acknowledges
     assert requests(bench.count(2)) == [0]
 
 
-def test_an_item_of_another_list_is_an_error_and_the_upload_goes_on() -> None:
+def test_an_item_of_another_list_is_an_error_and_the_upload_continues() -> None:
     bench = px4()
     bench.count(1)
     assert results(bench.item(fields(0), FENCE)) == [ERROR]

@@ -1,4 +1,4 @@
-"""The world as a whole: equal seeds, vehicles that do not disturb each other, and what happens is noted."""
+"""The world as a whole: equal seeds, independent vehicles, and events."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,7 @@ WIND, GPS = WindSettings(5.0, 40.0, 1.5), GpsSettings()
 
 
 def flown(planes: Sequence[bool], seeds: Sequence[int]) -> World:
-    """A world after the same flight of each vehicle, by its seed."""
+    """Return a world after the same flight of each vehicle, by its seed."""
     world = bodies.world(len(planes), planes=planes, seeds=seeds, wind=WIND, gps=GPS)
     for index, seed in enumerate(seeds):
         make = bodies.plane if planes[index] else bodies.copter
@@ -72,14 +72,14 @@ def test_draws_do_not_depend_on_how_many_draw() -> None:
 
 
 def happened(body: Body, world: World) -> bool:
-    """Whether there is an event, which is taken; a second look finds none."""
+    """Return True for an event, and consume it; a second call finds none."""
     shown, taken = bool(world.events[0]), body.take_events()
     assert shown == taken
     assert not body.take_events()
     return taken
 
 
-def test_what_happens_is_noted_once() -> None:
+def test_an_event_is_reported_once() -> None:
     world = bodies.world()
     body = bodies.copter(world, height_m=None)
     bodies.wait(world, 1.0)
@@ -101,7 +101,7 @@ def test_what_happens_is_noted_once() -> None:
     assert happened(body, world)  # empty
 
 
-def test_only_what_changed_is_woken() -> None:
+def test_only_vehicles_with_an_event_are_woken() -> None:
     world = bodies.world(3)
     fleet = [bodies.copter(world, index, height_m=None) for index in range(3)]
     fleet[1].fly_to(0, 0, bodies.GROUND_M + 10)
@@ -121,7 +121,7 @@ def test_limits_are_kept_where_the_equations_stand() -> None:
 
 
 @pytest.mark.parametrize("order", ["fly_to", "loiter", "land_at", "move"])
-def test_a_place_that_is_none_is_no_order(order: str) -> None:
+def test_an_invalid_position_is_no_order(order: str) -> None:
     world = bodies.world(planes=True)
     body = bodies.plane(world)
     before = rows(world, 0)

@@ -1,4 +1,4 @@
-"""A small world for tests of the physics: vehicles at the origin of a map, no noise unless asked for."""
+"""A small world for tests of the physics: vehicles at the origin of a map, without noise by default."""
 
 from collections.abc import Callable, Sequence
 
@@ -44,7 +44,7 @@ def wait(world: World, seconds: float, watch: Callable[[], object] | None = None
 
 
 def until(world: World, condition: Callable[[], bool], limit_s: float = 200.0) -> float:
-    """Step until `condition`; the time it took."""
+    """Step until `condition`; return the elapsed time [s]."""
     for steps in range(round(limit_s / STEP_S)):
         if condition():
             return steps * STEP_S
@@ -53,7 +53,7 @@ def until(world: World, condition: Callable[[], bool], limit_s: float = 200.0) -
 
 
 def copter(world: World, index: int = 0, *, height_m: float | None = 50.0) -> Body:
-    """One in the air at a height over the origin, or armed on the ground (None)."""
+    """Return a copter in the air at a height over the origin, or armed on the ground (None)."""
     body = Body(world, index)
     body.limit(
         speed_m_s=10.0,
@@ -72,7 +72,7 @@ def copter(world: World, index: int = 0, *, height_m: float | None = 50.0) -> Bo
 
 
 def plane(world: World, index: int = 0, *, height_m: float | None = 50.0) -> Body:
-    """One that circles the origin at a height, or is armed on the ground (None)."""
+    """Return a plane that circles the origin at a height, or is armed on the ground (None)."""
     body = Body(world, index)
     body.limit(
         speed_m_s=15.0,

@@ -1,4 +1,4 @@
-"""A ground station for tests that talks to one PX4 vehicle."""
+"""A ground station for tests with one PX4 vehicle."""
 
 import math
 import struct
@@ -31,7 +31,7 @@ def px4_scenario(kind: str = "copter", params: dict[str, float] | None = None) -
 
 
 class Px4Station(Station):
-    """Modes by main and sub number, missions without a home placeholder."""
+    """A station with modes by main and sub number, and missions without a home placeholder."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Px4Station(Station):
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
 
     def texts(self) -> list[str]:
-        """Texts as they were said: those in several parts put together by their id."""
+        """Return the texts, those in several chunks joined by their id."""
         made: list[str] = []
         for message in self.of("STATUSTEXT"):
             if message.id and message.chunk_seq:
@@ -58,7 +58,7 @@ class Px4Station(Station):
 
     @property
     def custom_mode(self) -> tuple[int, int]:
-        """Main and sub mode of the heartbeat."""
+        """Return main and sub mode of the heartbeat."""
         number = self.heartbeat().custom_mode
         return number >> 16 & 0xFF, number >> 24
 
@@ -73,12 +73,12 @@ class Px4Station(Station):
         return acks(replies)[-1]
 
     def upload_and_wait(self, items: Sequence[dict[str, Any]]) -> None:
-        """Upload, and let the vehicle look at it."""
+        """Upload and wait for the vehicle's check of the mission."""
         assert self.upload(items) == 0
         self.wait(1.0)
 
     def fly(self, height_m: float = 20.0) -> None:
-        """Arm, take off and be in Hold at a height."""
+        """Arm, take off and hold at a height."""
         assert self.arm() == 0
         nowhere = (NAN, NAN, NAN, NAN, NAN, NAN)
         assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, *nowhere, ALT_M + height_m) == 0
@@ -86,7 +86,7 @@ class Px4Station(Station):
         assert abs(self.height_m - height_m) < 1.0
 
     def set_parameter(self, name: str, value: float | int) -> Any:
-        """PARAM_SET, integers as their bytes; the PARAM_VALUE that comes back."""
+        """Send PARAM_SET, integers as their bytes; return the PARAM_VALUE."""
         is_integer = isinstance(value, int)
         kind = mavlink.MAV_PARAM_TYPE_INT32 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32
         wire = struct.unpack("<f", struct.pack("<i", value))[0] if is_integer else value
@@ -95,7 +95,7 @@ class Px4Station(Station):
         return answer
 
     def setpoint(self, north_m: float, east_m: float, up_m: float) -> list[Any]:
-        """SET_POSITION_TARGET_LOCAL_NED, a position."""
+        """Send SET_POSITION_TARGET_LOCAL_NED with a position."""
         return self.send(
             mavlink.MAVLink_set_position_target_local_ned_message(
                 0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0x0DF8, north_m, east_m, -up_m, *[0.0] * 6, 0.0, 0.0
@@ -108,7 +108,7 @@ class Px4Station(Station):
             self.wait(1.0 / hz)
 
     def beat(self) -> None:
-        """A ground station's heartbeat."""
+        """Send a heartbeat."""
         self.send(
             mavlink.MAVLink_heartbeat_message(
                 mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3

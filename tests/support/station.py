@@ -14,7 +14,7 @@ STEP_S = 0.1
 
 def scenario(**extra: Any) -> Scenario:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M}
-    # What is tested to the centimetre is tested without the noise of a receiver.
+    # Tests to the centimetre have no receiver noise.
     quiet = {"gps": {"noise_m": 0.0, "drift_m": 0.0}}
     return Scenario.model_validate({"seed": 1, "vehicles": [vehicle], **quiet, **extra})
 
@@ -22,7 +22,7 @@ def scenario(**extra: Any) -> Scenario:
 def item(
     command: int, north_m: float = 0.0, east_m: float = 0.0, z: float = 0.0, **fields: Any
 ) -> dict[str, Any]:
-    """A mission item at metres from the start place; frame relative to home."""
+    """Return a mission item at metres from the start; frame relative to home."""
     lat_deg = LAT_DEG + north_m / 111_195.0
     lon_deg = LON_DEG + east_m / 77_450.0
     values: dict[str, Any] = {
@@ -56,13 +56,13 @@ def land(north_m: float, east_m: float) -> dict[str, Any]:
 
 
 def place_m(station: "Station") -> tuple[float, float]:
-    """Where the vehicle really is: north and east of the start [m]."""
+    """Return the true position of the vehicle: north and east of the start [m]."""
     truth = station.fleet.truth()
     return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
 
 
 class Station:
-    """Talks to one vehicle of a fleet; `heard` keeps every message, `raw` every byte."""
+    """A ground station of one vehicle; `heard` keeps every message, `raw` every byte."""
 
     def __init__(
         self, fleet: Fleet | None = None, *, ready_s: float = 0.0, sysid: int = 255, target: int = 1
@@ -86,7 +86,7 @@ class Station:
                     self.heard.append(message)
 
     def send(self, message: Any) -> list[Any]:
-        """Send now; the messages that came back at once."""
+        """Send a message; return the immediate answers."""
         before = len(self.heard)
         self._take(self.fleet.receive(message.pack(self.codec), self.now))
         return self.heard[before:]
@@ -100,7 +100,7 @@ class Station:
         return self.heard[before:]
 
     def until(self, condition: Callable[[], bool], limit_s: float = 300.0) -> float:
-        """Let time pass until `condition`; the time it took."""
+        """Advance time until `condition`; return the elapsed time [s]."""
         start = self.now
         while not condition():
             assert self.now - start < limit_s, f"not within {limit_s} s; last texts: {self.texts()[-5:]}"
@@ -110,7 +110,7 @@ class Station:
     # -- conversations -----------------------------------------------------------------------------------
 
     def command(self, command: int, *params: float) -> int:
-        """COMMAND_LONG; the result acknowledged."""
+        """Send COMMAND_LONG; return the acknowledged result."""
         padded = [*params, *[0.0] * (7 - len(params))]
         replies = self.send(mavlink.MAVLink_command_long_message(self.target, 0, command, 0, *padded))
         (result,) = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
@@ -145,7 +145,7 @@ class Station:
         return self.send(mavlink.MAVLink_mission_count_message(self.target, 0, count, 0))
 
     def upload(self, items: Sequence[dict[str, Any]]) -> int:
-        """Announce and send every item; the type of the last acknowledgement."""
+        """Upload every item; return the type of the last acknowledgement."""
         replies = self.count(len(items))
         for seq, fields in enumerate(items):
             if acks(replies):
@@ -164,7 +164,7 @@ class Station:
         return items
 
     def ask(self, message_id: int) -> Any:
-        """REQUEST_MESSAGE; the message."""
+        """Request a message and return it."""
         padded = [message_id, 0, 0, 0, 0, 0, 0]
         replies = self.send(
             mavlink.MAVLink_command_long_message(self.target, 0, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, *padded)
@@ -172,7 +172,7 @@ class Station:
         (message,) = [m for m in replies if m.get_msgId() == message_id]
         return message
 
-    # -- what is known -----------------------------------------------------------------------------------
+    # -- state --------------------------------------------------------------------------------------------
 
     def of(self, kind: str) -> list[Any]:
         return [m for m in self.heard if m.get_type() == kind]
@@ -196,7 +196,7 @@ class Station:
         return self.fleet.truth().mode[0]
 
     def fly(self, height_m: float = 20.0) -> None:
-        """Take off in GUIDED and be at a height."""
+        """Take off in GUIDED to a height."""
         assert self.set_mode(4) == 0
         assert self.arm() == 0
         assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0

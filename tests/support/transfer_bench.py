@@ -1,4 +1,4 @@
-"""A transfer machine alone on a bench: messages go in and come out as bytes, time is a number."""
+"""A transfer machine alone: messages in, bytes out, time as a number."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -21,7 +21,7 @@ WP, POLYGON, EXCLUDED, CIRCLE, NOT_CIRCLE, RETURN_POINT, RALLY_POINT = 16, 5001,
 
 
 class IdlePilot:
-    """Flies nothing, reaches everything at once when told so."""
+    """A pilot that reaches every target at once on request."""
 
     armed = False
 
@@ -56,7 +56,7 @@ class IdlePilot:
 
 
 def fields(seq: int, command: int = WP, **changes: Any) -> dict[str, Any]:
-    """Fields of MISSION_ITEM_INT."""
+    """Return the fields of MISSION_ITEM_INT."""
     values: dict[str, Any] = {
         "seq": seq, "frame": 3, "command": command, "current": 0, "autocontinue": 1,
         "param1": 0.0, "param2": 0.0,
@@ -72,7 +72,7 @@ def waypoints(count: int, **changes: Any) -> list[dict[str, Any]]:
 def square(
     command: int = POLYGON, side_e7: int = 10_000, vertices: int = 4, frame: int = 0
 ) -> list[dict[str, Any]]:
-    """A square fence, as four items that announce `vertices`."""
+    """Return a square fence as four items that announce `vertices`."""
     corners = ((0, 0), (side_e7, 0), (side_e7, side_e7), (0, side_e7))
     return [
         fields(seq, command, frame=frame, param1=vertices, x=460_000_000 + dx, y=145_000_000 + dy, z=0.0)
@@ -108,7 +108,7 @@ class Bench:
         self.texts.append(text)
 
     def send(self, message: Any, peer: tuple[int, int] = GCS) -> list[Any]:
-        """One message of a ground station; what comes back at once."""
+        """Deliver one message of a ground station; return the immediate answers."""
         codec = self._codecs.setdefault(peer, mavlink.MAVLink(None, srcSystem=peer[0], srcComponent=peer[1]))
         (heard,) = self._ears.parse_buffer(message.pack(codec)) or []
         self._out = []
@@ -136,7 +136,7 @@ class Bench:
     def upload(
         self, items: Sequence[dict[str, Any]], kind: int = MISSION, peer: tuple[int, int] = GCS
     ) -> int:
-        """All items as they are asked for; the last acknowledgement."""
+        """Send all items as requested; return the last acknowledgement."""
         replies = self.count(len(items), kind, peer)
         for seq, values in enumerate(items):
             if results(replies):

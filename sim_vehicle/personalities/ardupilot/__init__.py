@@ -138,12 +138,12 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
         send=vehicle.send,
         send_text=vehicle.send_text,
         stored=lambda kind, total: vehicle.params.keep(parameters.TOTALS[kind], total),
-        guided=lambda item, altitude_only: _go(vehicle, item, altitude_only=altitude_only),
+        guided=lambda item, altitude_only: _fly_guided(vehicle, item, altitude_only=altitude_only),
         refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
 
 
-def _go(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
+def _fly_guided(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
     """Fly in GUIDED to a mission item with `current` 2 or 3; False in other modes or on the ground."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
         return False

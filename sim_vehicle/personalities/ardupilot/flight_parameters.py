@@ -127,7 +127,7 @@ def _return_height(params: Parameters) -> Callable[[float, float], float]:
     return height_m
 
 
-def _going_on(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
+def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
     """Return no action for the modes whose bit is set; pairs are (bit, modes)."""
     return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
 
@@ -139,7 +139,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
     delay_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
     gcs = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
     radio = _THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.LAND)
-    goes_on, ekf = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
+    continuing, ekf = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
     return FlightParameters(
         speed_m_s=_m_s(params, "WPNAV_SPEED"),
         climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
@@ -173,7 +173,9 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         gcs_only=params["SYSID_ENFORCE"] == 1,
         gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs is not FailsafeAction.NOTHING else math.inf,
         gcs_action=gcs,
-        gcs_action_in=_going_on(goes_on, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)),
+        gcs_action_in=_continuing_modes(
+            continuing, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)
+        ),
         battery_low_v=params["BATT_LOW_VOLT"],
         battery_low_share=_share(params, "BATT_LOW_MAH"),
         battery_low_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
@@ -184,7 +186,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         rc_required=params["SIM_RC_FAIL"] == 1,
         rc_watched=radio is not FailsafeAction.NOTHING,
         rc_action=radio,
-        rc_action_in=_going_on(goes_on, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
+        rc_action_in=_continuing_modes(continuing, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
         rc_timeout_s=params["RC_FS_TIMEOUT"],
         setpoint_timeout_s=params["GUID_TIMEOUT"],
         setpoint_action=FailsafeAction.HOLD,

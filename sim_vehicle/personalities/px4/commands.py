@@ -28,7 +28,7 @@ STICKS, GUIDED = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, mavlink.MAV_MODE_FL
 STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
 ORBIT_RADIUS_M, ORBIT_SPEED_M_S = 10.0, 3.0
 CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # by parameter
-TURNED_BY_HAND = frozenset({"mag", "accel"})
+NEED_TURNING = frozenset({"mag", "accel"})
 
 
 def _change(vehicle: Vehicle, number: int, now: float) -> int:
@@ -244,7 +244,7 @@ def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
         chosen.append("level")
     for name in chosen[:1]:
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
-        done = "failed: timeout" if name in TURNED_BY_HAND else f"done: {name}"
+        done = "failed: timeout" if name in NEED_TURNING else f"done: {name}"
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {done}")
     return ACCEPTED
 
@@ -314,14 +314,14 @@ def _high_latency(vehicle: Vehicle, _command: Command, _now: float) -> int:
     return FAILED
 
 
-_NOT_HERE = (
+_UNSUPPORTED_COMMANDS = (
     mavlink.MAV_CMD_DO_PAUSE_CONTINUE,
     mavlink.MAV_CMD_DO_FENCE_ENABLE,
     mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
     mavlink.MAV_CMD_CONDITION_YAW,
     mavlink.MAV_CMD_DO_MOTOR_TEST,
 )
-_TAKEN = (
+_WITHOUT_EFFECT = (
     mavlink.MAV_CMD_NAV_ROI,
     mavlink.MAV_CMD_DO_SET_ROI,
     mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
@@ -336,8 +336,8 @@ def protocol_version(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
-    dict.fromkeys(_NOT_HERE, _unsupported)
-    | dict.fromkeys(_TAKEN, _accept)
+    dict.fromkeys(_UNSUPPORTED_COMMANDS, _unsupported)
+    | dict.fromkeys(_WITHOUT_EFFECT, _accept)
     | {
         mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: protocol_version,
         mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,

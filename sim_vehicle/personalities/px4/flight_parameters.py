@@ -68,7 +68,7 @@ def _pilot_missing(params: Parameters) -> bool:
     return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
 
 
-def _going_on(params: Parameters) -> dict[int, FailsafeAction]:
+def _continuing_modes(params: Parameters) -> dict[int, FailsafeAction]:
     excepted = int(params["COM_RCL_EXCEPT"])
     return {n: FailsafeAction.NOTHING for bit, ns in _RC_EXCEPTIONS.items() if excepted & bit for n in ns}
 
@@ -112,7 +112,7 @@ def _common(params: Parameters) -> dict[str, object]:
         "gcs_sysid": None,
         "gcs_timeout_s": math.inf if gcs is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
         "gcs_action": gcs,
-        "gcs_missed_unheard": True,
+        "gcs_never_heard_is_lost": True,
         "battery_warning_share": params["BAT_LOW_THR"],
         "battery_low_v": 0.0,
         "battery_low_share": params["BAT_CRIT_THR"],
@@ -122,9 +122,9 @@ def _common(params: Parameters) -> dict[str, object]:
         "battery_critical_action": _EMERGENCY_ACTIONS.get(act, FailsafeAction.WARN),
         "battery_delay_s": 0.0,
         "rc_required": False,
-        "rc_missed_unarmed": False,
+        "rc_lost_unarmed_counts": False,
         "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
-        "rc_action_in": _going_on(params),
+        "rc_action_in": _continuing_modes(params),
         "rc_timeout_s": params["COM_RC_LOSS_T"],
         "pilot_missing": _pilot_missing(params),
         "setpoint_timeout_s": params["COM_OF_LOSS_T"],
@@ -198,7 +198,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
     glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
     return FlightParameters(
         **_common(params) | {"waypoint_radius_m": _switch_m(params)},  # type: ignore[arg-type]
-        waypoints_say_radius=False,
+        waypoints_set_radius=False,
         waypoint_height_m=params["NAV_FW_ALT_RAD"],
         circles_first=True,
         takeoff_along=True,

@@ -32,11 +32,11 @@ class Stream:
         return records(self.layout, len(view.i), self.columns(view))
 
 
-def _everyone(v: View) -> Mask:
+def _all_vehicles(v: View) -> Mask:
     return np.ones(len(v.i), dtype=bool)
 
 
-def _nobody(v: View) -> Mask:
+def _no_vehicle(v: View) -> Mask:
     return np.zeros(len(v.i), dtype=bool)
 
 
@@ -53,23 +53,23 @@ def _has_origin(v: View) -> Mask:
 
 
 _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT: (vehicle.heartbeat, _everyone),
-    mavlink.MAVLINK_MSG_ID_SYS_STATUS: (vehicle.sys_status, _everyone),
-    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: (sensors.system_time, _everyone),
-    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: (sensors.gps_raw_int, _everyone),
-    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: (motion.global_position_int, _everyone),
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: (vehicle.heartbeat, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: (vehicle.sys_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: (sensors.system_time, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: (sensors.gps_raw_int, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: (motion.global_position_int, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: (motion.local_position_ned, _has_origin),
-    mavlink.MAVLINK_MSG_ID_ATTITUDE: (motion.attitude, _everyone),
-    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: (motion.attitude_quaternion, _everyone),
-    mavlink.MAVLINK_MSG_ID_VFR_HUD: (motion.vfr_hud, _everyone),
-    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: (sensors.battery_status, _everyone),
-    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: (vehicle.extended_sys_state, _everyone),
-    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: (motion.ekf_status_report, _everyone),
-    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: (motion.estimator_status, _everyone),
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (vehicle.mission_current, _everyone),
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: (motion.attitude, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: (motion.attitude_quaternion, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: (motion.vfr_hud, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: (sensors.battery_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: (vehicle.extended_sys_state, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: (motion.ekf_status_report, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: (motion.estimator_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (vehicle.mission_current, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: (vehicle.home_position, _has_home),
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (vehicle.gps_global_origin, _has_origin),
-    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: (motion.nav_controller_output, _everyone),
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: (motion.nav_controller_output, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (
         motion.position_target_global_int,
         motion.has_global_target,
@@ -78,31 +78,31 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
         motion.position_target_local_ned,
         motion.has_local_target,
     ),
-    mavlink.MAVLINK_MSG_ID_ALTITUDE: (motion.altitude, _everyone),
-    mavlink.MAVLINK_MSG_ID_WIND: (sensors.wind, _everyone),
-    mavlink.MAVLINK_MSG_ID_WIND_COV: (sensors.wind_cov, _everyone),
-    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: (sensors.scaled_pressure, _everyone),
-    mavlink.MAVLINK_MSG_ID_RAW_IMU: (sensors.raw_imu, _everyone),
-    mavlink.MAVLINK_MSG_ID_SCALED_IMU: (sensors.scaled_imu_since_boot, _everyone),
-    mavlink.MAVLINK_MSG_ID_SCALED_IMU2: (sensors.scaled_imu_since_boot, _everyone),
-    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: (sensors.highres_imu, _everyone),
-    mavlink.MAVLINK_MSG_ID_VIBRATION: (sensors.vibration, _everyone),
-    mavlink.MAVLINK_MSG_ID_POWER_STATUS: (sensors.power_status, _everyone),
-    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (vehicle.fence_status, _everyone),
-    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: (sensors.rc_channels, _everyone),
-    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: (sensors.servo_output_raw, _everyone),
+    mavlink.MAVLINK_MSG_ID_ALTITUDE: (motion.altitude, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_WIND: (sensors.wind, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_WIND_COV: (sensors.wind_cov, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: (sensors.scaled_pressure, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_RAW_IMU: (sensors.raw_imu, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU: (sensors.scaled_imu_since_boot, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU2: (sensors.scaled_imu_since_boot, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: (sensors.highres_imu, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_VIBRATION: (sensors.vibration, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_POWER_STATUS: (sensors.power_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (vehicle.fence_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: (sensors.rc_channels, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: (sensors.servo_output_raw, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: (vehicle.strikes, _threatened),
-    mavlink.MAVLINK_MSG_ID_TIMESYNC: (sensors.timesync, _everyone),
-    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: (sensors.distance_sensor, _nobody),
-    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: (px4.actuator_output_status, _everyone),
-    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: (px4.flight_information, _everyone),
-    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _everyone),
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: (sensors.timesync, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: (sensors.distance_sensor, _no_vehicle),
+    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: (px4.actuator_output_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: (px4.flight_information, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_ODOMETRY: (px4.odometry, _has_origin),
 }
 _BY_DEFINITION: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
     (px4.TIME_ESTIMATE_TO_TARGET, px4.time_estimate_to_target, _has_origin),
-    (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _everyone),
-    (px4.CURRENT_MODE, px4.current_mode, _everyone),
+    (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _all_vehicles),
+    (px4.CURRENT_MODE, px4.current_mode, _all_vehicles),
 )
 # Extension fields missing in the dialect; the checksum does not cover an extension's definition.
 _EXTENSIONS = {

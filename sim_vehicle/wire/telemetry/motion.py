@@ -156,15 +156,15 @@ def has_local_target(v: View) -> Bools:
 def _set_points(v: View, px4: Bools) -> Floats:
     """Return the set-point that PX4 reports with a position, (8, n); NaN for planes."""
     dynamics, i = v.world.dynamics, v.i
-    told = np.zeros((len(SET_POINT), len(i)))
+    set_points = np.zeros((len(SET_POINT), len(i)))
     if px4.any():
-        told[:3] = _ned(dynamics.estimate_velocity[:, i])
-        told[3:6] = _ned(dynamics.acceleration[:, i])
-        told[6] = dynamics.wanted_heading_rad[i]
-        told[7] = dynamics.wanted_yaw_rate_rad_s[i]
-        told[:, dynamics.planes[i]] = np.nan
-        told[:, ~px4] = 0.0
-    return told
+        set_points[:3] = _ned(dynamics.estimate_velocity[:, i])
+        set_points[3:6] = _ned(dynamics.acceleration[:, i])
+        set_points[6] = dynamics.wanted_heading_rad[i]
+        set_points[7] = dynamics.wanted_yaw_rate_rad_s[i]
+        set_points[:, dynamics.planes[i]] = np.nan
+        set_points[:, ~px4] = 0.0
+    return set_points
 
 
 def _ned(east_north_up: Floats) -> Floats:
@@ -206,20 +206,20 @@ def position_target_local_ned(v: View) -> Columns:
     """
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     moves = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
-    mask, told = _local_mask(v, px4, moves), _set_points(v, px4)
+    mask, set_points = _local_mask(v, px4, moves), _set_points(v, px4)
     place = _ned(dynamics.target[:, i] - v.status.origin_m[i].T)
     ignored = mask & PLACE_BITS != 0
     if ignored.any():
         place = np.where(ignored, np.where(px4, np.nan, 0.0), place)
     if moves.any():
         wanted = dynamics.wanted_velocity[:, i[moves]]
-        told[:3, moves] = _ned(np.vstack([wanted, dynamics.rate_m_s[i[moves]]]))
+        set_points[:3, moves] = _ned(np.vstack([wanted, dynamics.rate_m_s[i[moves]]]))
     return {
         "time_boot_ms": v.boot_ms(),
         "coordinate_frame": mavlink.MAV_FRAME_LOCAL_NED,
         "type_mask": mask,
         **dict(zip("xyz", place, strict=True)),
-        **dict(zip(SET_POINT, told, strict=True)),
+        **dict(zip(SET_POINT, set_points, strict=True)),
     }
 
 
