@@ -51,7 +51,7 @@ ANY = st.tuples(
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(st.lists(ANY, min_size=40, max_size=150))
-def test_what_goes_is_the_oldest_but_never_the_newest_of_who_is_where(
+def test_the_oldest_messages_are_dropped_but_never_the_newest_state(
     story: list[tuple[int, type, tuple[int, ...], int]],
 ) -> None:
     backlog, waiting = Backlog(ROOM_BYTES), list[QueuedMessage]()
@@ -84,7 +84,7 @@ def kind_of(one: QueuedMessage) -> type:
     return type(one.decoded.frame.content)
 
 
-def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
+def test_dropped_messages_are_counted_reported_and_requested_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(network, "Backlog", partial(Backlog, 100_000))

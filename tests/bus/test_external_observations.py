@@ -187,7 +187,7 @@ def test_a_report_gives_its_cells(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_report_is_refused_with_its_reason(name: str) -> None:
+def test_an_invalid_report_is_refused_with_its_reason(name: str) -> None:
     data, reason, why = REFUSED[name]
     with pytest.raises(RejectedReport) as refused:
         decode_report(data, GRID, NOW_S)
@@ -223,7 +223,7 @@ almost = st.fixed_dictionaries(
 
 @given(st.binary(max_size=80) | almost.map(lambda content: json.dumps(content).encode()))
 @settings(max_examples=examples(200), deadline=None, derandomize=True)
-def test_whatever_the_bytes_they_are_a_report_or_refused(data: bytes) -> None:
+def test_any_bytes_are_a_report_or_refused(data: bytes) -> None:
     with suppress(RejectedReport):
         cells, source = decode_report(data, GRID, NOW_S)
         assert cells
@@ -240,7 +240,7 @@ def test_whatever_the_bytes_they_are_a_report_or_refused(data: bytes) -> None:
     st.booleans(),
 )
 @settings(max_examples=examples(60), deadline=None, derandomize=True)
-def test_a_report_by_position_says_the_same_as_one_by_cell(
+def test_a_report_by_position_equals_one_by_cell(
     cells: list[tuple[int, int]], occupied: bool, by_cell: bool
 ) -> None:
     expected = tuple((row, col, occupied) for row, col in cells)
@@ -351,7 +351,7 @@ async def answered(payload: Transport, data: bytes) -> ReportAnswer:
     raise AssertionError("nobody answers")
 
 
-def test_who_asks_is_told_what_was_taken(both: Both) -> None:
+def test_a_question_is_answered_with_the_accepted_cells(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -363,7 +363,7 @@ def test_who_asks_is_told_what_was_taken(both: Both) -> None:
     asyncio.run(scene())
 
 
-def test_who_asks_is_told_why_nothing_was_taken(both: Both) -> None:
+def test_a_question_is_answered_with_the_reason_of_a_refusal(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -381,7 +381,7 @@ def test_who_asks_is_told_why_nothing_was_taken(both: Both) -> None:
     asyncio.run(scene())
 
 
-def test_a_put_is_taken_or_counted(both: Both) -> None:
+def test_a_put_report_is_accepted_or_counted(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -403,7 +403,7 @@ def test_a_put_is_taken_or_counted(both: Both) -> None:
         ("swarmctl/**", False),
     ],
 )
-def test_what_is_told_to_all_at_once_is_for_nobody(key: str, comes_in: bool) -> None:
+def test_a_report_under_a_wildcard_is_refused(key: str, comes_in: bool) -> None:
     async def scene() -> None:
         with through_a_door() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -419,7 +419,7 @@ def test_what_is_told_to_all_at_once_is_for_nobody(key: str, comes_in: bool) -> 
     asyncio.run(scene())
 
 
-def test_the_looks_of_another_vehicle_are_not_its_own(both: Both) -> None:
+def test_reports_of_another_vehicle_are_ignored(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -436,7 +436,7 @@ def test_the_looks_of_another_vehicle_are_not_its_own(both: Both) -> None:
 # --- how fast, and what is said
 
 
-def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() -> None:
+def test_reports_above_the_rate_limit_are_refused() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         vehicle = Vehicle(bus)
@@ -456,7 +456,7 @@ def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() 
     run_virtual(scene())
 
 
-def test_nonsense_uses_up_the_room_too() -> None:
+def test_invalid_reports_use_up_the_rate_limit() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         vehicle = Vehicle(bus)
@@ -467,7 +467,7 @@ def test_nonsense_uses_up_the_room_too() -> None:
     run_virtual(scene())
 
 
-def test_each_reason_is_said_once_until_there_was_a_pause() -> None:
+def test_each_reason_is_reported_once_until_a_pause() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         vehicle = Vehicle(bus)
@@ -493,7 +493,7 @@ def test_every_source_of_a_configuration_is_known() -> None:
     assert Sensor().source == "both"
 
 
-def test_a_vehicle_with_a_payload_alone_sees_nothing_by_simulation() -> None:
+def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_one() -> None:
     assert not SOURCES["external"].simulated
     assert External().look(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
 
@@ -543,7 +543,7 @@ def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[
     return run_virtual(scene()), answers
 
 
-def test_a_swarm_flies_by_what_payloads_report_and_by_nothing_else(tmp_path: Path) -> None:
+def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Path) -> None:
     blind, _ = flown(tmp_path / "blind")
     assert blind.bug is None
     assert all(state.belief.n_observed == 0 for state in blind.states.values())

@@ -37,7 +37,7 @@ async def turn() -> None:
 
 
 @pytest.mark.parametrize(("each_s", "at_once"), [(0.001, 20), (0.0001, 200), (5.0, 2)])
-def test_a_flood_leaves_the_loop_to_others_after_a_moment(each_s: float, at_once: int) -> None:
+def test_a_flood_of_deliveries_does_not_block_the_loop(each_s: float, at_once: int) -> None:
     async def scene() -> None:
         work = Work(each_s)
         inlet = Inbox(asyncio.get_running_loop(), (5000, 5000), silent, work.clock)
@@ -54,7 +54,7 @@ def test_a_flood_leaves_the_loop_to_others_after_a_moment(each_s: float, at_once
     run_virtual(scene())
 
 
-def test_no_queue_waits_for_a_flood_in_another() -> None:
+def test_a_flooded_queue_does_not_starve_another() -> None:
     async def scene() -> None:
         work = Work(1.0)
         inlet = Inbox(asyncio.get_running_loop(), (5000, 5000, 5000), silent, work.clock)
@@ -68,7 +68,7 @@ def test_no_queue_waits_for_a_flood_in_another() -> None:
     run_virtual(scene())
 
 
-def test_all_is_delivered_in_its_order_and_each_failure_counted() -> None:
+def test_deliveries_keep_their_order_and_failures_are_counted() -> None:
     async def scene() -> None:
         work, failures = Work(0.004), []
         loop = asyncio.get_running_loop()

@@ -79,7 +79,7 @@ class Swarm:
             return await self.told[uav].get()
 
 
-def test_everyone_hears_what_one_says_and_itself_does_not(bus: Open) -> None:
+def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
     async def scene() -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2, 3)
@@ -113,7 +113,7 @@ def test_messages_of_one_sender_arrive_in_order(bus: Open) -> None:
         ("swarmctl/test/uav/3/observation", RefusalReason.SOURCE),
     ],
 )
-def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: RefusalReason, bus: Open) -> None:
+def test_a_message_under_another_key_is_refused_and_counted(key: str, why: RefusalReason, bus: Open) -> None:
     async def scene() -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2, 3)
@@ -128,7 +128,7 @@ def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: Refu
     asyncio.run(scene())
 
 
-def test_a_put_on_a_wildcard_key_is_nobodys() -> None:
+def test_a_put_on_a_wildcard_key_is_refused() -> None:
     assert keys.sender_of("swarmctl/test/uav/3/inform/observation/1") == (1, "inform/observation")
     for key in (
         "swarmctl/test/uav/*/inform/observation/1",
@@ -138,7 +138,7 @@ def test_a_put_on_a_wildcard_key_is_nobodys() -> None:
         assert keys.sender_of(key) is None
 
 
-def test_a_key_of_any_length_is_nobodys_and_costs_nothing() -> None:
+def test_an_overlong_key_is_refused_without_cost() -> None:
     for sender in ("9" * 5000, "1234", "0001"):
         assert keys.sender_of(f"swarmctl/test/uav/3/inform/state/{sender}") is None
     assert keys.sender_of(f"swarmctl/{'x' * 50_000}/uav/3/inform/state/1") is None
@@ -162,7 +162,7 @@ def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
     asyncio.run(scene())
 
 
-def test_what_waits_for_an_agent_is_told_it_at_once() -> None:
+def test_waiting_news_reaches_an_agent_in_one_call() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2, 3)
@@ -176,7 +176,7 @@ def test_what_waits_for_an_agent_is_told_it_at_once() -> None:
     run_virtual(scene())
 
 
-def test_who_joins_again_is_one_uav_and_knows_what_was_said_before() -> None:
+def test_a_uav_that_joins_again_learns_earlier_observations() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2, 3)
@@ -198,7 +198,7 @@ def test_who_joins_again_is_one_uav_and_knows_what_was_said_before() -> None:
     run_virtual(scene())
 
 
-def test_agents_are_told_also_while_more_is_said_than_can_be_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_agents_get_news_under_overload(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = itertools.count(0.0, 0.001)  # each look at it is a message or an agent later
     monkeypatch.setattr(network, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
 
@@ -259,7 +259,7 @@ def test_partitions_and_silence_come_and_go() -> None:
     ("metres", "lost"),
     [(5.0, LossReason.TOO_NEAR), (50.0, None), (500.0, LossReason.TOO_FAR)],
 )
-def test_who_is_too_far_or_too_near_is_not_heard(metres: float, lost: LossReason | None) -> None:
+def test_a_uav_out_of_range_is_not_heard(metres: float, lost: LossReason | None) -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             radio = RadioSettings(min_distance_m=10.0, max_distance_m=300.0)
@@ -275,7 +275,7 @@ def test_who_is_too_far_or_too_near_is_not_heard(metres: float, lost: LossReason
     run_virtual(scene())
 
 
-def test_what_was_lost_is_counted_by_what_lost_it() -> None:
+def test_losses_are_counted_by_cause() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(
@@ -293,7 +293,7 @@ def test_what_was_lost_is_counted_by_what_lost_it() -> None:
     run_virtual(scene())
 
 
-def test_nothing_that_was_lost_stays_lost() -> None:
+def test_lost_observations_are_recovered() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             radio = RadioSettings(loss=0.4, delay_s=0.1, jitter_s=0.3)
@@ -312,7 +312,7 @@ def test_nothing_that_was_lost_stays_lost() -> None:
     run_virtual(scene())
 
 
-def test_who_hears_all_that_is_said_asks_for_nothing() -> None:
+def test_a_uav_without_losses_sends_no_requests() -> None:
     """Though all speak all the time, and no two ever know quite the same."""
 
     async def scene() -> None:
@@ -330,7 +330,7 @@ def test_who_hears_all_that_is_said_asks_for_nothing() -> None:
     run_virtual(scene())
 
 
-def test_what_arrives_at_one_moment_arrives_in_order() -> None:
+def test_simultaneous_arrivals_keep_their_order() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             options = NodeOptions(20, 20, sync_every_s=0.0)
@@ -367,7 +367,9 @@ def reached(places: Places, silent: set[int], k: int | None) -> tuple[int, ...]:
     ("k", "expected"),
     [(0, ()), (1, (3,)), (2, (3, 2)), (3, (3, 2, 4)), (4, (2, 3, 4, 5)), (None, (2, 3, 4, 5))],
 )
-def test_the_nearest_k_are_reached_and_who_is_silent_last(k: int | None, expected: tuple[int, ...]) -> None:
+def test_the_nearest_k_are_reached_and_silent_uavs_rank_last(
+    k: int | None, expected: tuple[int, ...]
+) -> None:
     places = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: UNKNOWN, 5: (46.0001, 14.0)}
     assert reached(places, {5}, k) == expected
 
@@ -375,7 +377,7 @@ def test_the_nearest_k_are_reached_and_who_is_silent_last(k: int | None, expecte
 @given(
     st.dictionaries(st.integers(2, 20), st.tuples(st.floats(45, 47), st.floats(13, 15))), st.integers(0, 25)
 )
-def test_nobody_within_k_is_farther_than_anybody_beyond(alive: Places, k: int) -> None:
+def test_no_uav_within_k_is_farther_than_one_beyond(alive: Places, k: int) -> None:
     chosen = reached(alive, set(), k)
     assert len(chosen) == min(k, len(alive))
     left = set(alive) - set(chosen)

@@ -97,7 +97,7 @@ def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
 
 @given(st.lists(acts, max_size=30))
 @settings(max_examples=examples(30), deadline=None, phases=PHASES)
-def test_nobody_believes_what_nobody_saw(history: list[Act]) -> None:
+def test_beliefs_have_only_observed_cells(history: list[Act]) -> None:
     ether = Ether(IDS)
     seen: set[tuple[int, int, bool]] = set()
     for uav in ether.uavs.values():
@@ -111,7 +111,7 @@ def test_nobody_believes_what_nobody_saw(history: list[Act]) -> None:
         assert hits <= {(r, c) for r, c, occupied in seen if occupied}
 
 
-def test_one_lost_message_is_asked_for_as_soon_as_the_next_shows_that_it_is_missing() -> None:
+def test_a_lost_message_is_requested_after_the_next_one() -> None:
     ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     ether.run(2.0)
     ether.carry = lambda *_: None
@@ -122,7 +122,7 @@ def test_one_lost_message_is_asked_for_as_soon_as_the_next_shows_that_it_is_miss
     assert ether.agree()
 
 
-def test_a_lost_last_message_is_missed_by_the_next_state() -> None:
+def test_the_next_state_reveals_a_lost_last_message() -> None:
     ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     ether.run(2.0)
     ether.carry = lambda *_: None
@@ -132,7 +132,7 @@ def test_a_lost_last_message_is_missed_by_the_next_state() -> None:
     assert ether.agree()
 
 
-def test_who_joins_late_gets_everything_from_whom_it_hears_first() -> None:
+def test_a_late_joiner_gets_everything_from_its_first_peer() -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     ether.carry = lambda sender, to, _now: None if 3 in (sender, to) else 0.01
     for row in range(ROWS):
@@ -145,7 +145,7 @@ def test_who_joins_late_gets_everything_from_whom_it_hears_first() -> None:
     assert ether.uavs[2].node.counters.snapshots_served >= 1
 
 
-def test_who_is_not_spoken_to_asks_also_after_it_has_agreed() -> None:
+def test_a_uav_outside_of_all_ranges_keeps_asking() -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1))
     for uav, lat_deg in ((1, 46.0), (2, 46.02), (3, 46.021)):  # 1 speaks to 2, and 2 and 3 to each other
         ether.uavs[uav].where = (lat_deg, 14.0)
@@ -157,7 +157,7 @@ def test_who_is_not_spoken_to_asks_also_after_it_has_agreed() -> None:
     assert ether.agree()
 
 
-def test_however_long_a_swarm_flies_nobody_keeps_all_that_was_ever_said() -> None:
+def test_memory_stays_bounded_in_a_long_flight() -> None:
     ether = Ether((1, 2, 3))
     n = 4 * COMPACT_AFTER
     for i in range(n):
@@ -179,7 +179,7 @@ def test_however_long_a_swarm_flies_nobody_keeps_all_that_was_ever_said() -> Non
     assert ether.uavs[2].node.counters.sent_bytes - sent_before < 200 * most
 
 
-def test_what_only_takes_less_room_is_nothing_to_decide_anew() -> None:
+def test_a_checkpoint_without_new_observations_reaches_the_agent_later() -> None:
     ether = Ether((1, 2))
     for i in range(2 * COMPACT_AFTER):
         ether.uavs[1].observe((i % ROWS, i % COLS, False))
@@ -190,7 +190,7 @@ def test_what_only_takes_less_room_is_nothing_to_decide_anew() -> None:
     assert len(list(before.items())) < 2 * COMPACT_AFTER
 
 
-def test_groups_that_were_apart_for_long_find_each_other_again_though_each_is_enough_for_itself() -> None:
+def test_separated_groups_find_each_other_again() -> None:
     ether = Ether((1, 2, 3, 4), NodeOptions(ROWS, COLS, k=1))
     ether.run(20.0)
     ether.carry = lambda sender, to, _now: None if (sender <= 2) != (to <= 2) else 0.01
@@ -232,7 +232,7 @@ def test_a_swarm_that_agrees_asks_nothing() -> None:
 
 
 @pytest.mark.parametrize("relay", [False, True])
-def test_relaying_tells_at_once_whom_the_observer_does_not_reach(relay: bool) -> None:
+def test_relaying_reaches_uavs_beyond_the_observers_range_at_once(relay: bool) -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1, relay=relay, sync_every_s=4.0))
     for uav, lat_deg in ((1, 46.0), (2, 46.01), (3, 46.015)):  # 1 reaches 2, which reaches 3
         ether.uavs[uav].where = (lat_deg, 14.0)
@@ -262,7 +262,7 @@ def known(ether: Ether, uav: int) -> dict[int, int]:
     return {other: told.plan_id for other, (told, _) in ether.uavs[uav].node.intents().items()}
 
 
-def test_an_intent_is_known_to_all_who_hear_it_and_the_newest_counts() -> None:
+def test_the_newest_intent_is_known_to_all_receivers() -> None:
     ether = Ether((1, 2, 3))
     delays = iter((2.0, 2.0, 0.1, 0.1))
     ether.carry = lambda sender, _to, _now: next(delays) if sender == 1 else 0.1
@@ -276,7 +276,7 @@ def test_an_intent_is_known_to_all_who_hear_it_and_the_newest_counts() -> None:
     assert said_s == pytest.approx(UNIX_S + 0.5)
 
 
-def test_who_joins_late_or_is_out_of_reach_gets_intents_with_what_it_asks_for() -> None:
+def test_snapshots_have_intents() -> None:
     ether = Ether((1, 2, 3))
     ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
     ether.uavs[1].observe((0, 0, True))
@@ -288,7 +288,7 @@ def test_who_joins_late_or_is_out_of_reach_gets_intents_with_what_it_asks_for() 
     assert known(ether, 3) == {1: 5}
 
 
-def test_an_intent_in_anothers_name_is_not_taken() -> None:
+def test_a_forged_intent_is_refused() -> None:
     ether = Ether((1, 2, 3))
     ether.run(2.0)
     speaker = ether.uavs[3]

@@ -162,7 +162,9 @@ def of(ether: Ether, uav: int) -> dict[str, int]:
 
 
 @pytest.mark.parametrize(("sender", "act", "data", "why"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_is_refused_and_counted(sender: int, act: str, data: bytes, why: RefusalReason) -> None:
+def test_invalid_messages_are_refused_and_counted(
+    sender: int, act: str, data: bytes, why: RefusalReason
+) -> None:
     ether = Ether((1, 2, 3, 4))
     before = ether.uavs[4].belief
     ether.deliver(sender, 4, act, data)
@@ -171,7 +173,7 @@ def test_what_is_wrong_is_refused_and_counted(sender: int, act: str, data: bytes
     assert ether.said
 
 
-def test_a_message_that_comes_twice_is_a_replay() -> None:
+def test_a_repeated_message_is_a_replay() -> None:
     ether = Ether((1, 2))
     data = SEAL.encode(frame(seen()))
     for _ in range(3):
@@ -180,14 +182,14 @@ def test_a_message_that_comes_twice_is_a_replay() -> None:
     assert ether.uavs[2].belief.looks.sum() == 1
 
 
-def test_what_was_said_before_its_sender_was_started_again_is_a_replay() -> None:
+def test_a_message_from_before_a_restart_is_a_replay() -> None:
     ether = Ether((1, 2))
     ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), incarnation=5)))
     ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=7, incarnation=4)))
     assert of(ether, 2) == {RefusalReason.REPLAY: 1}
 
 
-def test_repeating_what_a_uav_said_does_not_use_up_what_it_may_say() -> None:
+def test_replays_do_not_use_up_the_senders_rate() -> None:
     ether = Ether((1, 2))
     data = SEAL.encode(frame(seen()))
     for _ in range(MOST + 10):
@@ -223,7 +225,7 @@ def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
     assert ether.uavs[2].belief.hits.sum() == 0
 
 
-def test_one_who_tells_each_another_thing_is_found_out_by_both() -> None:
+def test_a_uav_that_sends_two_contents_is_flagged_by_both_receivers() -> None:
     ether = Ether((1, 2, 3))
     for to, occupied in ((2, False), (3, True)):
         ether.deliver(1, to, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, occupied)))))
@@ -234,7 +236,7 @@ def test_one_who_tells_each_another_thing_is_found_out_by_both() -> None:
     assert "came with two different contents" in " ".join(ether.said)
 
 
-def test_a_checkpoint_of_other_observations_than_came_is_refused_and_who_made_it_flagged() -> None:
+def test_a_checkpoint_of_other_observations_is_refused_and_its_observer_flagged() -> None:
     ether = Ether((1, 2))
     told = seen(1, (0, 0, False))
     ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(told)))
@@ -246,7 +248,7 @@ def test_a_checkpoint_of_other_observations_than_came_is_refused_and_who_made_it
     assert ether.uavs[2].belief.hits.sum() == 0
 
 
-def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
+def test_a_second_process_of_the_same_vehicle_is_refused_and_reported() -> None:
     ether = Ether((1, 2))
     theirs = SEAL.encode(frame(seen(7, (0, 0, True)), n=50))
     ether.deliver(2, 1, "inform/relayed", SEAL.encode(frame(Relayed((theirs,)), sender=2, incarnation=2)))
@@ -254,7 +256,7 @@ def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
     assert "another process flies vehicle 1" in ether.said[0]
 
 
-def test_what_contradicts_ones_own_look_is_flagged_with_who_sent_it_and_believed_as_before() -> None:
+def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> None:
     ether = Ether((1, 2))
     ether.uavs[2].observe((3, 3, False), (3, 4, True))
     ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True), (3, 4, True)))))
@@ -270,7 +272,7 @@ def test_what_contradicts_ones_own_look_is_flagged_with_who_sent_it_and_believed
 @given(
     st.binary(max_size=400), st.integers(0, 300), st.sampled_from(("inform/state", "inform/snapshot", "x/y"))
 )
-def test_no_bytes_are_too_much(data: bytes, sender: int, act: str) -> None:
+def test_any_bytes_are_handled(data: bytes, sender: int, act: str) -> None:
     ether = Ether((1, 2))
     ether.deliver(sender, 2, act, data)
     ether.deliver(sender, 2, act, bytes((VERSION, 0)) + data)
@@ -326,7 +328,7 @@ FORGED: dict[str, tuple[str, bytes, RefusalReason]] = {
 
 
 @pytest.mark.parametrize(("act", "data", "why"), FORGED.values(), ids=FORGED)
-def test_who_has_not_the_key_cannot_speak_for_a_uav(act: str, data: bytes, why: RefusalReason) -> None:
+def test_a_frame_without_the_uavs_key_is_refused(act: str, data: bytes, why: RefusalReason) -> None:
     ether = Ether((1, 2, 3), seal=SIGNED)
     before = ether.uavs[2].belief
     ether.deliver(1, 2, act, data)
@@ -334,7 +336,7 @@ def test_who_has_not_the_key_cannot_speak_for_a_uav(act: str, data: bytes, why: 
     assert ether.uavs[2].belief is before
 
 
-def test_what_a_neighbour_passes_on_is_taken_by_its_observers_signature() -> None:
+def test_relayed_frames_are_checked_by_their_observers_signature() -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, relay=True), seal=SIGNED)
     ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
     ether.run(5.0)
@@ -345,7 +347,7 @@ def test_what_a_neighbour_passes_on_is_taken_by_its_observers_signature() -> Non
     assert not any(uav.node.counters.refused for uav in ether.uavs.values())
 
 
-def test_what_one_lies_about_is_only_what_it_saw() -> None:
+def test_a_forger_can_only_forge_its_own_observations() -> None:
     """A UAV that is taken over has its own key and no other."""
     ether = Ether((1, 2, 3), seal=SIGNED)
     ether.uavs[2].observe((0, 0, False))
@@ -367,7 +369,7 @@ def relayed(*frames: bytes, n: int, by: int = 1) -> bytes:
     return SEAL.encode(frame(Relayed(frames), sender=by, n=n))
 
 
-def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
+def test_many_incarnations_of_a_forger_do_not_outvote_observations() -> None:
     ether = Ether((1, 2, 3))
     ether.uavs[3].observe((4, 4, True))
     ether.run(0.5)
@@ -384,13 +386,13 @@ def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
     assert of(ether, 2)[RefusalReason.TOO_FAST] == 300 - MAX_INCARNATIONS
 
 
-def test_a_message_of_rubbish_is_not_read_to_its_end() -> None:
+def test_a_message_with_many_invalid_frames_is_not_decoded_to_its_end() -> None:
     ether = Ether((1, 2))
     ether.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
     assert of(ether, 2) == {RefusalReason.MALFORMED: MAX_WRONG}
 
 
-def test_a_lie_that_comes_first_is_flagged_once_the_truth_is_seen() -> None:
+def test_a_forged_observation_is_flagged_after_the_uavs_own() -> None:
     ether = Ether((1, 2, 3))
     ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True)), n=50)))
     ether.uavs[2].observe((3, 3, False), (3, 4, False))
@@ -398,7 +400,7 @@ def test_a_lie_that_comes_first_is_flagged_once_the_truth_is_seen() -> None:
     assert all(part in ether.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
 
 
-def test_gaps_and_incarnations_never_make_a_question_too_long_to_be_asked() -> None:
+def test_a_request_fits_into_a_message_with_any_gaps() -> None:
     ids = tuple(range(1, 61))
     ether = Ether(ids, NodeOptions(ROWS, COLS, k=3))
     for uav in ids[1:]:
@@ -423,7 +425,7 @@ def test_gaps_and_incarnations_never_make_a_question_too_long_to_be_asked() -> N
     assert max(len(o.data) for o in out) <= MAX_FRAME_BYTES
 
 
-def test_who_claims_to_have_more_and_never_tells_it_is_asked_ever_less() -> None:
+def test_a_peer_with_false_claims_is_asked_ever_less() -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     ether.uavs[1].tell_state = lambda: None  # type: ignore[method-assign]
     for second in range(100):
@@ -436,7 +438,7 @@ def test_who_claims_to_have_more_and_never_tells_it_is_asked_ever_less() -> None
     assert ether.uavs[2].node.counters.sent["query-ref/snapshot"] <= 20
 
 
-def test_an_old_state_of_another_that_is_passed_on_is_nothing_new() -> None:
+def test_an_old_relayed_state_is_ignored() -> None:
     ether = Ether((1, 2, 3))
     old = SEAL.encode(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
     ether.deliver(1, 2, "inform/relayed", relayed(old, n=10))

@@ -51,7 +51,7 @@ def is_reached(radio: Radio, sender: int, to: int, now_s: float = 0.0) -> bool:
     return not isinstance(radio.send(sender, to, 100, now_s), LossReason)
 
 
-def test_a_radio_of_which_nothing_is_said_does_nothing() -> None:
+def test_a_radio_with_defaults_is_transparent() -> None:
     radio = Radio(RadioSettings(), seed=1)
     assert radio.is_transparent
     assert radio.send(1, 2, 10**9, 7.25) == 7.25
@@ -71,12 +71,12 @@ def test_a_radio_of_which_nothing_is_said_does_nothing() -> None:
         RadioSettings(quiet=(RadioSilence(frozenset({1})),)),
     ],
 )
-def test_whatever_is_said_of_it_it_is_not_transparent(settings: RadioSettings) -> None:
+def test_a_radio_with_any_setting_is_not_transparent(settings: RadioSettings) -> None:
     assert not Radio(settings, seed=1).is_transparent
 
 
 @given(SENT, st.floats(0.0, 3.0), st.floats(0.0, 3.0), st.sampled_from([math.inf, 500.0, 2000.0]))
-def test_what_arrives_was_under_way_as_long_as_it_must_and_no_longer(
+def test_a_message_arrives_after_its_delay(
     sent: list[Sent], delay_s: float, jitter_s: float, bandwidth_bytes_s: float
 ) -> None:
     settings = RadioSettings(
@@ -107,7 +107,7 @@ def test_equal_seeds_give_equal_outcomes(sent: list[Sent], seed: int) -> None:
     assert outcomes(Radio(settings, seed), sent) == outcomes(Radio(settings, seed), sent)
 
 
-def test_other_seeds_and_other_pairs_meet_other_chances() -> None:
+def test_other_seeds_and_pairs_have_other_outcomes() -> None:
     pairs = ((1, 2), (2, 1), (1, 3), (12, 1))
     radios = [Radio(RadioSettings(loss=0.5), seed) for seed in (1, 2)]
     met = {tuple(radio.send(*pair, 1, 0.0) for _ in range(60)) for radio in radios for pair in pairs}
@@ -115,9 +115,7 @@ def test_other_seeds_and_other_pairs_meet_other_chances() -> None:
 
 
 @given(SENT, st.sampled_from([None, 3.0]))
-def test_what_befalls_a_pair_is_the_same_when_others_are_silent(
-    sent: list[Sent], burst: float | None
-) -> None:
+def test_the_outcomes_of_a_pair_do_not_depend_on_others(sent: list[Sent], burst: float | None) -> None:
     settings = RadioSettings(jitter_s=1.0, loss=0.4, loss_burst=burst)
     together = outcomes(Radio(settings, 7), sent)
     for sender, to in {(m[0], m[1]) for m in sent}:
@@ -128,7 +126,7 @@ def test_what_befalls_a_pair_is_the_same_when_others_are_silent(
 
 
 @given(st.permutations([(a, b) for a in (1, 2, 3) for b in (1, 2, 3) if a != b]))
-def test_the_order_in_which_pairs_are_served_decides_nothing(pairs: list[tuple[int, int]]) -> None:
+def test_the_order_of_pairs_does_not_matter(pairs: list[tuple[int, int]]) -> None:
     settings = RadioSettings(jitter_s=1.0, loss=0.5)
     radio, other = Radio(settings, 9), Radio(settings, 9)
     for now_s in range(40):
@@ -145,7 +143,7 @@ def test_the_order_in_which_pairs_are_served_decides_nothing(pairs: list[tuple[i
         RadioSettings(loss=0.3, bandwidth_bytes_s=90.0),
     ],
 )
-def test_a_message_that_comes_to_nothing_else_changes_no_later_ones_luck(also: RadioSettings) -> None:
+def test_other_causes_of_loss_do_not_change_later_outcomes(also: RadioSettings) -> None:
     plain, other = Radio(RadioSettings(loss=0.3), 3), Radio(also, 3)
     other_found = [other.send(1, 2, 100, float(i)) for i in range(200)]
     for is_lost, found in zip(lost_of(plain, 200), other_found, strict=True):
@@ -162,7 +160,7 @@ def test_a_message_that_comes_to_nothing_else_changes_no_later_ones_luck(also: R
     [(0.3, None, 1 / 0.7), (0.02, None, 1 / 0.98), (0.3, 5.0, 5.0), (0.3, 1.0, 1.0), (0.9, 9.0, 9.0),
      (0.1, 10.0, 10.0)],
 )  # fmt: skip
-def test_so_many_are_lost_and_in_bursts_so_long(
+def test_the_share_and_the_bursts_of_losses_are_as_configured(
     loss: float, loss_burst: float | None, mean_burst: float, seed: int
 ) -> None:
     lost = lost_of(Radio(RadioSettings(loss=loss, loss_burst=loss_burst), seed), 200_000)
@@ -178,7 +176,7 @@ def test_the_first_message_is_as_likely_lost_as_any() -> None:
 
 
 @given(st.floats(0.0, 0.99), st.floats(1.0, 100.0))
-def test_gilberts_chances_have_the_share_and_the_burst_asked_for(loss: float, burst: float) -> None:
+def test_gilberts_probabilities_give_the_share_and_the_burst(loss: float, burst: float) -> None:
     try:
         p_enter, p_stay = gilbert_probabilities(loss, burst)
     except ValueError:
@@ -189,7 +187,7 @@ def test_gilberts_chances_have_the_share_and_the_burst_asked_for(loss: float, bu
     assert p_enter / (p_enter + 1.0 - p_stay) == pytest.approx(loss, abs=1e-9)
 
 
-def test_bursts_that_cannot_be_say_what_could() -> None:
+def test_impossible_bursts_are_refused_with_the_limit() -> None:
     with pytest.raises(ValueError, match=r"0\.9\b.*\b9\b"):
         RadioSettings(loss=0.9, loss_burst=1.0)
     assert RadioSettings(loss=0.9, loss_burst=9.0).loss_burst == 9.0
@@ -211,7 +209,7 @@ def test_a_transmitter_sends_no_more_than_its_bandwidth_over_any_time(sent: list
                 assert n_bytes <= 1000.0 * (b - a) + 1e-6
 
 
-def test_a_transmitter_takes_one_message_after_another_and_drops_what_would_wait_too_long() -> None:
+def test_a_transmitter_queues_messages_and_drops_those_that_wait_too_long() -> None:
     radio = Radio(RadioSettings(bandwidth_bytes_s=100.0, delay_s=0.25), 1)
     assert radio.send(1, 2, 100, 0.0) == 1.25
     assert radio.send(1, 3, 100, 0.0) == 2.25  # to whomever it goes
@@ -222,7 +220,7 @@ def test_a_transmitter_takes_one_message_after_another_and_drops_what_would_wait
     assert radio.send(1, 2, 100, 60.0) == 61.25
 
 
-def test_who_is_quiet_sends_nothing_and_keeps_no_transmitter_busy_but_is_sent_to() -> None:
+def test_a_silent_uav_sends_nothing_and_still_receives() -> None:
     settings = RadioSettings(bandwidth_bytes_s=100.0, quiet=(RadioSilence(frozenset({1, 3}), 5.0, 6.0),))
     radio = Radio(settings, 1)
     assert radio.send(1, 2, 100, 4.0) == 5.0
@@ -232,7 +230,7 @@ def test_who_is_quiet_sends_nothing_and_keeps_no_transmitter_busy_but_is_sent_to
     assert radio.send(1, 2, 100, 6.0) == 7.0
 
 
-def test_a_partition_lets_through_what_stays_within_a_group_while_it_lasts() -> None:
+def test_a_partition_passes_messages_within_a_group() -> None:
     groups = (frozenset({1, 2}), frozenset({3, 4}))
     radio = Radio(RadioSettings(partitions=(Partition(groups, 10.0, 20.0),)), 1)
     for now_s in (0.0, 9.999, 20.0):
@@ -245,7 +243,7 @@ def test_a_partition_lets_through_what_stays_within_a_group_while_it_lasts() -> 
     assert radio.send(1, 3, 100, 15.0) is LossReason.PARTITION
 
 
-def test_of_several_partitions_at_once_all_have_to_allow_it() -> None:
+def test_several_partitions_all_have_to_allow_a_message() -> None:
     one = Partition((frozenset({1, 2, 3}), frozenset({4})), 0.0, 10.0)
     two = Partition((frozenset({1}), frozenset({2, 3, 4})), 5.0, 15.0)
     radio = Radio(RadioSettings(partitions=(one, two)), 1)
@@ -297,7 +295,7 @@ def test_uavs_just_at_a_limit_hear_each_other() -> None:
         assert Radio(settings, 1).can_hear(here, there) is None
 
 
-def test_whose_place_nobody_knows_is_heard() -> None:
+def test_a_uav_at_an_unknown_position_is_heard() -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
     assert radio.can_hear(None, (0.0, 0.0)) is None
     assert radio.can_hear((0.0, 0.0), None) is None
@@ -307,11 +305,11 @@ def test_whose_place_nobody_knows_is_heard() -> None:
 NAMES = {1: "alpha", 2: "beta", 7: "gamma"}
 
 
-def test_a_section_that_says_nothing_is_a_transparent_radio() -> None:
+def test_an_empty_section_is_a_transparent_radio() -> None:
     assert Radio(radio_settings(Communication(), NAMES), 1).is_transparent
 
 
-def test_a_section_says_all_of_the_radio_in_names_or_system_ids() -> None:
+def test_a_section_configures_the_radio_by_names_or_system_ids() -> None:
     section = Communication.model_validate_json(
         '{"delay_s": 0.1, "jitter_s": 0.2, "loss": 0.3, "loss_burst": 4, "bandwidth_bytes_s": 5000,'
         '"max_distance_m": 600, "min_distance_m": 70,'

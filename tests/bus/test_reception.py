@@ -80,7 +80,7 @@ class Senders:
 
 @settings(max_examples=examples(200), deadline=None)
 @given(st.data())
-def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
+def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) -> None:
     both, senders = (Process(at_once=True), Process(at_once=False)), Senders()
     for i in range(data.draw(st.integers(5, 40))):
         senders.now_s += data.draw(PAUSES_S)
@@ -123,7 +123,7 @@ def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
     return contents[0].knows
 
 
-def test_news_and_states_are_taken_at_once() -> None:
+def test_the_table_delivers_plain_observations_and_states() -> None:
     process, senders = Process(at_once=True), Senders()
     for _ in range(3):
         process.hear(1, plain(senders), HEARERS, senders.now_s)

@@ -139,7 +139,7 @@ def of_another_machine(there: BusEndpoint, _: Path) -> Configuration:
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
 @pytest.mark.parametrize("stranger", [without_certificate, of_another_authority, expired, of_another_machine])
-def test_a_stranger_does_not_get_in(
+def test_a_process_without_a_certificate_gets_no_access(
     stranger: Callable[[BusEndpoint, Path], Configuration], protocol: str, tmp_path: Path
 ) -> None:
     async def scene() -> None:
@@ -159,7 +159,7 @@ def test_a_stranger_does_not_get_in(
 
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
-def test_a_certificate_that_is_none_of_the_swarms_can_do_nothing(protocol: str, tmp_path: Path) -> None:
+def test_a_foreign_certificate_has_no_rights(protocol: str, tmp_path: Path) -> None:
     authority = tmp_path / making.AUTHORITY
     authority.mkdir()
     for name in ("ca.pem", "key.pem"):
@@ -207,7 +207,7 @@ PUTS: dict[str, str] = {
 
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
-def test_a_vehicle_puts_nothing_but_what_is_its_own(protocol: str) -> None:
+def test_a_vehicle_can_put_only_its_own_keys(protocol: str) -> None:
     async def scene() -> None:
         async with network(protocol) as net:
             other: list[str] = []
@@ -250,7 +250,7 @@ def test_without_certificates_no_wildcard_and_no_other_swarm_gets_through_either
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
 @pytest.mark.parametrize("expression", [keys.inbox(SWARM, 1), f"{ROOT}/**", "**", f"{ROOT}/station/**"])
-def test_a_vehicle_hears_nothing_but_what_is_for_it(expression: str, protocol: str) -> None:
+def test_a_vehicle_receives_only_its_own_messages(expression: str, protocol: str) -> None:
     async def scene() -> None:
         async with network(protocol) as net:
             with ZenohBus(client_of(net.there, "uav3")) as three:
@@ -274,7 +274,7 @@ def test_a_vehicle_hears_nothing_but_what_is_for_it(expression: str, protocol: s
 
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
-def test_operators_questions_are_answered_to_operators_and_looks_to_the_vehicles_own_payload(
+def test_operators_get_answers_to_commands_and_payloads_to_reports(
     protocol: str,
 ) -> None:
     async def scene() -> None:
@@ -300,7 +300,7 @@ def test_operators_questions_are_answered_to_operators_and_looks_to_the_vehicles
 
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
-def test_a_vehicle_is_not_asked_what_an_operator_asks_another(protocol: str) -> None:
+def test_a_vehicle_does_not_receive_commands_for_another(protocol: str) -> None:
     async def scene() -> None:
         async with network(protocol) as net:
             weights, own = keys.request(SWARM, "weights", 1), keys.request(SWARM, "weights", 3)
@@ -322,7 +322,7 @@ def test_a_vehicle_is_not_asked_what_an_operator_asks_another(protocol: str) -> 
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
-def test_what_is_too_long_reaches_nobody_and_is_counted(protocol: str) -> None:
+def test_an_oversized_message_reaches_no_receiver_and_is_counted(protocol: str) -> None:
     async def scene() -> None:
         async with network(protocol) as net:
             session = raw(client_of(net.there, "uav3"))
@@ -345,7 +345,7 @@ def test_what_is_too_long_reaches_nobody_and_is_counted(protocol: str) -> None:
 # --- a mesh
 
 
-def test_a_mesh_passes_on_the_swarms_keys_for_the_swarms_certificates_only(tmp_path: Path) -> None:
+def test_a_mesh_relays_only_the_swarms_keys_for_its_certificates(tmp_path: Path) -> None:
     make_keys(tmp_path, ["uav3"], 5, NOW)
     forged = tmp_path / "uav3"
     foreign = Credentials(keys_folder() / "uav3" / "ca.pem", forged / "cert.pem", forged / "key.pem")
@@ -397,7 +397,7 @@ def answers(text: bytes) -> Callable[[str, bytes | None, Callable[[bytes], None]
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
-def test_in_a_mesh_no_node_passes_on_what_payloads_see(protocol: str) -> None:
+def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
     """A look has no signature: it is taken at the vehicle's own node, from its certificate or operators."""
 
     async def scene() -> None:
@@ -441,7 +441,7 @@ async def until_answered(bus: ZenohBus, key: str, answer: bytes) -> None:
             await asyncio.sleep(0.05)
 
 
-def test_who_serves_anothers_key_does_not_hide_its_answer() -> None:
+def test_a_process_that_serves_anothers_key_does_not_hide_its_answer() -> None:
     """In a mesh anybody of the swarm may: the asker is told all answers, and finds out whose each is."""
 
     async def scene() -> None:
@@ -464,7 +464,7 @@ def test_who_serves_anothers_key_does_not_hide_its_answer() -> None:
     asyncio.run(scene())
 
 
-def test_an_access_list_denies_what_it_does_not_name() -> None:
+def test_an_access_list_denies_by_default() -> None:
     for listed in (
         access.router_rules(SWARM, UAVS, certified=True),
         access.router_rules(SWARM, UAVS, certified=False),

@@ -23,7 +23,7 @@ SOON, LATE = "0000aa", "ffffbb"
 """ids of who waits the shortest time, and the longest"""
 
 
-def test_a_neighbour_without_routes_is_waited_for_and_then_begun_anew_for() -> None:
+def test_a_neighbour_without_routes_causes_a_renewal_after_a_wait() -> None:
     renewal = Renewal()
     missing = {"2": True, "3": False}
     assert not renewal.is_due(SOON, missing, 100.0, is_missed=False)
@@ -31,7 +31,7 @@ def test_a_neighbour_without_routes_is_waited_for_and_then_begun_anew_for() -> N
     assert renewal.is_due(SOON, missing, 100.0 + EARLIEST_S, is_missed=False)
 
 
-def test_routes_that_come_in_time_start_the_wait_afresh() -> None:
+def test_routes_in_time_restart_the_wait() -> None:
     renewal = Renewal()
     assert not renewal.is_due(SOON, {"2": False}, 100.0, is_missed=False)
     assert not renewal.is_due(SOON, {"2": True}, 101.9, is_missed=False)
@@ -40,14 +40,14 @@ def test_routes_that_come_in_time_start_the_wait_afresh() -> None:
     assert renewal.is_due(SOON, {"2": False}, 104.0, is_missed=False)
 
 
-def test_a_link_that_goes_is_not_missed() -> None:
+def test_a_link_that_ends_causes_no_renewal() -> None:
     renewal = Renewal()
     assert not renewal.is_due(SOON, {"2": False}, 100.0, is_missed=False)
     assert not renewal.is_due(SOON, {}, 101.0, is_missed=False)
     assert not renewal.is_due(SOON, {"2": False}, 103.0, is_missed=False)
 
 
-def test_who_is_missed_in_vain_is_asked_to_begin_anew_and_not_begun_anew_for_again() -> None:
+def test_a_neighbour_is_asked_to_renew_after_a_renewal_in_vain() -> None:
     renewal = Renewal()
     missing = {"2": False}
     renewal.is_due(SOON, missing, 100.0, is_missed=False)
@@ -58,13 +58,13 @@ def test_who_is_missed_in_vain_is_asked_to_begin_anew_and_not_begun_anew_for_aga
     assert not any(renewal.is_due(SOON, missing, 110.0 + s, is_missed=False) for s in range(10_000))
 
 
-def test_who_is_missed_begins_anew() -> None:
+def test_a_missed_node_renews() -> None:
     renewal = Renewal()
     assert not renewal.is_due(SOON, {"2": True}, 100.0, is_missed=True)
     assert renewal.is_due(SOON, {"2": True}, 100.0 + EARLIEST_S, is_missed=True)
 
 
-def test_what_cannot_be_mended_is_tried_ever_more_rarely_and_anew_after_all_was_well() -> None:
+def test_renewals_in_vain_become_rarer_until_the_mesh_was_whole() -> None:
     renewal = Renewal()
     times_s = [s for s in range(1000) if renewal.is_due(SOON, {"2": True}, float(s), is_missed=True)]
     waits_s = [later - before for before, later in pairwise(times_s)]
@@ -77,20 +77,20 @@ def test_what_cannot_be_mended_is_tried_ever_more_rarely_and_anew_after_all_was_
 
 
 @given(st.integers(0, 2**128 - 1))
-def test_how_long_is_waited_is_up_to_the_id(number: int) -> None:
+def test_the_wait_depends_on_the_id(number: int) -> None:
     assert EARLIEST_S <= patience_s(f"{number:032x}") <= LATEST_S
     assert patience_s(LATE) - patience_s(SOON) == LATEST_S - EARLIEST_S
 
 
 @given(st.lists(st.sampled_from(["", "2", "3", "23"]), max_size=200))
-def test_a_network_that_is_whole_is_left_alone(links: list[str]) -> None:
+def test_a_whole_network_causes_no_renewal(links: list[str]) -> None:
     """Whichever links come and go."""
     renewal = Renewal()
     for number, ids in enumerate(links):
         assert not renewal.is_due(SOON, dict.fromkeys(ids, True), float(number), is_missed=False)
 
 
-def test_who_is_missed_in_vain_hears_of_it_until_there_are_routes() -> None:
+def test_a_missed_neighbour_is_asked_until_there_are_routes() -> None:
     """Two nodes and what each knows the other to hear; of `2`, `1` has not been told."""
     told_1: set[str] = set()
     told_2: set[str] = set()
@@ -121,7 +121,7 @@ def test_who_is_missed_in_vain_hears_of_it_until_there_are_routes() -> None:
     assert told_2 == {f"nodes/{SOON}"}
 
 
-def test_a_link_whose_end_is_not_told_is_missing_in_two_lists() -> None:
+def test_a_link_that_is_missing_in_two_lists_has_ended() -> None:
     links = LinkSet()
     links.changed(("a", "b"), has_come=True)
     links.changed(("a", "c"), has_come=True)
@@ -139,7 +139,7 @@ def test_a_link_that_is_reported_twice_is_one_change() -> None:
     assert [links.changed(("a", "b"), has_come=False) for _ in range(2)] == [True, False]
 
 
-def test_a_link_that_has_just_come_may_be_missing_in_a_list() -> None:
+def test_a_new_link_may_be_missing_in_one_list() -> None:
     links = LinkSet()
     links.listed([])
     links.changed(("a", "b"), has_come=True)
@@ -149,7 +149,7 @@ def test_a_link_that_has_just_come_may_be_missing_in_a_list() -> None:
     assert len(links) == 1
 
 
-def test_how_long_there_is_no_link_is_counted_from_the_first_look_without_one() -> None:
+def test_the_time_without_a_link_starts_at_the_first_check() -> None:
     links = LinkSet()
     assert links.alone_s(10.0) == 0.0
     assert links.alone_s(12.0) == 2.0

@@ -109,7 +109,7 @@ def state(to: int, sender: int) -> str:
     return keys.uav_message(SWARM, to, "inform/state", sender)
 
 
-def test_who_is_told_and_asked_hears_it_in_order_and_nobody_else(
+def test_messages_and_questions_reach_their_receiver_in_order(
     ends: Callable[[], AbstractContextManager[Ends]],
 ) -> None:
     """One scene, for each transport takes a while to set up."""
@@ -210,7 +210,7 @@ def buses_that_report(failures: list[tuple[str, str]]) -> list[Callable[[], Tran
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["memory", "zenoh"])
-def test_a_bug_in_one_receiver_stops_neither_the_others_nor_the_loop(which: int) -> None:
+def test_a_bug_in_a_receiver_stops_neither_the_others_nor_the_loop(which: int) -> None:
     failures: list[tuple[str, str]] = []
 
     def fails(*_: object) -> None:
@@ -234,7 +234,7 @@ def test_a_bug_in_one_receiver_stops_neither_the_others_nor_the_loop(which: int)
     asyncio.run(scene())
 
 
-def test_what_this_process_hears_of_anothers_inbox_does_not_keep_it_from_the_other() -> None:
+def test_a_subscription_to_anothers_inbox_does_not_divert_its_messages() -> None:
     """A monitor on the same bus as a sender shadows nobody."""
 
     async def scene() -> None:
@@ -250,7 +250,7 @@ def test_what_this_process_hears_of_anothers_inbox_does_not_keep_it_from_the_oth
     asyncio.run(scene())
 
 
-def test_a_closed_bus_takes_and_gives_nothing() -> None:
+def test_a_closed_bus_neither_sends_nor_receives() -> None:
     async def scene() -> None:
         heard: list[str] = []
         bus = ZenohBus()
@@ -266,7 +266,7 @@ def test_a_closed_bus_takes_and_gives_nothing() -> None:
     asyncio.run(scene())
 
 
-def test_what_others_have_not_joined_yet_is_dropped_and_counted() -> None:
+def test_messages_before_the_session_is_open_are_dropped_and_counted() -> None:
     async def scene() -> None:
         with ZenohBus(client_of(here("tcp"), "uav1")) as bus:
             bus.put(state(2, 1), b"nobody there")

@@ -27,7 +27,7 @@ CONFIGURATIONS: dict[str, Configuration] = {
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
-def test_zenoh_understands_it_and_looks_for_nobody(name: str) -> None:
+def test_zenoh_accepts_the_configuration_without_discovery(name: str) -> None:
     configuration = CONFIGURATIONS[name]
     text = configuration.as_json5()
     understood = zenoh.Config.from_json5(text)
@@ -41,7 +41,7 @@ def test_zenoh_understands_it_and_looks_for_nobody(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
-def test_who_is_listened_for_has_an_access_list_and_one_protocol(name: str) -> None:
+def test_a_listening_configuration_has_an_access_list_and_one_protocol(name: str) -> None:
     configuration = CONFIGURATIONS[name]
     tree = json.loads(configuration.as_json5())
     assert ("access_control" in tree) == (configuration.listen is not None)
@@ -52,7 +52,7 @@ def test_who_is_listened_for_has_an_access_list_and_one_protocol(name: str) -> N
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
-def test_nodes_of_a_mesh_alone_tell_each_other_that_they_are_there(name: str) -> None:
+def test_only_mesh_nodes_have_keys_of_presence(name: str) -> None:
     """Under keys at which everybody of the swarm may hear, and nobody may put or ask."""
     nodes = CONFIGURATIONS[name].nodes
     assert nodes == ("swarmctl/test/node" if name == "mesh" else "")
@@ -68,7 +68,7 @@ def test_nodes_of_a_mesh_alone_tell_each_other_that_they_are_there(name: str) ->
     assert allowed == {"declare_subscriber", "declare_queryable"}
 
 
-def test_what_a_vehicle_may_do_does_not_grow_with_who_else_is_there() -> None:
+def test_a_vehicles_rights_do_not_depend_on_other_vehicles() -> None:
     """A hundred vehicles are a list that Zenoh loads in a tenth of a second."""
     listed = router_rules("test", range(1, 101), certified=True)
     assert max(len(rule["key_exprs"]) for rule in listed["rules"]) <= 300

@@ -51,7 +51,7 @@ def answer(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> N
         ("tcp", 0.0),
     ],
 )
-def test_a_router_that_comes_late_is_killed_and_returns_is_found_each_time(
+def test_a_late_or_restarted_router_is_found_each_time(
     protocol: str, lost_after_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Subscriptions and questions are declared again, in the same session or the next."""
@@ -93,7 +93,7 @@ def test_a_router_that_comes_late_is_killed_and_returns_is_found_each_time(
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
-def test_a_frozen_router_keeps_nobody_waiting_and_is_given_up(protocol: str) -> None:
+def test_a_frozen_router_blocks_no_put_and_is_given_up(protocol: str) -> None:
     async def scene() -> tuple[float, float, float]:
         with router_process(protocol) as router:
             one = ZenohBus(client_of(router.there, "uav1"))
@@ -118,7 +118,7 @@ def test_a_frozen_router_keeps_nobody_waiting_and_is_given_up(protocol: str) -> 
     assert closing_s < CLOSE_S + 1.0
 
 
-def test_an_operator_who_freezes_does_not_stop_the_loop_that_answers() -> None:
+def test_a_frozen_operator_does_not_block_the_loop() -> None:
     """The asker decides whether an answer may be dropped; a frozen one would be waited for."""
 
     async def scene() -> float:
@@ -164,7 +164,7 @@ time.sleep(30)
 """
 
 
-def test_a_mesh_finds_a_node_that_returns_and_goes_round_one_that_is_gone() -> None:
+def test_a_mesh_uses_a_returned_node_and_bypasses_a_lost_one() -> None:
     """uav1 and uav2 reach each other by uav3 only; then uav2 is at uav1 too."""
 
     async def scene() -> None:
@@ -202,7 +202,9 @@ def test_a_mesh_finds_a_node_that_returns_and_goes_round_one_that_is_gone() -> N
     asyncio.run(scene())
 
 
-def test_a_node_of_a_mesh_with_a_link_and_no_routes_begins_anew_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The other is as of an older version, and says nothing of itself; what was declared is, again."""
     monkeypatch.setattr(renewal, "EARLIEST_S", 0.3)
     monkeypatch.setattr(renewal, "LATEST_S", 0.3)
@@ -234,7 +236,7 @@ def test_a_node_of_a_mesh_with_a_link_and_no_routes_begins_anew_once(monkeypatch
     asyncio.run(scene())
 
 
-def test_a_mesh_that_is_whole_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_whole_mesh_keeps_its_sessions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(renewal, "EARLIEST_S", 1.0)
     monkeypatch.setattr(renewal, "LATEST_S", 1.0)
 
@@ -295,7 +297,7 @@ STATES = ("connecting", "connected", "router dead", "router frozen", "router fro
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
 @pytest.mark.parametrize("state", STATES)
-def test_a_process_ends_on_ctrl_c_whatever_its_link_is_in(state: str, protocol: str) -> None:
+def test_a_process_ends_on_ctrl_c_in_any_state_of_its_link(state: str, protocol: str) -> None:
     own = credentials(protocol, "uav1")
     paths = [] if own is None else [str(own.ca), str(own.certificate), str(own.key)]
 
@@ -327,7 +329,7 @@ def test_a_process_ends_on_ctrl_c_whatever_its_link_is_in(state: str, protocol: 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_router_runs_until_it_is_told_to_end_also_when_nobody_came(number: signal.Signals) -> None:
+def test_a_router_without_clients_ends_on_a_signal(number: signal.Signals) -> None:
     with router_process("tls") as router:
         router.signal(number)
         assert router.ended() == 0

@@ -48,7 +48,7 @@ def test_a_bad_signing_key_is_an_error_of_the_file_before_a_run_folder_is_made(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["key", "two.yaml"]
 
 
-def test_a_radio_that_is_not_there_is_said_with_its_line(tmp_path: Path) -> None:
+def test_a_missing_serial_device_is_an_error_with_its_line(tmp_path: Path) -> None:
     file = config(tmp_path, "null", "serial:///dev/ttyNOPE:57600")
     result = swarmctl("check", "--config", file, "--out", tmp_path)
     assert result.exit_code == 1
@@ -56,7 +56,7 @@ def test_a_radio_that_is_not_there_is_said_with_its_line(tmp_path: Path) -> None
     assert "there is no device /dev/ttyNOPE" in result.stderr
 
 
-def test_the_keys_that_audit_is_to_go_by_are_a_folder(tmp_path: Path) -> None:
+def test_audit_needs_a_folder_of_keys(tmp_path: Path) -> None:
     key = tmp_path / "key"
     key.write_text("x")
     (tmp_path / "evidence.jsonl").write_bytes(b"")
@@ -70,7 +70,7 @@ def test_the_keys_that_audit_is_to_go_by_are_a_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_it_is_said_that_nothing_real_is_armed_without_an_endurance(given: bool, tmp_path: Path) -> None:
+def test_a_missing_endurance_is_a_hint_for_real_vehicles(given: bool, tmp_path: Path) -> None:
     file = config(tmp_path, "null")
     if not given:
         file.write_text(file.read_text().replace("preflight: {endurance_s: 900}\n", ""))

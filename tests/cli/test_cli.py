@@ -29,7 +29,7 @@ def real(tmp_path: Path) -> Path:
     return file
 
 
-def test_it_says_its_version() -> None:
+def test_the_version_is_printed() -> None:
     result = swarmctl("--version")
     assert result.exit_code == 0
     assert re.fullmatch(r"swarmctl \S+\n", result.output)
@@ -42,13 +42,13 @@ def test_help_names_every_command_and_where_to_start() -> None:
         assert word in result.output
 
 
-def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
+def test_a_valid_configuration_passes_the_check(tmp_path: Path) -> None:
     result = swarmctl("check", "--config", SHIPPED, "--out", tmp_path)
     assert result.exit_code == 0
     assert "5 vehicles, 20 × 20 cells of 50 m, 24 hostiles announced" in result.output
 
 
-def test_a_bad_one_is_refused_with_every_line(tmp_path: Path) -> None:
+def test_an_invalid_configuration_is_refused_with_every_line(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text(SHIPPED.read_text().replace("rows: 20", "rows: 0").replace("w: 0.5", "w: 2"))
     for command in ("check", "plan", "fly"):
@@ -155,7 +155,7 @@ def forget(record: Path, copy: Path, *, vehicle: str, event: str) -> None:
 
 
 @pytest.mark.parametrize("content", [None, b"", b"not a record"], ids=["missing", "empty", "garbage"])
-def test_what_is_no_record_is_said(content: bytes | None, tmp_path: Path) -> None:
+def test_an_invalid_record_is_an_error(content: bytes | None, tmp_path: Path) -> None:
     if content is not None:
         (tmp_path / "run.mcap").write_bytes(content)
     result = swarmctl("replay", tmp_path)
@@ -174,7 +174,7 @@ def test_fly_on_the_virtual_clock_tells_how_it_went(tmp_path: Path) -> None:
     assert "2 of 2 arrived" in result.output
     (folder,) = (tmp_path / "runs").iterdir()
     assert {p.name for p in folder.iterdir()} == {
-        "summary.json", "run.mcap", "evidence.jsonl", "map.png",
+        "summary.json", "run.mcap", "foxglove.json", "evidence.jsonl", "map.png",
         "uav1.tlog", "uav2.tlog", "uav1.plan", "uav2.plan",
     }  # fmt: skip
 

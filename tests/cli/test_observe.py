@@ -168,6 +168,14 @@ def test_a_report_without_a_running_swarm_is_an_error(nobody_flies: Path) -> Non
     assert "[no-swarm]" in result.stderr
 
 
+def test_a_report_to_a_flight_that_has_ended_says_so(nobody_flies: Path) -> None:
+    with flying():
+        pass
+    result = ran("--swarm", "test", "--uav", "3", "--cell", "4,7", "--clear")
+    assert result.exit_code == 1
+    assert "[flight-ended]" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [

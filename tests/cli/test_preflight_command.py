@@ -33,9 +33,7 @@ def config(folder: Path, text: str) -> Path:
     return file
 
 
-def test_fit_vehicles_are_called_fit_and_nothing_is_left_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fit_vehicles_pass_and_no_run_folder_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     result = swarmctl("preflight", "--config", config(tmp_path, SMALL), "--clock", "virtual")
     assert result.exit_code == 0, result.output
@@ -47,7 +45,7 @@ def test_fit_vehicles_are_called_fit_and_nothing_is_left_behind(
     assert [file.name for file in tmp_path.iterdir()] == ["swarm.yaml"]
 
 
-def test_what_fails_is_in_the_table_with_what_to_do(tmp_path: Path) -> None:
+def test_failed_checks_are_in_the_table_with_advice(tmp_path: Path) -> None:
     result = swarmctl("preflight", "--config", config(tmp_path, DEMANDING), "--clock", "virtual")
     assert result.exit_code == 1
     assert result.output.count("FAILS") == 2
@@ -56,7 +54,7 @@ def test_what_fails_is_in_the_table_with_what_to_do(tmp_path: Path) -> None:
     assert "no charge is enough" in result.output
 
 
-def test_what_is_waived_is_in_the_table_too(tmp_path: Path) -> None:
+def test_waived_checks_are_in_the_table(tmp_path: Path) -> None:
     file = config(tmp_path, DEMANDING)
     result = swarmctl("preflight", "--config", file, "--clock", "virtual", "--waive", "battery:uav1")
     assert result.exit_code == 1
@@ -97,7 +95,7 @@ def test_a_flight_is_refused_with_every_failure_and_flies_when_they_are_waived(t
         ("battery:uav7", "'uav7'"),
     ],
 )
-def test_what_may_not_be_waived_is_refused_before_anything_starts(
+def test_a_check_that_cannot_be_waived_is_refused_before_the_flight(
     command: str, waiver: str, said: str, tmp_path: Path
 ) -> None:
     result = swarmctl(command, "--config", config(tmp_path, SMALL), "--clock", "virtual", "--waive", waiver)
@@ -112,7 +110,7 @@ def test_an_agent_refuses_it_too(tmp_path: Path) -> None:
     assert "--waive identity: " in result.stderr
 
 
-def test_a_configuration_says_what_it_cannot_declare(tmp_path: Path) -> None:
+def test_unknown_preflight_keys_are_refused_with_their_places(tmp_path: Path) -> None:
     text = SMALL + "preflight: {policy: {lost_link: hover, lost_link_after_s: 2}, fence: {margin: 9}}\n"
     result = swarmctl("check", "--config", config(tmp_path, text))
     assert result.exit_code == 2

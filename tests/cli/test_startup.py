@@ -1,8 +1,9 @@
-"""What a command loads: an order to an aircraft does not wait for pictures and planners."""
+"""Start of the program: packages that a command loads, `python -m swarmctl`, and shell completion."""
 
 from __future__ import annotations
 
 import inspect
+import os
 import subprocess
 import sys
 from importlib import import_module
@@ -26,12 +27,12 @@ def loaded(*words: str) -> set[str]:
 
 
 @pytest.mark.parametrize("words", [["--help"], ["--version"], []], ids=["help", "version", "nothing"])
-def test_what_asks_about_the_program_itself_loads_nothing_of_it(words: list[str]) -> None:
+def test_help_and_version_load_no_heavy_package(words: list[str]) -> None:
     assert loaded(*words) == set()
 
 
-@pytest.mark.parametrize("command", ["order", "set", "observe", "router", "keys"])
-def test_who_neither_plans_nor_flies_loads_neither_planners_nor_pictures(command: str) -> None:
+@pytest.mark.parametrize("command", ["order", "set", "observe", "abort", "router", "keys"])
+def test_a_command_without_a_plan_loads_neither_planners_nor_pictures(command: str) -> None:
     assert not loaded(command, "--help") & {"scipy", "numba", "matplotlib", "pymavlink", "mcap"}
 
 
@@ -39,8 +40,43 @@ def test_a_ground_station_loads_no_pictures_and_no_recorder() -> None:
     assert not loaded("watch", "--help") & {"matplotlib", "mcap"}
 
 
+def test_a_check_loads_no_network_and_no_pictures() -> None:
+    heavy = {"zenoh", "numba", "matplotlib", "mcap"}
+    assert not loaded("check", "--config", "configs/swarm.yaml", "--out", "runs") & heavy
+
+
+def module(*words: str, **environment: str) -> str:
+    command = [sys.executable, "-m", "swarmctl", *words]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment, check=True)
+    return done.stdout
+
+
+def test_the_module_has_the_name_of_the_program() -> None:
+    assert "Usage: swarmctl " in module("--help")
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("swarmctl ab", {"abort"}),
+        ("swarmctl order l", {"launch", "land"}),
+        ("swarmctl order launch --i", {"--ignore"}),
+        ("swarmctl fly --cl", {"--clock"}),
+        ("swarmctl fly --clock v", {"virtual"}),
+    ],
+)
+def test_the_shell_completes_commands_options_and_values(line: str, expected: set[str]) -> None:
+    position = str(len(line.split()) - 1)
+    said = module(_SWARMCTL_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=position)
+    assert set(said.split()) == expected
+
+
+def test_the_completion_of_a_shell_is_printed() -> None:
+    assert "_SWARMCTL_COMPLETE" in module("--show-completion", "bash")
+
+
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_help_of_all_says_of_a_command_what_its_own_help_begins_with(name: str) -> None:
+def test_a_summary_is_the_first_paragraph_of_the_commands_help(name: str) -> None:
     module, summary = COMMANDS[name]
     app = typer.Typer()
     import_module(f"swarmctl.cli.{module}").register(app)
@@ -51,7 +87,7 @@ def test_the_help_of_all_says_of_a_command_what_its_own_help_begins_with(name: s
     assert " ".join(own.split("\n\n")[0].split()) == summary
 
 
-def test_what_is_no_command_is_said_with_what_may_be_meant() -> None:
+def test_an_unknown_command_is_an_error_with_similar_names() -> None:
     result = CliRunner().invoke(cli, ["oder"])
     assert result.exit_code == 2
     assert "No such command 'oder'" in result.stderr

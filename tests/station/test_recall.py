@@ -67,7 +67,7 @@ def recalled(agents: Agents) -> dict[int, VehicleAnswer]:
     return {vehicle.uav: vehicle for vehicle in answer.vehicles}
 
 
-def test_one_whose_first_answer_is_lost_is_asked_again_and_gets_its_turn() -> None:
+def test_a_vehicle_with_a_lost_answer_is_asked_again_and_gets_its_turn() -> None:
     agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times > 1)
     answers = recalled(agents)
     assert {v.outcome for v in answers.values()} == {"taken"}
@@ -77,7 +77,7 @@ def test_one_whose_first_answer_is_lost_is_asked_again_and_gets_its_turn() -> No
     assert agents.last(2) > 0.0
 
 
-def test_nobody_is_under_way_while_one_that_did_not_answer_may_return() -> None:
+def test_no_vehicle_returns_while_an_unconfirmed_one_may() -> None:
     agents = Agents({1: place(), 2: None}, lambda uav, _: uav == 1)
     answers = recalled(agents)
     assert answers[2].outcome == "unconfirmed"
@@ -88,14 +88,14 @@ def test_nobody_is_under_way_while_one_that_did_not_answer_may_return() -> None:
     assert agents.last(1) > NO_TURN_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
 
 
-def test_who_is_down_before_that_goes_at_once() -> None:
+def test_a_vehicle_that_lands_before_the_time_out_returns_at_once() -> None:
     above_home = VehiclePosition(46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
     agents = Agents({1: above_home, 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
     assert agents.last(1) == 0.0
 
 
-def test_one_whose_place_nobody_knows_waits_as_well() -> None:
+def test_a_vehicle_at_an_unknown_position_waits_as_well() -> None:
     agents = Agents({1: None, 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
     assert agents.last(1) >= 2.0 * NO_TURN_S
@@ -111,7 +111,7 @@ def test_one_whose_place_nobody_knows_waits_as_well() -> None:
         {"keeps_m": (1e300, 5.0)},
     ],
 )
-def test_one_that_tells_a_place_that_cannot_be_is_taken_for_one_whose_place_nobody_knows(
+def test_an_impossible_position_counts_as_unknown(
     changes: dict[str, Any],
 ) -> None:
     agents = Agents({1: place(), 2: msgspec.structs.replace(place(), **changes)})
@@ -120,14 +120,14 @@ def test_one_that_tells_a_place_that_cannot_be_is_taken_for_one_whose_place_nobo
     assert agents.last(2) > 0.0
 
 
-def test_an_agent_that_is_not_in_touch_keeps_nobody_waiting() -> None:
+def test_a_silent_agent_does_not_delay_the_others() -> None:
     agents = Agents({1: place(), 2: None}, in_touch=lambda uav: uav == 1)
     answers = recalled(agents)
     assert answers[2].outcome == "silent"
     assert agents.last(1) == 0.0
 
 
-def test_a_turn_whose_answer_is_lost_is_told_again() -> None:
+def test_a_turn_with_a_lost_answer_is_sent_again() -> None:
     agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times != 2)
     answers = recalled(agents)
     assert answers[2].outcome == "taken"

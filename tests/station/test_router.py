@@ -23,7 +23,7 @@ from swarmctl.station import router
     ("participant", "shown_as"),
     [("uav1", "alpha (uav1)"), ("uav2", "uav2"), ("operator", "operator")],
 )
-def test_who_comes_is_named_as_in_the_configuration(participant: str, shown_as: str, tmp_path: Path) -> None:
+def test_a_client_is_named_as_in_the_configuration(participant: str, shown_as: str, tmp_path: Path) -> None:
     now = dt.datetime.now(dt.UTC)
     make_keys(tmp_path, ["uav1", "uav2", "operator", "router"], 5, now)
     with socket.socket() as probe:
