@@ -24,13 +24,12 @@ from swarmctl.core.events import FlightOrder
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight import emergency, evidence_log, simulator
 from swarmctl.flight.director import Director, Launch, Permission, PreflightFailed
-from swarmctl.flight.live_table import show
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of, speedup_of
 from swarmctl.flight.operator_orders import operator_service_for
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.runner import Observer
-from swarmctl.flight.task_tree import run_tasks
+from swarmctl.flight.task_tree import run_tasks, show
 from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.flight.wiring import (
     Clock,
@@ -97,7 +96,7 @@ async def fly(
     if clock == "real":
         scenario = with_free_port(scenario)
     run = _Run(scenario, folder, clock, options, SafeUi(ui))
-    recorder = Recorder(folder / "run.mcap", scenario.config, run.names, epoch_ns(clock))
+    recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock))
     evidence = evidence_log.begin(scenario, folder, clock, run.ui.say)
     try:
         async with (

@@ -1,7 +1,7 @@
 """Messages in Foxglove's own schemas, and the layout that shows them. Pure.
 
-Names and fields: https://docs.foxglove.dev/docs/visualization/message-schemas (Log, LocationFix, GeoJSON). Only
-the fields that are written stand in the schemas here.
+Names and fields: https://docs.foxglove.dev/docs/visualization/message-schemas (Log, LocationFix, GeoJSON).
+The schemas here hold only the fields that are written.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
 
-COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
-"""One a vehicle, again from the first after the last."""
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#5B4A8A")
+"""Okabe and Ito's colours, one a vehicle as on the map; again from the first after the last."""
 AREA, HOSTILES, FOUND, LOG = "/map/area", "/map/hostiles", "/map/found", "/log"
 """Topics of the whole run. Each vehicle has `/NAME/location` and `/NAME/route` besides."""
 

@@ -19,6 +19,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
 from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
+from swarmctl.report import foxglove
 from swarmctl.report.final_state import is_lost_in_air
 from swarmctl.report.outcome import Report
 from swarmctl.report.pictures import MapPicture, PlannedTrack, VehicleTrack, draw_map
@@ -29,8 +30,11 @@ PLAN_WEIGHTS = (0.0, 0.5, 1.0)
 
 
 def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
-    """Write `summary.json`, a `.plan` for each vehicle that held a mission, and `map.png`."""
+    """Write the summary, the map, Foxglove's layout, and a `.plan` for each vehicle that held a mission."""
     _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
+    grid = scenario.grid
+    centre = grid.frame.to_geodetic(grid.width_m / 2.0, grid.height_m / 2.0)
+    _write_json(folder / "foxglove.json", foxglove.layout([spec.name for spec in scenario.specs], centre))
     for spec in scenario.specs:
         accepted = report.states[spec.sysid].accepted
         if accepted is not None:

@@ -26,63 +26,53 @@ from swarmctl import __version__
 from swarmctl.agent.state import AgentState, begin
 from swarmctl.agent.step import step
 from swarmctl.config.model import Config
-from swarmctl.config.scenario import build
+from swarmctl.config.scenario import Scenario, build
 from swarmctl.core import events as ev
 from swarmctl.core.frames import AgentMessage
+from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.report import foxglove
 
-FORMAT = 2
+FORMAT = 3
+READABLE = frozenset({"2", "3"})
+"""Formats that are read. Format 2 has a channel for each vehicle and each kind of event and effect."""
 CHUNK_BYTES = 1 << 16
 """amount of data that a crash may cost; all earlier chunks stay readable"""
 
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 
-LOCATION_FIX = {
-    "title": "foxglove.LocationFix",
-    "type": "object",
-    "properties": {
-        "timestamp": {
-            "type": "object",
-            "title": "time",
-            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-        },
-        "frame_id": {"type": "string"},
-        "latitude": {"type": "number"},
-        "longitude": {"type": "number"},
-        "altitude": {"type": "number"},
-        "position_covariance": {"type": "array", "items": {"type": "number"}},
-        "position_covariance_type": {"type": "integer"},
-    },
-}
-"""Foxglove's well-known schema: its map panel draws such a topic without being told how."""
+EVENTS, EFFECTS, MESSAGES = "/events", "/effects", "/messages"
+"""Topics of what agents were told, what they decided, and what they told each other."""
 
 
 class EventRecord(msgspec.Struct, frozen=True):
     now_s: float
     event: ev.Event
+    vehicle: str = ""
 
 
 class EffectRecord(msgspec.Struct, frozen=True):
     now_s: float
     effect: ev.Effect
+    vehicle: str = ""
 
 
 class BusRecord(msgspec.Struct, frozen=True):
     now_s: float
     recipients: int
     message: AgentMessage
-
-
-class TextRecord(msgspec.Struct, frozen=True):
-    now_s: float
-    text: str
+    vehicle: str = ""
 
 
 class Recorder:
-    """Writes one `run.mcap`; an `Observer` of runners. Close it, or the file has no index."""
+    """Writes one `run.mcap`; an `Observer` of runners. Close it, or the file has no index.
 
-    def __init__(self, path: Path, config: Config, names: dict[int, str], epoch_ns: int) -> None:
+    A replay reads the agents' events and effects. Positions, routes, hostiles and texts are there in
+    Foxglove's own schemas too.
+    """
+
+    def __init__(self, path: Path, scenario: Scenario, epoch_ns: int) -> None:
         self.trouble = ""
         """the reason why it ends early: a full disk costs the record, not the flight"""
         self._path = path
@@ -90,15 +80,18 @@ class Recorder:
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="", library=f"swarmctl {__version__}")
         # The configuration is what a replay builds its agents from.
+        config = scenario.config.model_dump_json()
         self._writer.add_metadata(
-            "swarmctl",
-            {"format": str(FORMAT), "version": __version__, "config": config.model_dump_json()},
+            "swarmctl", {"format": str(FORMAT), "version": __version__, "config": config}
         )
-        self._names = names
+        self._scenario = scenario
+        self._names = {task.uav: task.name for task in scenario.tasks}
+        self._colours = {task.uav: foxglove.colour(i) for i, task in enumerate(scenario.tasks)}
         self._epoch_ns = epoch_ns
         self._sequence = 0
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
+        self._found: set[Cell] = set()
 
     def close(self) -> None:
         try:
@@ -111,36 +104,49 @@ class Recorder:
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None:
-        uav = after.task.uav
-        self._write(uav, f"event/{type(event).__struct_config__.tag}", EventRecord(now, event), now)
+        uav, name = after.task.uav, after.task.name
+        if self._sequence == 0:
+            self._map(now)
+        self._write(EVENTS, EventRecord(now, event, name), now)
         for effect in effects:
-            self._write(uav, f"effect/{type(effect).__struct_config__.tag}", EffectRecord(now, effect), now)
+            self._write(EFFECTS, EffectRecord(now, effect, name), now)
+            if isinstance(effect, ev.SwapMission):
+                shown = foxglove.route(name, effect.plan, self._colours[uav])
+                self._show(foxglove.route_topic(name), "foxglove.GeoJSON", shown, now)
         if isinstance(event, ev.TelemetryReceived) and event.state.has_position:
-            self._location(uav, event, now)
+            fix = foxglove.location_fix(self._log_time(now), name, event.state, self._colours[uav])
+            self._show(foxglove.location_topic(name), "foxglove.LocationFix", fix, now)
+        if isinstance(event, ev.Observed):
+            self._see({(row, col) for row, col, occupied in event.cells if occupied}, now)
 
     def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
-        self._write(uav, f"bus/{type(message).__name__}", BusRecord(now, recipients, message), now)
+        self._write(MESSAGES, BusRecord(now, recipients, message, self._names[uav]), now)
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
-        self._write(uav, "text", TextRecord(now, text), now)
+        level = foxglove.LogLevel.INFO if to_operator else foxglove.LogLevel.DEBUG
+        entry = foxglove.log(self._log_time(now), self._names[uav], text, level)
+        self._show(foxglove.LOG, "foxglove.Log", entry, now)
 
-    def _location(self, uav: int, event: ev.TelemetryReceived, now: float) -> None:
-        state, log_time = event.state, self._log_time(now)
-        fix = {
-            "timestamp": {"sec": log_time // 10**9, "nsec": log_time % 10**9},
-            "frame_id": self._names[uav],
-            "latitude": state.lat_deg,
-            "longitude": state.lon_deg,
-            "altitude": state.alt_amsl_m or 0.0,
-            "position_covariance": [0.0] * 9,
-            "position_covariance_type": 0,
-        }
-        topic = f"/{self._names[uav]}/location"
-        self._add(topic, "foxglove.LocationFix", LOCATION_FIX, json.dumps(fix).encode(), now)
+    def _map(self, now: float) -> None:
+        """Write what does not change: the area and the true hostiles."""
+        grid = self._scenario.grid
+        goals = [goal for spec in self._scenario.swarm for goal in spec.goals]
+        area = foxglove.area(grid, self._scenario.config.area.no_fly, goals)
+        self._show(foxglove.AREA, "foxglove.GeoJSON", area, now)
+        hostiles = foxglove.hostiles(grid, self._scenario.hostiles, "hostile (truth)")
+        self._show(foxglove.HOSTILES, "foxglove.GeoJSON", hostiles, now)
 
-    def _write(self, uav: int, topic: str, record: msgspec.Struct, now: float) -> None:
-        topic = f"/{self._names[uav]}/{topic}"
+    def _see(self, cells: set[Cell], now: float) -> None:
+        if not cells <= self._found:
+            self._found |= cells
+            shown = foxglove.hostiles(self._scenario.grid, self._found, "seen occupied")
+            self._show(foxglove.FOUND, "foxglove.GeoJSON", shown, now)
+
+    def _write(self, topic: str, record: msgspec.Struct, now: float) -> None:
         self._add(topic, type(record).__name__, type(record), msgspec.json.encode(record), now)
+
+    def _show(self, topic: str, schema: str, content: dict[str, Any], now: float) -> None:
+        self._add(topic, schema, foxglove.SCHEMAS[schema], json.dumps(content).encode(), now)
 
     def _add(
         self,
@@ -269,7 +275,7 @@ def _read(path: Path) -> _Content:
             end, is_cut = _whole(file)
             file.seek(0)
             metadata, rows = _parsed(BytesIO(file.read(end)))
-        if metadata.get("format") != str(FORMAT):
+        if metadata.get("format") not in READABLE:
             raise RecordError(f"{path}: not a record of this version of swarmctl [other-format]")
         return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
     except FileNotFoundError:
@@ -323,8 +329,11 @@ def _records(rows: list[tuple[int, str, bytes]]) -> Iterator[tuple[str, EventRec
     events = msgspec.json.Decoder(EventRecord)
     effects = msgspec.json.Decoder(EffectRecord)
     for _, topic, data in sorted(rows):
-        _, name, kind, *_ = topic.split("/")
-        if kind == "event":
-            yield name, events.decode(data)
-        elif kind == "effect":
-            yield name, effects.decode(data)
+        _, first, *rest = topic.split("/")
+        kind = rest[0] if rest else ""
+        if topic == EVENTS or kind == "event":
+            event = events.decode(data)
+            yield event.vehicle or first, event
+        elif topic == EFFECTS or kind == "effect":
+            effect = effects.decode(data)
+            yield effect.vehicle or first, effect

@@ -9,6 +9,7 @@ from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 from flights import AREA, Ui, fly, small
@@ -213,7 +214,7 @@ def test_the_others_fly_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -
     assert report.states[2].lost
     assert not report.all_arrived
     (line,) = (text for text in report.final_states if text.startswith("uav2"))
-    assert "lost, last heard" in line
+    assert "lost, last telemetry" in line
 
 
 def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_path: Path) -> None:
@@ -277,9 +278,9 @@ def test_messages_reach_as_many_vehicles_as_the_configured_range(k: int | str, t
     assert report.all_arrived
     reach = 3 if k == "all" else k
     sent: Counter[str] = Counter()
-    for record in messages(tmp_path, "/messages"):
-        assert record["recipients"] == reach
-        sent[record["vehicle"]] += record["message"]["type"] in ("Observation", "StateShared")
+    for told in messages(tmp_path, "/messages"):
+        assert told["recipients"] == reach
+        sent[told["vehicle"]] += told["message"]["type"] in ("inform/observation", "inform/state")
     hear = 0
     rows = {row["sysid"]: row for row in report.summary["vehicles"]}
     for sysid, state in report.states.items():

@@ -20,6 +20,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.truth import Truth
 from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.core.geo import LatLon, LocalFrame, distance_m
+from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import distance_to_leg
 from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.mavlink.dialects import Dialect, dialect_for
