@@ -196,7 +196,7 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
         return ConfigProblem(path, _unknown_key(tuple(error["loc"])))
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
-        return ConfigProblem(path, "is missing")
+        return ConfigProblem(path, "is missing; add it")
     if error["type"] == "model_type":
         text = "expected a section, keys with values"
         text += "; to turn the rule off, write null" if path[:1] == ("rules",) else ""
