@@ -1,7 +1,8 @@
-"""A conformance suite for MAVLink autopilots: named checks against one vehicle at a URL.
+"""A conformance suite for MAVLink autopilots: named checks of one vehicle at a URL.
 
-`registry` holds the checks, `checks/` has them one file a category, `peer` is the ground station they speak
-through, `guard` what it never sends, `dialects` what each autopilot is known to do where the specification
-leaves it open, `runner` runs them and `report` tells. Only `sockets` does I/O and reads a clock; against a
-`Fleet` (`virtual`) the same checks run on simulated time.
+`registry` holds the checks and `checks/` defines them, one file a category. `vehicle` is the vehicle under
+test and `traffic` the messages to and from it. `guard` lists what is never sent. `dialects` has the known
+behaviour of each autopilot where the specification leaves it open. `runner` runs the checks, `report` prints
+the results. Only `sockets` does I/O and reads a clock; on the wire of a `Fleet` the same checks run in
+simulated time.
 """

@@ -8,12 +8,12 @@ import typer
 from rich.console import Console
 
 from sim_vehicle.conformance.guard import ALTER, ARM, REBOOT
-from sim_vehicle.conformance.peer import Peer
 from sim_vehicle.conformance.registry import select
-from sim_vehicle.conformance.report import as_json, catalogue, matrix, print_result, vehicle_words
-from sim_vehicle.conformance.runner import Report, permissions, run
+from sim_vehicle.conformance.report import as_json, catalogue, describe_vehicle, matrix, print_result
+from sim_vehicle.conformance.runner import RunReport, granted_permissions, run
 from sim_vehicle.conformance.sockets import open_wire
-from sim_vehicle.conformance.wire import WireError
+from sim_vehicle.conformance.traffic import WireError
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.links.url import UrlError, parse_url
 
 FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
@@ -22,41 +22,44 @@ FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
 def conformance(
     url: Annotated[
         str | None,
-        typer.Argument(
-            help="Where the vehicle talks: udpin:0.0.0.0:14550, udpout:, tcpout:, tcpin: or serial:."
-        ),
+        typer.Argument(help="Link to the vehicle: udpin:0.0.0.0:14550, udpout:, tcpout:, tcpin: or serial:."),
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Checks by category, name or pattern ('mission', 'mission.*'); may be given again."
-        ),
+        typer.Option(help="Checks by category, name or pattern ('mission', 'mission.*'); repeatable."),
     ] = None,
-    list_checks: Annotated[bool, typer.Option("--list", help="Show the checks and stop.")] = False,
-    sysid: Annotated[int | None, typer.Option(min=1, max=254, help="Which vehicle; the first heard.")] = None,
+    list_checks: Annotated[bool, typer.Option("--list", help="Show the checks and exit.")] = False,
+    sysid: Annotated[
+        int | None, typer.Option(min=1, max=254, help="System id; default: the first vehicle.")
+    ] = None,
     allow_arm: Annotated[
-        bool, typer.Option("--allow-arm", help="A vehicle that is not the simulator may be armed and flown.")
+        bool, typer.Option("--allow-arm", help="Allow arming and flying a vehicle that is not the simulator.")
     ] = False,
-    allow_reboot: Annotated[bool, typer.Option("--allow-reboot", help="It may be rebooted.")] = False,
+    allow_reboot: Annotated[bool, typer.Option("--allow-reboot", help="Allow rebooting it.")] = False,
     allow_alter: Annotated[
         bool,
-        typer.Option("--allow-alter", help="Logs may be erased, a signing key set, sensors calibrated."),
+        typer.Option("--allow-alter", help="Allow erasing logs, setting a signing key, calibrating sensors."),
     ] = False,
     ground_only: Annotated[
-        bool, typer.Option("--ground-only", help="Nothing arms, the simulator neither.")
+        bool, typer.Option("--ground-only", help="Arm nothing, not even the simulator.")
     ] = False,
     speedup: Annotated[
-        float, typer.Option(min=0.1, max=1000, help="Vehicle seconds per second, where it is simulated.")
+        float, typer.Option(min=0.1, max=1000, help="Vehicle seconds per second, for a simulated vehicle.")
     ] = 1.0,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the results there as well.")] = None,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="A line a check while it runs.")] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the results to this file as well.")
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print each result during the run.")
+    ] = False,
 ) -> None:
-    """Check one vehicle at a URL against MAVLink and what its autopilot is known to do.
+    """Check one vehicle at a URL against MAVLink and the known behaviour of its autopilot.
 
-    A vehicle that is not the simulator is never armed, rebooted or altered unless that is allowed. Its
-    mission, fence and rally points are put back afterwards, also when Ctrl-C ends it; what could not be saved
-    before is not touched. Nothing that changes a vehicle is sent to another. The exit code is 0 if nothing
-    failed, 1 if something did, 2 if something given is wrong, 130 if it was interrupted.
+    A vehicle other than the simulator is armed, rebooted or altered only if an option allows it. Its mission,
+    fence and rally points are restored at the end, also after Ctrl-C. A plan without a saved copy is not
+    overwritten. No message that changes a vehicle is sent to another one.
+
+    Exit codes: 0 no check failed; 1 a check failed; 2 a bad argument; 130 interrupted.
     """
     console = Console()
     try:
@@ -71,28 +74,32 @@ def conformance(
         raise _usage(error) from error
     with contextlib.closing(wire):
         allow = {ARM: allow_arm, REBOOT: allow_reboot, ALTER: allow_alter}
-        peer = Peer(wire)
+        vehicle = VehicleUnderTest(wire)
         try:
-            facts = peer.meet(sysid)
+            identity = vehicle.connect(sysid)
         except WireError as error:
             raise _usage(error) from error
-        peer.permits = set(
-            permissions(facts, frozenset(k for k, given in allow.items() if given), ground_only=ground_only)
+        vehicle.permissions = set(
+            granted_permissions(
+                identity, frozenset(k for k, given in allow.items() if given), ground_only=ground_only
+            )
         )
-        console.print(vehicle_words(facts), highlight=False)
+        console.print(describe_vehicle(identity), highlight=False)
         report = run(
-            peer,
+            vehicle,
             checks,
             on_result=lambda result: print_result(console, result) if verbose else None,
-            on_interrupt=_say_that_it_ends,
+            on_interrupt=_announce_end,
         )
-    _tell(console, report, url, json_file)
+    _report(console, report, url, json_file)
 
 
-def _say_that_it_ends() -> None:
-    # Also where nobody reads any more: the vehicle comes first.
+def _announce_end() -> None:
+    # Restoring the vehicle comes first, even if standard error is closed.
     with contextlib.suppress(OSError):
-        typer.echo("sim_vehicle conformance: ending; the vehicle is brought down and put back", err=True)
+        typer.echo(
+            "sim_vehicle conformance: interrupted; the vehicle is landed and restored [restoring]", err=True
+        )
 
 
 def _usage(error: Exception) -> typer.Exit:
@@ -100,7 +107,7 @@ def _usage(error: Exception) -> typer.Exit:
     return typer.Exit(USAGE_ERROR)
 
 
-def _tell(console: Console, report: Report, url: str, json_file: Path | None) -> None:
+def _report(console: Console, report: RunReport, url: str, json_file: Path | None) -> None:
     console.print(matrix(report))
     if json_file is not None:
         try:

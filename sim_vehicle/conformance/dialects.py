@@ -1,7 +1,7 @@
-"""What each autopilot is known to do where the MAVLink specification leaves it open.
+"""The behaviour of known autopilots where the MAVLink specification leaves it open.
 
-Observed on ArduCopter 4.6.2 and PX4 1.15 in software-in-the-loop. An autopilot nobody has observed is held to
-the specification alone: a check that asks for more is skipped.
+Observed on ArduCopter 4.6.2 and PX4 1.15 in software-in-the-loop. For any other autopilot only the
+specification counts: a check that needs more is skipped.
 """
 
 from collections.abc import Mapping
@@ -14,33 +14,34 @@ PLANE_TYPES = frozenset({mavlink.MAV_TYPE_FIXED_WING})
 
 
 def px4_mode(main: int, sub: int = 0) -> int:
-    """PX4's custom_mode."""
+    """Return PX4's custom_mode of a main and a sub mode."""
     return sub << 24 | main << 16
 
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One autopilot's habits; None where they are not known.
+    """The known behaviour of one autopilot; None where it is unknown.
 
-    modes: what a mode is for -> custom_mode. ready_mode: the one to arm in and to be commanded from.
-    hold_mode: stays where it is, whoever holds a stick. Results are MAV_RESULT. whole_parameters and
-    real_parameters are harmless ones to write (name, value); the first that the vehicle has is taken.
+    modes: purpose of a mode -> custom_mode. ready_mode: the mode for arming and for commands. hold_mode: a
+    mode that stays in place without stick input. Results are MAV_RESULT. whole_parameters and
+    real_parameters: (name, value) of parameters that are safe to write; the first that the vehicle has is
+    used.
     """
 
     name: str
     modes: Mapping[str, int]
     ready_mode: str | None = None
     hold_mode: str | None = None
-    byte_wise: bool | None = None  # integer parameters travel as their bytes
-    sysid_parameters: tuple[str, ...] = ()  # one of them holds the system id
+    byte_wise: bool | None = None  # integer parameters are sent as their bytes
+    sysid_parameters: tuple[str, ...] = ()  # names of the parameter with the system id
     whole_parameters: tuple[tuple[str, int], ...] = ()
     real_parameters: tuple[tuple[str, float], ...] = ()
     arm_refused: int | None = None
     disarm_refused: int | None = None
     home_item: bool = False  # item 0 of a mission is home
     streams_by_itself: bool | None = None
-    logs: bool = False  # keeps logs and gives them out
-    battery_parameter: str | None = None  # its capacity
+    logs: bool = False  # serves its flight logs
+    battery_parameter: str | None = None  # the capacity's name
 
     @property
     def known(self) -> bool:
@@ -120,7 +121,7 @@ GENERIC = Dialect("mavlink", MappingProxyType({}))
 
 
 def dialect_of(autopilot: int, vehicle_type: int) -> Dialect:
-    """The dialect of a MAV_AUTOPILOT in a MAV_TYPE."""
+    """Return the dialect of a MAV_AUTOPILOT and a MAV_TYPE."""
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
         return PX4
     if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:

@@ -1,4 +1,4 @@
-"""Frames the codec does not make: bent ones for the robustness checks, and messages it does not know."""
+"""Frames beyond pymavlink's codec: malformed ones, and messages it does not know."""
 
 import struct
 from typing import Any
@@ -6,10 +6,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 
-from sim_vehicle.conformance.facts import Heard
+from sim_vehicle.conformance.assertions import Skip, result_name
+from sim_vehicle.conformance.identity import ReceivedFrame
 from sim_vehicle.conformance.outgoing import COMMAND_CANCEL, COMMAND_CANCEL_EXTRA
-from sim_vehicle.conformance.peer import STATION, Peer
-from sim_vehicle.conformance.words import Skip, result_name
+from sim_vehicle.conformance.traffic import STATION
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 COMPONENT_METADATA = 397
 AVAILABLE_MODES, CURRENT_MODE = 435, 436
@@ -17,7 +18,7 @@ PROTOCOL_VERSION = 300
 
 
 def frame(
-    peer: Peer,
+    vehicle: VehicleUnderTest,
     message_id: int,
     payload: bytes,
     crc_extra: int,
@@ -26,8 +27,8 @@ def frame(
     compatible: int = 0,
     source: tuple[int, int] = STATION,
 ) -> bytes:
-    """A MAVLink 2 frame around any payload."""
-    codec = peer.codec(source)
+    """Return a MAVLink 2 frame with any payload."""
+    codec = vehicle.codec(source)
     head = struct.pack(
         "<BBBBBB", len(payload), incompatible, compatible, codec.seq, source[0], source[1]
     ) + message_id.to_bytes(3, "little")
@@ -36,37 +37,39 @@ def frame(
     return b"\xfd" + head + payload + struct.pack("<H", crc)
 
 
-def command_cancel(peer: Peer, command: int) -> bytes:
-    payload = struct.pack("<HBB", command, *peer.target)
-    return frame(peer, COMMAND_CANCEL, payload, COMMAND_CANCEL_EXTRA)
+def command_cancel(vehicle: VehicleUnderTest, command: int) -> bytes:
+    payload = struct.pack("<HBB", command, *vehicle.target)
+    return frame(vehicle, COMMAND_CANCEL, payload, COMMAND_CANCEL_EXTRA)
 
 
-def with_bad_crc(peer: Peer, message: Any) -> bytes:
-    data = bytearray(peer.pack(message))
+def with_bad_crc(vehicle: VehicleUnderTest, message: Any) -> bytes:
+    data = bytearray(vehicle.pack(message))
     data[-1] ^= 0x5A
     return bytes(data)
 
 
-def untrimmed(peer: Peer, message: Any, crc_extra: int) -> bytes:
-    """The message's frame with the zero bytes that a MAVLink 2 sender leaves out."""
-    raw = peer.pack(message)
+def untrimmed(vehicle: VehicleUnderTest, message: Any, crc_extra: int) -> bytes:
+    """Return the message's frame with its trailing zeros, which MAVLink 2 senders omit."""
+    raw = vehicle.pack(message)
     payload = raw[10:-2].ljust(message.unpacker.size, b"\0")
-    return frame(peer, message.id, payload, crc_extra)
+    return frame(vehicle, message.id, payload, crc_extra)
 
 
-def requested(peer: Peer, message_id: int, layout: struct.Struct, *params: float) -> tuple[Any, ...]:
-    """Fields, in the order they travel, of a message by REQUEST_MESSAGE that the codec does not know.
+def requested(
+    vehicle: VehicleUnderTest, message_id: int, layout: struct.Struct, *params: float
+) -> tuple[Any, ...]:
+    """Request a message unknown to the codec; return its fields in wire order.
 
-    Skip where the vehicle does not offer it.
+    Skip if the vehicle does not send it.
     """
-    kind, mark = f"UNKNOWN_{message_id}", peer.mark()
-    result = peer.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
+    kind, mark = f"UNKNOWN_{message_id}", vehicle.mark()
+    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
     if result != mavlink.MAV_RESULT_ACCEPTED:
         raise Skip(f"does not send message {message_id} on request ({result_name(result)})")
-    peer.expect(kind, mark=mark, what=f"message {message_id} after its request was accepted")
-    return fields(peer.last[kind], layout)
+    vehicle.expect(kind, mark=mark, what=f"message {message_id} after its request was accepted")
+    return fields(vehicle.last[kind], layout)
 
 
-def fields(entry: Heard, layout: struct.Struct) -> tuple[Any, ...]:
-    """The payload of a frame, with its trailing zeros, by a layout."""
+def fields(entry: ReceivedFrame, layout: struct.Struct) -> tuple[Any, ...]:
+    """Return the payload of a frame, padded with zeros, as the fields of a layout."""
     return layout.unpack(entry.payload.ljust(layout.size, b"\0")[: layout.size])

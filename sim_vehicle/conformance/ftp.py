@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.words import CheckFailed
+from sim_vehicle.conformance.assertions import CheckFailed
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 # Operations and errors of the protocol.
 TERMINATE, RESET, LIST, OPEN_READ, READ, CALC_CRC, BURST = 1, 2, 3, 4, 5, 14, 15
@@ -20,7 +20,7 @@ MAX_BYTES = 4_000_000
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """One payload of the vehicle."""
+    """One payload from the vehicle."""
 
     seq: int
     session: int
@@ -36,21 +36,21 @@ class Reply:
 
     @property
     def error(self) -> int:
-        """Error code of a NAK."""
+        """Return the error code of a NAK."""
         return self.data[0] if self.data else FAIL
 
 
-class Ftp:
+class FtpClient:
     """One client with its own sequence numbers."""
 
-    def __init__(self, peer: Peer) -> None:
-        self.peer = peer
+    def __init__(self, vehicle: VehicleUnderTest) -> None:
+        self.vehicle = vehicle
         self.seq = 0
 
     def send(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> int:
-        """Send a request; its sequence number. `size` where it is not the length of the data."""
+        """Send a request and return its sequence number; `size` overrides the length of the data."""
         self.seq = (self.seq + 1) % 65_536
         self.resend(opcode, data, session=session, offset=offset, size=size)
         return self.seq
@@ -58,24 +58,28 @@ class Ftp:
     def resend(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> None:
-        """The same with the sequence number of the last."""
+        """Send a request with the previous sequence number."""
         length = len(data) if size is None else size
         payload = HEADER.pack(self.seq, session, opcode, length, 0, 0, offset) + data
         message = mavlink.MAVLink_file_transfer_protocol_message(
-            0, *self.peer.target, payload.ljust(251, b"\0")
+            0, *self.vehicle.target, payload.ljust(251, b"\0")
         )
-        self.peer.send(message)
+        self.vehicle.send(message)
 
     def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
-        """The next payload behind a mark, and the mark behind it."""
-        place = self.peer.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
-        return None if place is None else (_reply(bytes(self.peer.heard[place].message.payload)), place + 1)
+        """Return the next payload after a mark, and the mark after it."""
+        place = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
+        return (
+            None
+            if place is None
+            else (_reply(bytes(self.vehicle.received[place].message.payload)), place + 1)
+        )
 
     def ask(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> Reply:
-        """Request and answer, again with the same number where nothing comes."""
-        mark = self.peer.mark()
+        """Send a request and return its answer; repeat it with the same number without one."""
+        mark = self.vehicle.mark()
         self.send(opcode, data, session=session, offset=offset, size=size)
         for _ in range(ATTEMPTS):
             found = self.reply(mark)
@@ -88,7 +92,7 @@ class Ftp:
         self.ask(RESET)
 
     def open(self, path: str) -> tuple[int, int]:
-        """Session and size of a file to be read; CheckFailed where it cannot be opened."""
+        """Open a file for reading; return session and size, or raise CheckFailed."""
         answer = self.ask(OPEN_READ, path.encode())
         if not answer.ok:
             raise CheckFailed(f"opening {path}: expected ACK, saw error {answer.error}")
@@ -96,7 +100,7 @@ class Ftp:
         return answer.session, size
 
     def read(self, path: str, limit: int = MAX_BYTES) -> bytes:
-        """The bytes of a file by single reads."""
+        """Return the content of a file, by single reads."""
         session, _ = self.open(path)
         found = bytearray()
         while len(found) < limit:
@@ -110,13 +114,13 @@ class Ftp:
         return bytes(found)
 
     def burst(self, path: str) -> bytes:
-        """The bytes of a file by burst reads."""
+        """Return the content of a file, by burst reads."""
         session, size = self.open(path)
         parts: dict[int, bytes] = {}
         offset, rounds = 0, 0
         while offset < size and rounds < 2000:
             rounds += 1
-            mark = self.peer.mark()
+            mark = self.vehicle.mark()
             self.send(BURST, session=session, offset=offset, size=CHUNK)
             while (found := self.reply(mark)) is not None:
                 answer, mark = found
@@ -130,7 +134,7 @@ class Ftp:
         return b"".join(parts[o] for o in sorted(parts))[:offset]
 
     def list(self, path: str) -> list[str]:
-        """Entries of a directory as the protocol has them: `Fname\\tsize`, `Dname`, `S`."""
+        """Return the entries of a directory in the protocol's form: `Fname\\tsize`, `Dname`, `S`."""
         entries: list[str] = []
         while True:
             answer = self.ask(LIST, path.encode(), offset=len(entries))
@@ -150,7 +154,7 @@ def _reply(payload: bytes) -> Reply:
 
 
 def _contiguous(parts: dict[int, bytes]) -> int:
-    """How many bytes there are from the beginning without a gap."""
+    """Return the number of bytes from the start without a gap."""
     end = 0
     while parts.get(end):
         end += len(parts[end])

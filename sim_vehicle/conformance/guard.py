@@ -1,7 +1,7 @@
-"""What is never sent, whatever a check believes it may do.
+"""Permissions, and the frames that are never sent.
 
-Only what leaves a vehicle as it was may reach another system than the one that was met. To that one nothing
-is done without its permission, and no plan is overwritten of which there is no copy.
+Only frames without an effect may reach another system than the vehicle under test. Frames to that vehicle
+need its permission, and a plan without a saved copy is not overwritten.
 """
 
 from collections.abc import Set
@@ -9,12 +9,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.outgoing import Sent
+from sim_vehicle.conformance.outgoing import OutgoingFrame
 
-ARM = "arm"  # the motors may turn, or the vehicle flies
+ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"
-ALTER = "alter"  # something of the vehicle is lost or changed for good: logs, calibration, signing key
-SIMULATOR = "simulator"  # nobody would do that to a real vehicle
+ALTER = "alter"  # a lasting change: logs, calibration, signing key
+SIMULATOR = "simulator"  # never done to a real vehicle
 PERMISSIONS = frozenset({ARM, REBOOT, ALTER, SIMULATOR})
 
 
@@ -33,11 +33,11 @@ _MESSAGES = {
     "LOG_ERASE": ALTER,
     "SETUP_SIGNING": ALTER,
 }
-# What asks or greets and changes nothing: these alone may go to another system, or to everybody.
-_ASKING = frozenset(
+# Requests and greetings without an effect; only these may go to another system or to all.
+_READ_ONLY = frozenset(
     {"HEARTBEAT", "TIMESYNC", "PING", "PARAM_REQUEST_READ", "PARAM_REQUEST_LIST", "MISSION_REQUEST_LIST"}
 )
-_ASKING_COMMANDS = frozenset(
+_READ_ONLY_COMMANDS = frozenset(
     {mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES}
 )
 _PLANS = frozenset(
@@ -55,11 +55,11 @@ PLAN_NAMES = {
 
 
 class Forbidden(Exception):
-    """A check wanted to send what could change another vehicle than the one that was met."""
+    """A check tried to send a frame that could change another vehicle."""
 
 
 def permission_for(message: Any) -> str | None:
-    """The permission (`registry.PERMISSIONS`) that sending `message` takes; None where it takes none."""
+    """Return the permission that a message needs (`PERMISSIONS`), or None."""
     kind = message.get_type()
     if kind not in ("COMMAND_LONG", "COMMAND_INT"):
         return _MESSAGES.get(kind)
@@ -70,27 +70,27 @@ def permission_for(message: Any) -> str | None:
     return _COMMANDS.get(message.command)
 
 
-def only_asks(sent: Sent) -> bool:
-    """Whether a frame leaves everybody who takes it as they were."""
+def is_read_only(sent: OutgoingFrame) -> bool:
+    """Return True if a frame changes nothing on any receiver."""
     if sent.kind in ("COMMAND_LONG", "COMMAND_INT"):
-        return sent.message.command in _ASKING_COMMANDS
-    return sent.kind in _ASKING
+        return sent.message.command in _READ_ONLY_COMMANDS
+    return sent.kind in _READ_ONLY
 
 
-def is_for(sent: Sent, vehicle: int) -> bool:
-    """Whether a frame is for this system alone; before a vehicle is met (0) there is none it could be for."""
+def is_for(sent: OutgoingFrame, vehicle: int) -> bool:
+    """Return True if a frame is for this system alone; False before a vehicle is found (0)."""
     return vehicle != 0 and sent.target == vehicle
 
 
-def refusal(sent: Sent, permits: Set[str], saved: Set[int]) -> str | None:
-    """Why a frame may not be sent to the vehicle that was met; None where it may.
+def refusal(sent: OutgoingFrame, permissions: Set[str], saved_plans: Set[int]) -> str | None:
+    """Return the reason against sending a frame to the vehicle under test, or None.
 
-    `saved`: the MAV_MISSION_TYPE of the plans there is a copy of.
+    `saved`: MAV_MISSION_TYPE of the plans with a saved copy.
     """
     wanted = None if sent.message is None else permission_for(sent.message)
-    if wanted is not None and wanted not in permits:
-        return f"{sent.kind} takes --allow-{wanted}"
+    if wanted is not None and wanted not in permissions:
+        return f"{sent.kind} needs --allow-{wanted}"
     plan = sent.message.mission_type if sent.kind in _PLANS else _OLD_PLANS.get(sent.kind)
-    if plan is not None and plan not in saved:
-        return f"its {PLAN_NAMES.get(plan, f'plans of type {plan}')} could not be saved"
+    if plan is not None and plan not in saved_plans:
+        return f"the {PLAN_NAMES.get(plan, f'plans of type {plan}')} could not be saved [plan-unsaved]"
     return None

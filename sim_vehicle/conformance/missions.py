@@ -1,70 +1,72 @@
-"""A small mission that is flown, from the ground or from the air."""
+"""A small mission for flight checks, started on the ground or in the air."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.plans import Item
+from sim_vehicle.conformance.plans import PlanItem
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CORNERS = ((40.0, 0.0), (40.0, 40.0), (0.0, 40.0))  # metres north and east of the start
 HEIGHT_M = 12.0
 
 
-def items(peer: Peer, *, landing: bool = True) -> list[Item]:
-    """A take-off and three corners from where the vehicle is, with a landing at the last or without."""
-    place = plans.here(peer)
+def items(vehicle: VehicleUnderTest, *, landing: bool = True) -> list[PlanItem]:
+    """Return a take-off and three corners from the current position, with or without a landing."""
+    place = plans.current_position(vehicle)
     flown = [plans.takeoff(place, HEIGHT_M), *[plans.waypoint(place, n, e, HEIGHT_M) for n, e in CORNERS]]
     if landing:
         flown.append(plans.land(place, *CORNERS[-1]))
-    return plans.plan(peer, *flown)
+    return plans.plan(vehicle, *flown)
 
 
-def rewind(peer: Peer) -> None:
-    """Make the first item current: the index of a mission before may have outlived it."""
-    first = int(peer.dialect.home_item)
-    peer.send(mavlink.MAVLink_mission_set_current_message(*peer.target, first))
+def rewind(vehicle: VehicleUnderTest) -> None:
+    """Make the first item current, because the index of an earlier mission may persist."""
+    first = int(vehicle.dialect.home_item)
+    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, first))
 
 
-def start(peer: Peer) -> None:
-    """Begin the stored mission from the ground."""
-    flying.stream_flight(peer)
-    rewind(peer)
-    flying.arm(peer)
-    if peer.dialect.name == "ardupilot":
-        peer.accepted(mavlink.MAV_CMD_MISSION_START)
+def start(vehicle: VehicleUnderTest) -> None:
+    """Start the stored mission from the ground."""
+    flying.start_streams(vehicle)
+    rewind(vehicle)
+    flying.arm(vehicle)
+    if vehicle.dialect.name == "ardupilot":
+        vehicle.accepted(mavlink.MAV_CMD_MISSION_START)
     else:
-        flying.set_mode(peer, "mission")
-    peer.until(flying.in_mode(peer, "mission"), "the mission mode", flying.HEARTBEAT_LAG_S)
+        flying.set_mode(vehicle, "mission")
+    vehicle.wait_until(flying.in_mode(vehicle, "mission"), "the mission mode", flying.HEARTBEAT_LAG_S)
 
 
-def resume(peer: Peer, seq: int) -> None:
-    """Fly the stored mission from an item on, from the air."""
-    peer.send(mavlink.MAVLink_mission_set_current_message(*peer.target, seq))
-    flying.set_mode(peer, "mission")
+def resume(vehicle: VehicleUnderTest, seq: int) -> None:
+    """Fly the stored mission in the air, from an item on."""
+    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
+    flying.set_mode(vehicle, "mission")
 
 
-def current(peer: Peer) -> int:
-    """The current item, as last told; -1 before that."""
-    return int(peer.last["MISSION_CURRENT"].message.seq) if "MISSION_CURRENT" in peer.last else -1
+def current(vehicle: VehicleUnderTest) -> int:
+    """Return the latest reported current item; -1 before the first report."""
+    return int(vehicle.last["MISSION_CURRENT"].message.seq) if "MISSION_CURRENT" in vehicle.last else -1
 
 
-def first_waypoint(peer: Peer) -> int:
-    """Sequence number of the first waypoint behind the take-off."""
-    return 2 if peer.dialect.home_item else 1
+def first_waypoint(vehicle: VehicleUnderTest) -> int:
+    """Return the sequence number of the first waypoint after the take-off."""
+    return 2 if vehicle.dialect.home_item else 1
 
 
-def until_current(peer: Peer, seq: int, within_s: float = 120.0) -> float:
-    """Wait until an item or a later one is current; how long it took [s]."""
-    return peer.until(lambda: current(peer) >= seq, f"item {seq} to be current", within_s)
+def until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 120.0) -> float:
+    """Wait until an item or a later one is current; return the time taken [s]."""
+    return vehicle.wait_until(lambda: current(vehicle) >= seq, f"item {seq} to be current", within_s)
 
 
-def under_way(peer: Peer) -> int:
-    """From the air, between the first and the second waypoint of a mission; the number of the second."""
-    place = plans.here(peer)
-    plans.put(peer, items(peer, landing=False))
-    seq = first_waypoint(peer) + 1
-    resume(peer, seq - 1)
-    until_current(peer, seq)
-    passed = plans.moved(place, *CORNERS[0])
-    peer.until(lambda: flying.away_m(peer, passed) > 10.0, "it to leave the first waypoint", 20.0)
+def under_way(vehicle: VehicleUnderTest) -> int:
+    """Fly between the first and the second waypoint; return the number of the second."""
+    place = plans.current_position(vehicle)
+    plans.upload_or_fail(vehicle, items(vehicle, landing=False))
+    seq = first_waypoint(vehicle) + 1
+    resume(vehicle, seq - 1)
+    until_current(vehicle, seq)
+    passed = plans.offset(place, *CORNERS[0])
+    vehicle.wait_until(
+        lambda: flying.distance_to_m(vehicle, passed) > 10.0, "it to leave the first waypoint", 20.0
+    )
     return seq

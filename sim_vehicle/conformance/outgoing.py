@@ -1,4 +1,4 @@
-"""The frames in bytes that are about to be sent, found as a receiver could find them."""
+"""The frames in outgoing bytes, as any receiver could find them."""
 
 import struct
 from collections.abc import Iterator
@@ -8,28 +8,28 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 
-LONGEST_FRAME = 280  # bytes of MAVLink 2, with its signature
-COMMAND_CANCEL, COMMAND_CANCEL_EXTRA = 80, 14  # the codec does not know it
-_CANCEL_TARGET = 2  # place of target_system in its payload
+LONGEST_FRAME = 280  # bytes of a signed MAVLink 2 frame
+COMMAND_CANCEL, COMMAND_CANCEL_EXTRA = 80, 14  # unknown to pymavlink's codec
+_CANCEL_TARGET = 2  # offset of target_system in its payload
 _HEADER_BYTES = {0xFE: 6, 0xFD: 10}
-# Who a message is for; MANUAL_CONTROL alone has another name for it.
+# Names of the target field; only MANUAL_CONTROL uses the second.
 _TARGETS = ("target_system", "target")
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
-    """One frame on its way: `target` is the system id it is for, 0 for everybody who hears it."""
+class OutgoingFrame:
+    """One outgoing frame; `target` is a system id, 0 for all receivers."""
 
     kind: str
     message: Any
     target: int
 
 
-def sent_in(data: bytes, begin: int = 0) -> Iterator[Sent]:
-    """Every frame with a right checksum that ends behind `begin`, wherever it starts.
+def frames_in(data: bytes, begin: int = 0) -> Iterator[OutgoingFrame]:
+    """Yield each frame with a correct checksum that ends after `begin`, wherever it starts.
 
-    A receiver may begin to read anywhere, so frames within frames and behind garbage count. Signatures and
-    flags do not matter: who ignores them obeys all the same.
+    A receiver may start reading anywhere, so frames inside frames and after garbage count. Signatures and
+    flags are ignored, because a receiver may ignore them too.
     """
     for at, start in enumerate(data):
         head = _HEADER_BYTES.get(start)
@@ -42,8 +42,8 @@ def sent_in(data: bytes, begin: int = 0) -> Iterator[Sent]:
                 yield found
 
 
-def _frame(raw: bytes, head: int) -> Sent | None:
-    """A frame without its signature; None where its checksum is wrong or nobody knows the message."""
+def _frame(raw: bytes, head: int) -> OutgoingFrame | None:
+    """Decode a frame without its signature; None for a wrong checksum or an unknown message."""
     number = raw[5] if head == _HEADER_BYTES[0xFE] else int.from_bytes(raw[7:10], "little")
     known = mavlink.mavlink_map.get(number)
     if known is None and number != COMMAND_CANCEL:
@@ -53,14 +53,14 @@ def _frame(raw: bytes, head: int) -> Sent | None:
         return None
     payload = raw[head:-2]
     if known is None:
-        return Sent("COMMAND_CANCEL", None, payload.ljust(4, b"\0")[_CANCEL_TARGET])
+        return OutgoingFrame("COMMAND_CANCEL", None, payload.ljust(4, b"\0")[_CANCEL_TARGET])
     message = _decoded(number, payload, known)
     target = next((getattr(message, name) for name in _TARGETS if hasattr(message, name)), 0)
-    return Sent(message.get_type(), message, int(target))
+    return OutgoingFrame(message.get_type(), message, int(target))
 
 
 def _decoded(number: int, payload: bytes, known: Any) -> Any:
-    """What the fields say to whoever reads them, framed so that the codec does."""
+    """Decode the fields, reframed so that pymavlink accepts them."""
     fields = payload[: known.unpacker.size]
     body = bytes([len(fields), 0, 0, 0, 255, 190]) + number.to_bytes(3, "little") + fields
     crc = x25crc(body + bytes([known.crc_extra])).crc

@@ -1,7 +1,7 @@
-"""The checks by name, and what a check may say.
+"""The checks by name.
 
-A check is a function of a `Peer` that returns in a few words what was seen. It raises `CheckFailed` where the
-vehicle is wrong and `Skip` where it does not claim what would be checked.
+A check is a function of a `VehicleUnderTest` that returns a few words on what it saw. It raises `CheckFailed`
+if the vehicle is wrong, and `Skip` if the check does not apply.
 """
 
 import fnmatch
@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from sim_vehicle.conformance.guard import ARM, PERMISSIONS
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-CheckFunction = Callable[[Peer], str]
+CheckFunction = Callable[[VehicleUnderTest], str]
 
-# In the order they are run: what could disturb the rest comes late.
+# In the order of the run; checks that could disturb others come late.
 CATEGORIES = (
     "heartbeat", "version", "messages", "parameters", "commands", "modes", "home", "time", "telemetry",
     "mission", "fence", "rally", "ftp", "component", "robustness", "arming", "flight", "mission-flight",
@@ -27,10 +27,10 @@ CATEGORIES = (
 class Check:
     """One check.
 
-    needs: what has to be allowed (`PERMISSIONS`). claims: MAV_PROTOCOL_CAPABILITY bits without their prefix,
-    each of which the vehicle must claim. dialects: names of the dialects it applies to, empty for all; kind:
-    for a plane or a copter alone. airborne: it begins in flight. pins: the statement it holds the vehicle to.
-    limit_s: of vehicle time, after which it has failed.
+    needs: the permissions it takes (`PERMISSIONS`). claims: MAV_PROTOCOL_CAPABILITY bits without their
+    prefix, which the vehicle must claim. dialects: names of the dialects it applies to, empty for all. kind:
+    copter or plane, None for both. airborne: it starts in flight. pins: the statement it verifies. limit_s:
+    vehicle time after which it fails.
     """
 
     name: str
@@ -48,8 +48,8 @@ class Check:
         return self.name.partition(".")[0]
 
     @property
-    def says(self) -> str:
-        """What the check is about, in one line."""
+    def summary(self) -> str:
+        """Return the check's statement in one line."""
         return (self.function.__doc__ or "").strip().partition("\n")[0]
 
 
@@ -67,17 +67,17 @@ def check(
     pins: str = "MAVLink",
     limit_s: float = 60.0,
 ) -> Callable[[CheckFunction], CheckFunction]:
-    """Put a function into the registry under `category.name`."""
+    """Register a function under `category.name`."""
     wanted = frozenset(needs) | ({ARM} if airborne else set())
     if name in CHECKS:
         raise ValueError(f"two checks are named {name!r}")
     if name.partition(".")[0] not in CATEGORIES or not name.partition(".")[2]:
         raise ValueError(
-            f"check {name!r}: its name is no CATEGORY.NAME; categories are {', '.join(CATEGORIES)}"
+            f"check {name!r}: a name is CATEGORY.NAME; the categories are {', '.join(CATEGORIES)}"
         )
     if not wanted <= PERMISSIONS:
         raise ValueError(
-            f"check {name!r} needs {sorted(wanted - PERMISSIONS)}; known are {sorted(PERMISSIONS)}"
+            f"check {name!r} needs {sorted(wanted - PERMISSIONS)}; the permissions are {sorted(PERMISSIONS)}"
         )
 
     def register(function: CheckFunction) -> CheckFunction:
@@ -98,7 +98,7 @@ def check(
 
 
 def all_checks() -> list[Check]:
-    """Every check of `checks/`, in the order they are run."""
+    """Return every check of `checks/`, in the order of the run."""
     package = importlib.import_module("sim_vehicle.conformance.checks")
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
@@ -106,7 +106,7 @@ def all_checks() -> list[Check]:
 
 
 def select(patterns: Iterable[str]) -> list[Check]:
-    """The checks whose name fits one of the patterns (all without any): `mission.*`, `*unknown*`, `fence`."""
+    """Return the checks that match a pattern (all without any): `mission.*`, `*unknown*`, `fence`."""
     wanted = [pattern.strip() for pattern in patterns if pattern.strip()]
     chosen = [
         found
@@ -116,7 +116,7 @@ def select(patterns: Iterable[str]) -> list[Check]:
     ]
     if not chosen:
         raise ValueError(
-            f"no check fits {', '.join(wanted)!r}; expected a category ({', '.join(CATEGORIES)}), "
+            f"no check matches {', '.join(wanted)!r}; expected a category ({', '.join(CATEGORIES)}), "
             "a name or a "
             "pattern like 'mission.*'; --list shows all"
         )

@@ -1,4 +1,4 @@
-"""A run as a matrix for people and as JSON for machines."""
+"""A run as a table for people and as JSON for programs."""
 
 import json
 from collections.abc import Iterable
@@ -10,42 +10,46 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from sim_vehicle.conformance.facts import Facts
+from sim_vehicle.conformance.identity import VehicleIdentity
 from sim_vehicle.conformance.registry import Check
-from sim_vehicle.conformance.runner import Outcome, Report, Result
+from sim_vehicle.conformance.runner import CheckResult, Outcome, RunReport
 
 STYLES = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.SKIPPED: "yellow"}
 NAME_WIDTH = 36
 
 
-def vehicle_words(facts: Facts) -> str:
-    """Who was checked, in one line."""
+def describe_vehicle(identity: VehicleIdentity) -> str:
+    """Return the identity of the vehicle in one line."""
 
     def name(enum: str, value: int, prefix: str) -> str:
         entry = mavlink.enums[enum].get(value)
         return entry.name.removeprefix(prefix) if entry is not None else str(value)
 
-    version = f"{facts.software >> 24}.{facts.software >> 16 & 0xFF}.{facts.software >> 8 & 0xFF}"
+    suffix = ", the simulator" if identity.simulator else ""
+    version = f"{identity.software >> 24}.{identity.software >> 16 & 0xFF}.{identity.software >> 8 & 0xFF}"
     return (
-        f"system {facts.sysid}: {name('MAV_AUTOPILOT', facts.autopilot, 'MAV_AUTOPILOT_')} {version}, "
-        f"{name('MAV_TYPE', facts.vehicle_type, 'MAV_TYPE_')}{', the simulator' if facts.simulator else ''}"
+        f"system {identity.sysid}: {name('MAV_AUTOPILOT', identity.autopilot, 'MAV_AUTOPILOT_')} {version}, "
+        f"{name('MAV_TYPE', identity.vehicle_type, 'MAV_TYPE_')}{suffix}"
     )
 
 
-def counts_words(results: Iterable[Result]) -> str:
-    """`3 passed, 1 failed`"""
+def describe_counts(results: Iterable[CheckResult]) -> str:
+    """Return the counts of outcomes, such as `3 passed, 1 failed`."""
     found = list(results)
     counts = {outcome: sum(r.outcome is outcome for r in found) for outcome in Outcome}
     return ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items() if count) or "none"
 
 
-def matrix(report: Report) -> Group:
-    """The whole run, grouped by category, with counts."""
+def matrix(report: RunReport) -> Group:
+    """Return the whole run as tables by category, with counts."""
     parts: list[Any] = []
     for category, group in groupby(report.results, key=lambda result: result.check.category):
         results = list(group)
         table = Table(
-            title=f"{category}: {counts_words(results)}", title_justify="left", expand=True, show_edge=False
+            title=f"{category}: {describe_counts(results)}",
+            title_justify="left",
+            expand=True,
+            show_edge=False,
         )
         table.add_column("check", width=NAME_WIDTH, overflow="fold")
         table.add_column("result", width=7)
@@ -61,18 +65,21 @@ def matrix(report: Report) -> Group:
         parts += [table, Text()]
     parts += [Text(f"note: {note}", style="yellow") for note in report.notes]
     parts.append(
-        Text(f"{vehicle_words(report.facts)}: {len(report.results)} checks, {counts_words(report.results)}")
+        Text(
+            f"{describe_vehicle(report.identity)}: {len(report.results)} checks, "
+            f"{describe_counts(report.results)}"
+        )
     )
     return Group(*parts)
 
 
 def _printable(text: str) -> str:
-    """What a vehicle said may be anything; a terminal is spared it."""
+    """Replace unprintable characters, which would disturb a terminal."""
     return "".join(character if character.isprintable() else " " for character in text)
 
 
 def catalogue(checks: Iterable[Check]) -> Group:
-    """Every check with what it says and needs."""
+    """Return every check with its statement and its conditions."""
     parts: list[Any] = []
     total = 0
     for category, group in groupby(checks, key=lambda found: found.category):
@@ -80,7 +87,7 @@ def catalogue(checks: Iterable[Check]) -> Group:
         total += len(found)
         table = Table(title=f"{category}: {len(found)}", title_justify="left", expand=True, show_edge=False)
         table.add_column("check", width=NAME_WIDTH, overflow="fold")
-        table.add_column("what is checked", ratio=1, overflow="fold")
+        table.add_column("statement", ratio=1, overflow="fold")
         table.add_column("only with", width=14, overflow="fold")
         for entry in found:
             limits = [
@@ -89,26 +96,26 @@ def catalogue(checks: Iterable[Check]) -> Group:
                 *sorted(entry.dialects),
                 *([entry.kind] if entry.kind else []),
             ]
-            table.add_row(entry.name.partition(".")[2], entry.says, ", ".join(limits))
+            table.add_row(entry.name.partition(".")[2], entry.summary, ", ".join(limits))
         parts += [table, Text()]
     parts.append(Text(f"{total} checks"))
     return Group(*parts)
 
 
-def as_json(report: Report, url: str) -> str:
-    """The run as a JSON text: vehicle, counts, one entry a check."""
-    facts = report.facts
+def as_json(report: RunReport, url: str) -> str:
+    """Return the run as JSON: vehicle, counts, one entry a check."""
+    identity = report.identity
     return json.dumps(
         {
             "url": url,
             "vehicle": {
-                "system_id": facts.sysid,
-                "component_id": facts.component,
-                "autopilot": facts.autopilot,
-                "type": facts.vehicle_type,
-                "capabilities": facts.capabilities,
-                "flight_sw_version": facts.software,
-                "simulator": facts.simulator,
+                "system_id": identity.sysid,
+                "component_id": identity.component,
+                "autopilot": identity.autopilot,
+                "type": identity.vehicle_type,
+                "capabilities": identity.capabilities,
+                "flight_sw_version": identity.software,
+                "simulator": identity.simulator,
             },
             "counts": {outcome.value: report.count(outcome) for outcome in Outcome},
             "notes": list(report.notes),
@@ -128,8 +135,8 @@ def as_json(report: Report, url: str) -> str:
     )
 
 
-def print_result(console: Console, result: Result) -> None:
-    """One line while the run goes on."""
+def print_result(console: Console, result: CheckResult) -> None:
+    """Print one result during the run."""
     mark = Text(f"{result.outcome.value:8}", style=STYLES[result.outcome])
     console.print(
         Text.assemble(mark, f"{result.check.name}  ", (_printable(result.seen), "dim")), soft_wrap=True

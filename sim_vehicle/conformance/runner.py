@@ -1,4 +1,4 @@
-"""Runs checks on one vehicle, in order, and brings it into the state each of them begins in."""
+"""Runs checks on one vehicle in order, and prepares the state in which each of them starts."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -6,29 +6,30 @@ from dataclasses import dataclass
 from enum import Enum
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.facts import Facts
+from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.guard import ARM, PLAN_NAMES, SIMULATOR
-from sim_vehicle.conformance.parameters import has, put_back, read, write
-from sim_vehicle.conformance.peer import Peer, is_autopilot
-from sim_vehicle.conformance.plans import FENCE, MISSION, RALLY, Backup
+from sim_vehicle.conformance.identity import VehicleIdentity
+from sim_vehicle.conformance.parameters import has, read, restore, write
+from sim_vehicle.conformance.plans import FENCE, MISSION, RALLY, PlanBackup
 from sim_vehicle.conformance.registry import Check
-from sim_vehicle.conformance.words import CheckFailed, Skip
+from sim_vehicle.conformance.traffic import is_autopilot
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-SILENCE_S = 5.0  # without a heartbeat after a check: it harmed the vehicle
-BACK_S = 60.0  # a vehicle that is to be left as it was found is waited for so long
-LEAVE_ATTEMPTS = 3  # whoever interrupts again and again does not want to wait for it
-DOWN_ATTEMPTS = 3
-# The categories that overwrite plans, with those they cannot do without; `Peer` sees to it that none is
-# overwritten of which there is no copy.
+SILENCE_S = 5.0  # time without a heartbeat after which a check counts as harmful
+BACK_S = 60.0  # longest wait for a vehicle that is to be restored
+RESTORE_ATTEMPTS = 3  # interrupts accepted before the restoring is abandoned
+LANDING_ATTEMPTS = 3
+# Categories that overwrite plans, and the plan types that they must have a copy of; `Traffic` refuses
+# to overwrite others.
 WRITES_PLANS = {
     "modes": (MISSION,), "mission": (MISSION,), "fence": (FENCE,), "rally": (RALLY,), "robustness": (),
     "arming": (), "flight": (MISSION,), "mission-flight": (MISSION,), "reboot": (), "endurance": (),
 }  # fmt: skip
 FLIES = frozenset({"flight", "mission-flight"})
 LOW_BATTERY = 20  # %
-RUN_MAH = 30_000.0  # more than all flights of a run take
+RUN_MAH = 30_000.0  # more than the flights of one run use
 BOOTING_S = 5.0
-BETWEEN_S = 400.0  # for getting up or down between checks
+BETWEEN_S = 400.0  # for taking off or landing between checks
 
 
 class Outcome(Enum):
@@ -38,8 +39,8 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
-    """What came of one check; `seen` says it in words, `took_s` is vehicle time."""
+class CheckResult:
+    """The result of one check; `seen` describes it, `took_s` is vehicle time."""
 
     check: Check
     outcome: Outcome
@@ -48,11 +49,11 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
-    """A whole run; `notes` is what the operator should know beside the results."""
+class RunReport:
+    """A whole run; `notes` are messages to the operator besides the results."""
 
-    facts: Facts
-    results: tuple[Result, ...]
+    identity: VehicleIdentity
+    results: tuple[CheckResult, ...]
     notes: tuple[str, ...]
     interrupted: bool = False
 
@@ -64,155 +65,170 @@ class Report:
         return self.count(Outcome.FAILED) == 0
 
 
-def permissions(facts: Facts, allow: frozenset[str], *, ground_only: bool) -> frozenset[str]:
-    """What may be done: everything to the simulator, to any other vehicle only what was allowed by name."""
+def granted_permissions(
+    identity: VehicleIdentity, allow: frozenset[str], *, ground_only: bool
+) -> frozenset[str]:
+    """Return the granted permissions: all for the simulator, else only those given by option."""
     granted = allow - {SIMULATOR}
-    if facts.simulator:
+    if identity.simulator:
         granted = granted | {"arm", "reboot", "alter", SIMULATOR}
     return granted - {ARM} if ground_only else granted
 
 
 def run(
-    peer: Peer,
+    vehicle: VehicleUnderTest,
     checks: Sequence[Check],
     *,
-    on_result: Callable[[Result], None] = lambda _result: None,
+    on_result: Callable[[CheckResult], None] = lambda _result: None,
     on_interrupt: Callable[[], None] = lambda: None,
-) -> Report:
-    """Run the checks on the vehicle that `peer` has met.
+) -> RunReport:
+    """Run the checks on a connected vehicle.
 
-    A vehicle that is armed already is somebody else's: nothing is done to it. However the run ends, by the
-    operator too, the vehicle is brought down and put back as it was before the report; only who interrupts
-    that again and again is obeyed.
+    A vehicle that is armed at the start is in use, so nothing is done to it. At the end of a run, also after
+    an interrupt, the vehicle is landed and restored before the report. Only repeated interrupts end that.
     """
-    running = _Run(peer, on_result)
-    if peer.armed:
-        running.over = "the vehicle was armed before the suite began"
-        running.others = True
+    running = _RunState(vehicle, on_result)
+    if vehicle.armed:
+        running.stop_reason = (
+            "the vehicle was armed before the run, so nothing was done to it [already-armed]"
+        )
+        running.flown_by_another = True
     else:
-        _let_boot(peer)
+        _let_boot(vehicle)
     interrupted = False
     try:
         for check in checks:
-            running.take(check)
+            running.run_check(check)
     except KeyboardInterrupt:
         interrupted = True
         on_interrupt()
     except BaseException:
-        # A bug, or nobody to report to: the vehicle may fly all the same.
-        running.leave()
+        # After a bug or a closed output the vehicle may still fly.
+        running.restore_vehicle()
         raise
-    notes = [f"interrupted {LEAVE_ATTEMPTS} times while the vehicle was put back: it may fly, or be changed"]
-    for _ in range(LEAVE_ATTEMPTS):
+    notes = [
+        f"interrupted {RESTORE_ATTEMPTS} times during the restoring: the vehicle may still fly, "
+        "or keep changes [not-restored]"
+    ]
+    for _ in range(RESTORE_ATTEMPTS):
         try:
-            notes = running.leave()
+            notes = running.restore_vehicle()
             break
         except KeyboardInterrupt:
             interrupted = True
             on_interrupt()
-    return Report(peer.facts, tuple(running.results), tuple(notes), interrupted)
+    return RunReport(vehicle.identity, tuple(running.results), tuple(notes), interrupted)
 
 
-class _Run:
-    """What is known while the checks run."""
+class _RunState:
+    """The state of a run."""
 
-    def __init__(self, peer: Peer, on_result: Callable[[Result], None]) -> None:
-        self._peer, self._on_result = peer, on_result
-        self._backup: Backup | None = None
+    def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
+        self._peer, self._on_result = vehicle, on_result
+        self._backup: PlanBackup | None = None
         self._battery_seen = False
-        self._told: set[int] = set()  # plans that could not be saved, and a check has failed for it
-        self.results: list[Result] = []
-        self.over: str | None = None  # why nothing more can be checked
-        self.others = False  # somebody else flies it
+        self._reported: set[int] = set()  # plan types without a copy for which a check has failed
+        self.results: list[CheckResult] = []
+        self.stop_reason: str | None = None  # reason to skip the remaining checks
+        self.flown_by_another = False  # the vehicle was armed before the run
 
-    def take(self, check: Check) -> None:
-        """One check, or the reason why not."""
-        reason = self.over if self.over is not None else _why_not(self._peer, check)
-        result = Result(check, Outcome.SKIPPED, reason, 0.0) if reason is not None else self._one(check)
+    def run_check(self, check: Check) -> None:
+        """Run one check, or record the reason against it."""
+        reason = self.stop_reason if self.stop_reason is not None else _skip_reason(self._peer, check)
+        result = (
+            CheckResult(check, Outcome.SKIPPED, reason, 0.0) if reason is not None else self._run_check(check)
+        )
         self.results.append(result)
         self._on_result(result)
 
-    def _one(self, check: Check) -> Result:
+    def _run_check(self, check: Check) -> CheckResult:
         if self._backup is None and check.category in WRITES_PLANS:
-            self._peer.fresh()
-            self._backup = Backup(self._peer)
-            self._backup.take()
+            self._peer.begin_check()
+            self._backup = PlanBackup(self._peer)
+            self._backup.save()
         unsaved = self._unsaved(check)
         if unsaved is not None:
             return unsaved
-        if not self._battery_seen and check.category in FLIES and SIMULATOR in self._peer.permits:
+        if not self._battery_seen and check.category in FLIES and SIMULATOR in self._peer.permissions:
             self._battery_seen = True
             _enlarge_battery(self._peer)
-        result = _one(self._peer, check)
+        result = _run_check(self._peer, check)
         if not _alive(self._peer):
-            self.over = f"the vehicle fell silent after {check.name}"
-            return Result(check, Outcome.FAILED, f"{result.seen}; then no heartbeat", result.took_s)
+            self.stop_reason = (
+                f"no heartbeat after {check.name}; the remaining checks were skipped [vehicle-silent]"
+            )
+            return CheckResult(check, Outcome.FAILED, f"{result.seen}; then no heartbeat", result.took_s)
         return result
 
-    def _unsaved(self, check: Check) -> Result | None:
-        """What comes of a check that would overwrite a plan of which there is no copy."""
-        lost = self._backup.lost if self._backup is not None else {}
+    def _unsaved(self, check: Check) -> CheckResult | None:
+        """Return the result of a check that would overwrite a plan without a copy, else None."""
+        unsaved = self._backup.unsaved if self._backup is not None else {}
         for kind in WRITES_PLANS.get(check.category, ()):
-            if kind in lost:
-                # That a plan cannot be read is a failure, but one is enough.
-                outcome = Outcome.SKIPPED if kind in self._told else Outcome.FAILED
-                self._told.add(kind)
-                return Result(check, outcome, f"its {PLAN_NAMES[kind]} could not be saved: {lost[kind]}", 0.0)
+            if kind in unsaved:
+                # An unreadable plan is one failure, not one for each check.
+                outcome = Outcome.SKIPPED if kind in self._reported else Outcome.FAILED
+                self._reported.add(kind)
+                return CheckResult(
+                    check,
+                    outcome,
+                    f"its {PLAN_NAMES[kind]} could not be saved: {unsaved[kind]} [plan-unsaved]",
+                    0.0,
+                )
         return None
 
-    def leave(self) -> list[str]:
-        """Leave the vehicle as it was found; what the operator should know, in words."""
-        notes = [self.over] if self.over is not None else []
-        if self.others:
+    def restore_vehicle(self) -> list[str]:
+        """Restore the vehicle; return notes to the operator."""
+        notes = [self.stop_reason] if self.stop_reason is not None else []
+        if self.flown_by_another:
             return notes
-        self._peer.fresh()
+        self._peer.begin_check()
         if self._backup is not None:
             notes += [
-                f"the {PLAN_NAMES[kind]} could not be saved, and was left alone: {why}"
-                for kind, why in self._backup.lost.items()
+                f"the {PLAN_NAMES[kind]} could not be saved and was not overwritten: {why} [plan-unsaved]"
+                for kind, why in self._backup.unsaved.items()
             ]
-        return notes + _leave(self._peer, self._backup)
+        return notes + _restore(self._peer, self._backup)
 
 
-def _let_boot(peer: Peer) -> None:
-    """Give a vehicle that has just booted its first seconds, in which a mode that is set does not stay."""
+def _let_boot(vehicle: VehicleUnderTest) -> None:
+    """Wait for the end of the first seconds after a boot, in which a mode change does not last."""
     try:
-        age_s = peer.request("SYSTEM_TIME").time_boot_ms / 1000
+        age_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
     except (CheckFailed, Skip):
         return
-    peer.wait(max(0.0, BOOTING_S - age_s))
+    vehicle.wait(max(0.0, BOOTING_S - age_s))
 
 
-def _why_not(peer: Peer, check: Check) -> str | None:
-    """Why a check does not apply or is not allowed."""
-    if check.dialects and peer.dialect.name not in check.dialects:
+def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
+    """Return the reason for which a check does not apply or is not permitted, or None."""
+    if check.dialects and vehicle.dialect.name not in check.dialects:
         return f"only for {', '.join(sorted(check.dialects))}"
-    if check.kind is not None and peer.facts.kind != check.kind:
+    if check.kind is not None and vehicle.identity.kind != check.kind:
         return f"only for a {check.kind}"
     for capability in check.claims:
-        if not peer.facts.claims(capability):
+        if not vehicle.identity.claims(capability):
             return f"does not claim {capability}"
-    missing = check.needs - peer.permits
+    missing = check.needs - vehicle.permissions
     if SIMULATOR in missing:
         return "only for the simulator"
     if missing:
-        return f"not allowed: takes {' '.join(f'--allow-{name}' for name in sorted(missing))}"
+        return f"not permitted: needs {' '.join(f'--allow-{name}' for name in sorted(missing))}"
     return None
 
 
-def _one(peer: Peer, check: Check) -> Result:
-    """Prepare, run, judge."""
-    began_s = peer.now
+def _run_check(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
+    """Prepare and run one check; return its result."""
+    began_s = vehicle.now
     try:
-        _settle(peer, check)
+        _prepare(vehicle, check)
     except CheckFailed as error:
-        return Result(check, Outcome.FAILED, f"could not begin: {error}", peer.now - began_s)
+        return CheckResult(check, Outcome.FAILED, f"could not start: {error}", vehicle.now - began_s)
     except Skip as reason:
-        return Result(check, Outcome.SKIPPED, f"could not begin: {reason}", peer.now - began_s)
-    began_s = peer.now
-    peer.fresh(check.limit_s)
+        return CheckResult(check, Outcome.SKIPPED, f"could not start: {reason}", vehicle.now - began_s)
+    began_s = vehicle.now
+    vehicle.begin_check(check.limit_s)
     try:
-        outcome, seen = Outcome.PASSED, check.function(peer)
+        outcome, seen = Outcome.PASSED, check.function(vehicle)
     except CheckFailed as error:
         outcome, seen = Outcome.FAILED, str(error)
         _pass_on_interrupt(error)
@@ -220,16 +236,16 @@ def _one(peer: Peer, check: Check) -> Result:
         outcome, seen = Outcome.SKIPPED, str(reason)
         _pass_on_interrupt(reason)
     except Exception as error:  # noqa: BLE001 (whatever a strange vehicle breaks here, the rest has to run)
-        outcome, seen = Outcome.FAILED, f"the check broke: {error!r}"
+        outcome, seen = Outcome.FAILED, f"the check raised {error!r}"
         _pass_on_interrupt(error)
     finally:
-        peer.deadline_s = math.inf
-        peer.quiet = False
-    return Result(check, outcome, seen, peer.now - began_s)
+        vehicle.deadline_s = math.inf
+        vehicle.quiet = False
+    return CheckResult(check, outcome, seen, vehicle.now - began_s)
 
 
 def _pass_on_interrupt(error: BaseException) -> None:
-    """Clean-up that fails after an interrupt must not hide it."""
+    """Raise KeyboardInterrupt if an interrupt caused this error."""
     cause = error.__context__
     while cause is not None:
         if isinstance(cause, KeyboardInterrupt):
@@ -237,81 +253,85 @@ def _pass_on_interrupt(error: BaseException) -> None:
         cause = cause.__context__
 
 
-def _settle(peer: Peer, check: Check) -> None:
-    """On the ground and disarmed, or in the air and holding."""
-    peer.fresh(BETWEEN_S)
+def _prepare(vehicle: VehicleUnderTest, check: Check) -> None:
+    """Bring the vehicle to the ground or into the air, as the check needs."""
+    vehicle.begin_check(BETWEEN_S)
     if check.category in FLIES:
-        _mind_the_battery(peer)
+        _check_battery(vehicle)
     if check.airborne:
-        flying.be_up(peer)
-    elif peer.armed and ARM in peer.permits:
-        flying.come_down(peer)
-    elif peer.armed:
-        raise Skip("the vehicle is armed; the suite may not land it")
+        flying.ensure_airborne(vehicle)
+    elif vehicle.armed and ARM in vehicle.permissions:
+        flying.ensure_landed(vehicle)
+    elif vehicle.armed:
+        raise Skip("the vehicle is armed, and landing it is not permitted")
 
 
-def _enlarge_battery(peer: Peer) -> None:
-    """The flights of a whole run take more than one charge, and nobody can swap a simulated battery."""
-    peer.fresh()
-    name = peer.dialect.battery_parameter
-    if name is None or not has(peer, name):
+def _enlarge_battery(vehicle: VehicleUnderTest) -> None:
+    """Enlarge the simulated battery, because the flights of a run use more than one charge."""
+    vehicle.begin_check()
+    name = vehicle.dialect.battery_parameter
+    if name is None or not has(vehicle, name):
         return
-    before = read(peer, name)
-    peer.debts[name] = lambda: put_back(peer, before)
-    write(peer, name, max(before.value, RUN_MAH), before.type)
+    before = read(vehicle, name)
+    vehicle.pending_restores[name] = lambda: restore(vehicle, before)
+    write(vehicle, name, max(before.value, RUN_MAH), before.type)
 
 
-def _mind_the_battery(peer: Peer) -> None:
-    """Land and `Skip` where the battery is low."""
-    share = peer.request("SYS_STATUS").battery_remaining
+def _check_battery(vehicle: VehicleUnderTest) -> None:
+    """Land and `Skip` if the battery is low."""
+    share = vehicle.request("SYS_STATUS").battery_remaining
     if 0 <= share < LOW_BATTERY:
-        flying.come_down(peer)
-        raise Skip(f"the battery is at {share} %")
+        flying.ensure_landed(vehicle)
+        raise Skip(f"the battery is at {share} % [battery-low]")
 
 
-def _alive(peer: Peer) -> bool:
-    """Whether it still sends heartbeats; waits for one if need be."""
-    if peer.now - peer.last["HEARTBEAT"].at_s < SILENCE_S:
+def _alive(vehicle: VehicleUnderTest) -> bool:
+    """Return True if the vehicle sends heartbeats; wait for one if necessary."""
+    if vehicle.now - vehicle.last["HEARTBEAT"].at_s < SILENCE_S:
         return True
-    return _beats(peer, SILENCE_S)
+    return _sends_heartbeats(vehicle, SILENCE_S)
 
 
-def _beats(peer: Peer, within_s: float) -> bool:
-    return peer.maybe("HEARTBEAT", is_autopilot, within_s=within_s) is not None
+def _sends_heartbeats(vehicle: VehicleUnderTest, within_s: float) -> bool:
+    return vehicle.wait_for("HEARTBEAT", is_autopilot, within_s=within_s) is not None
 
 
-def _leave(peer: Peer, backup: Backup | None) -> list[str]:
-    """Leave the vehicle as it was found; what did not work, in words."""
-    if not _beats(peer, BACK_S):
-        state = "armed" if peer.armed else "disarmed"
-        changed = [*peer.debts, *(backup.names() if backup is not None else [])]
+def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
+    """Restore the vehicle; return a text for each failure."""
+    if not _sends_heartbeats(vehicle, BACK_S):
+        state = "armed" if vehicle.armed else "disarmed"
+        changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
         return [
-            f"nothing was heard of the vehicle for {BACK_S:g} s: last it was {state}; "
-            f"not put back: {', '.join(changed) or 'nothing'}"
+            f"no heartbeat for {BACK_S:g} s; the last one was {state}; "
+            f"not restored: {', '.join(changed) or 'nothing'} [vehicle-lost]"
         ]
-    if ARM in peer.permits:
-        peer.wait(flying.HEARTBEAT_LAG_S)  # it may have been armed a moment ago
-    notes = _bring_down(peer)
-    if peer.armed:
-        # What it flies by must not change under it.
-        return [*notes, "its plans were not put back, because it is armed"] if backup is not None else notes
+    if ARM in vehicle.permissions:
+        vehicle.wait(flying.HEARTBEAT_LAG_S)  # it may have been armed a moment ago
+    notes = _land(vehicle)
+    if vehicle.armed:
+        # A plan in use must not change.
+        return (
+            [*notes, "the plans were not restored, because the vehicle is armed"]
+            if backup is not None
+            else notes
+        )
     if backup is not None:
-        notes += backup.give_back()
-    return notes + peer.pay()
+        notes += backup.restore()
+    return notes + vehicle.restore_all()
 
 
-def _bring_down(peer: Peer) -> list[str]:
-    """On the ground and disarmed, over a link that may fail once more; what did not work, in words."""
-    if peer.armed and ARM not in peer.permits:
-        return ["the vehicle is armed, and the suite may not land it"]
+def _land(vehicle: VehicleUnderTest) -> list[str]:
+    """Land and disarm over an unreliable link; return a text for each failure."""
+    if vehicle.armed and ARM not in vehicle.permissions:
+        return ["the vehicle is armed, and landing it is not permitted"]
     trouble = ""
-    for _ in range(DOWN_ATTEMPTS):
+    for _ in range(LANDING_ATTEMPTS):
         try:
-            flying.come_down(peer)
+            flying.ensure_landed(vehicle)
         except (CheckFailed, Skip) as error:
-            trouble = f"the vehicle could not be brought down: {error}"
+            trouble = f"the vehicle could not be landed: {error}"
         else:
             return []
-        if not _beats(peer, BACK_S):
+        if not _sends_heartbeats(vehicle, BACK_S):
             break
     return [trouble]

@@ -1,4 +1,4 @@
-"""Real links to a vehicle: the suite's only I/O and its only clock."""
+"""Links to a real vehicle: the suite's only I/O and its only clock."""
 
 import contextlib
 import select
@@ -9,17 +9,49 @@ from typing import Any
 
 import serial
 
-from sim_vehicle.conformance.senders import Senders
-from sim_vehicle.conformance.wire import Wire, WireError
+from sim_vehicle.conformance.traffic import Wire, WireError
 from sim_vehicle.links.url import Url
 
 DATAGRAM_BYTES = 65_536
-REDIAL_S = 0.5  # between attempts to reach a TCP server that is away, as a rebooting vehicle is
+REDIAL_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
 V1, V2 = 0xFE, 0xFD
+QUIET_S = 1.0  # [s of vehicle time]; a sender active more recently has not moved
+
+
+class SenderAddresses:
+    """The address of each system id on a UDP port.
+
+    A vehicle may move to another address, for example after a reboot. Two senders that use one id at the same
+    time are two vehicles; the second is ignored.
+    """
+
+    def __init__(self) -> None:
+        self._addresses: dict[int, Any] = {}
+        self._heard_s: dict[int, float] = {}
+        self._doubted: set[int] = set()
+
+    @property
+    def addresses(self) -> list[Any]:
+        """Return the addresses of all systems, each once."""
+        return list(dict.fromkeys(self._addresses.values()))
+
+    def address(self, sysid: int) -> Any | None:
+        return self._addresses.get(sysid)
+
+    def received(self, sysid: int, address: Any, now_s: float) -> bool:
+        """Note a sender; return False if the id belongs to another address."""
+        known = self._addresses.get(sysid)
+        if known is not None and known != address:
+            if now_s - self._heard_s[sysid] <= QUIET_S:
+                self._doubted.add(sysid)
+            if sysid in self._doubted:
+                return False
+        self._addresses[sysid], self._heard_s[sysid] = address, now_s
+        return True
 
 
 class _Clocked:
-    """Vehicle time is wall time times `speedup`."""
+    """Vehicle time: wall time multiplied by `speedup`."""
 
     def __init__(self, speedup: float) -> None:
         self._speedup = speedup
@@ -33,11 +65,11 @@ class _Clocked:
 
 
 class UdpWire(_Clocked):
-    """One UDP socket, bound (udpin) or sending first (udpout); the vehicle is followed where it goes."""
+    """One UDP socket, bound (udpin) or sending first (udpout); it follows the vehicle's address."""
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
-        self._senders = Senders()
+        self._senders = SenderAddresses()
         self._sysid: int | None = None
         self._server: Any = None
         try:
@@ -48,7 +80,7 @@ class UdpWire(_Clocked):
             else:
                 self._server = address
         except OSError as error:
-            cure = "is the port taken?" if url.listens else "is that a host?"
+            cure = "check that the port is free" if url.listens else "check the host name"
             raise WireError(f"cannot open {url}: {error.strerror or error}; {cure}") from error
         self._socket.setblocking(False)
 
@@ -61,7 +93,7 @@ class UdpWire(_Clocked):
         else:
             targets = self._senders.addresses
         for address in targets:
-            # A vehicle that is away for a moment refuses; the checks see that it does not answer.
+            # An absent vehicle causes an error here; the checks notice the missing answers.
             with contextlib.suppress(OSError):
                 self._socket.sendto(data, address)
 
@@ -74,12 +106,12 @@ class UdpWire(_Clocked):
         except OSError:
             return None
         sysid = _source(data)
-        if sysid is None or self._senders.heard(sysid, address, self.now_s()):
+        if sysid is None or self._senders.received(sysid, address, self.now_s()):
             return data
         if self._sysid is None:
             other = self._senders.address(sysid)
             raise WireError(
-                f"two vehicles use system id {sysid}: one at {other}, one at {address}; give each its own"
+                f"two vehicles use system id {sysid}: one at {other}, one at {address}; give each its own id"
             )
         return None
 
@@ -91,7 +123,7 @@ class UdpWire(_Clocked):
 
 
 class TcpWire(_Clocked):
-    """A TCP connection that is made again when the vehicle comes back from a reboot."""
+    """A TCP connection that reconnects after a reboot of the vehicle."""
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
@@ -106,7 +138,7 @@ class TcpWire(_Clocked):
                 self._connection = socket.create_connection((url.host, url.port), timeout=5.0)
         except OSError as error:
             raise WireError(
-                f"cannot open {url}: {error.strerror or error}; does a vehicle listen there?"
+                f"cannot open {url}: {error.strerror or error}; check that a vehicle listens there"
             ) from error
 
     def send(self, data: bytes) -> None:
@@ -132,7 +164,7 @@ class TcpWire(_Clocked):
             self._drop()
 
     def _connect(self, left_s: float) -> bool:
-        """Try for at most `left_s` [s of wall time]; whether there is a connection."""
+        """Connect within `left_s` [s of wall time]; return True on success."""
         if self._listener is not None:
             ready, _, _ = select.select([self._listener], [], [], left_s)
             if ready:
@@ -153,7 +185,7 @@ class TcpWire(_Clocked):
             self._connection = None
 
     def follow(self, sysid: int) -> None:
-        """A connection is one vehicle's, or shared: nothing to choose."""
+        """Do nothing: a connection has one peer."""
 
     def close(self) -> None:
         self._drop()
@@ -162,7 +194,7 @@ class TcpWire(_Clocked):
 
 
 class SerialWire(_Clocked):
-    """A serial port that is opened again when the device comes back, as an autopilot on USB does."""
+    """A serial port that is reopened when the device returns, such as an autopilot on USB."""
 
     def __init__(self, device: str, baud: int, speedup: float) -> None:
         super().__init__(speedup)
@@ -198,7 +230,7 @@ class SerialWire(_Clocked):
             return None
 
     def _reopen(self, left_s: float) -> bool:
-        """Try once, and wait a moment of at most `left_s` [s of wall time] where it fails."""
+        """Try once to reopen; after a failure wait at most `left_s` [s of wall time]."""
         try:
             self._open()
         except (OSError, ValueError):
@@ -212,14 +244,14 @@ class SerialWire(_Clocked):
             self._port = None
 
     def follow(self, sysid: int) -> None:
-        """Nothing to choose on a serial port."""
+        """Do nothing: a serial port has one peer."""
 
     def close(self) -> None:
         self._drop()
 
 
 def _source(data: bytes) -> int | None:
-    """System id of the first frame of a datagram; None where it does not begin with one."""
+    """Return the system id of the first frame in a datagram; None without one."""
     if len(data) >= 8 and data[0] == V1:
         return data[3]
     if len(data) >= 12 and data[0] == V2:
@@ -228,7 +260,7 @@ def _source(data: bytes) -> int | None:
 
 
 def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
-    """The wire for a URL; WireError where it cannot be opened."""
+    """Open the wire for a URL; WireError if that fails."""
     makers: dict[str, Callable[[], Wire]] = {
         "udpin": lambda: UdpWire(url, speedup),
         "udpout": lambda: UdpWire(url, speedup),
@@ -237,5 +269,5 @@ def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
         "serial": lambda: SerialWire(url.host, url.port, speedup),
     }
     if url.kind not in makers:
-        raise WireError(f"{url.kind} is no link the suite can open; expected one of {', '.join(makers)}")
+        raise WireError(f"{url.kind} is no kind of link; expected one of {', '.join(makers)}")
     return makers[url.kind]()

@@ -1,10 +1,10 @@
-"""The conformance suite against a vehicle that is bent: it fails where it is bent, and nowhere else."""
+"""The conformance suite against altered vehicles: exactly the checks of the altered behaviour fail."""
 
 import hashlib
 from typing import Any
 
 import pytest
-from bent_vehicle import GROUND, HOME, Obstinate, bent, conform, fleet, named
+from bent_vehicle import GROUND, HOME, Obstinate, conform, failures_with, fleet, named
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -19,34 +19,34 @@ def unchanged(message: Any) -> list[Any]:
     return [message]
 
 
-def test_bending_nothing_fails_nothing() -> None:
-    assert bent(unchanged, *GROUND, "fence", "mission.readback") == set()
+def test_an_unaltered_vehicle_fails_no_check() -> None:
+    assert failures_with(unchanged, *GROUND, "fence", "mission.readback") == set()
 
 
 def test_lost_acknowledgements_are_noticed() -> None:
-    def bend(message: Any) -> list[Any]:
+    def alter(message: Any) -> list[Any]:
         return [] if message.get_type() == "COMMAND_ACK" else [message]
 
     every = {found.name for found in select(["commands.ack", "commands.unknown", "heartbeat.arrives"])}
-    assert bent(bend, "commands.ack", "commands.unknown", "heartbeat.arrives") == every - {
+    assert failures_with(alter, "commands.ack", "commands.unknown", "heartbeat.arrives") == every - {
         "heartbeat.arrives"
     }
 
 
 def test_a_second_acknowledgement_is_noticed() -> None:
-    def bend(message: Any) -> list[Any]:
+    def alter(message: Any) -> list[Any]:
         return [message] * (2 if message.get_type() == "COMMAND_ACK" else 1)
 
-    assert bent(bend, "commands.ack", "commands.target") == {"commands.ack.comes_once"}
+    assert failures_with(alter, "commands.ack", "commands.target") == {"commands.ack.comes_once"}
 
 
-def test_a_mission_that_comes_back_otherwise_is_noticed() -> None:
-    def bend(message: Any) -> list[Any]:
+def test_an_altered_mission_read_back_is_noticed() -> None:
+    def alter(message: Any) -> list[Any]:
         if message.get_type() == "MISSION_ITEM_INT" and message.seq == 3:
             message.x += 1
         return [message]
 
-    assert bent(bend, "mission.download", "mission.upload") == {
+    assert failures_with(alter, "mission.download", "mission.upload") == {
         "mission.download.places_are_exact",
         "mission.download.by_second_station",
         "mission.upload.many_items",
@@ -55,25 +55,25 @@ def test_a_mission_that_comes_back_otherwise_is_noticed() -> None:
     }
 
 
-def test_an_answer_about_a_parameter_that_is_not_there_is_noticed() -> None:
-    """The vehicle cannot be made to answer from outside, so its next heartbeat brings the answer."""
+def test_an_answer_about_an_unknown_parameter_is_noticed() -> None:
+    """The next heartbeat brings the answer, because no request can cause one."""
 
-    def bend(message: Any) -> list[Any]:
+    def alter(message: Any) -> list[Any]:
         if message.get_type() != "HEARTBEAT":
             return [message]
         value = mavlink.MAVLink_param_value_message(b"NO_SUCH_PARAM", 1.0, 9, 900, 65_535)
         return [message, value]
 
-    assert bent(
-        bend, "parameters.read.unknown_name", "parameters.set.unknown_name", "parameters.read.by_name"
+    assert failures_with(
+        alter, "parameters.read.unknown_name", "parameters.set.unknown_name", "parameters.read.by_name"
     ) == {
         "parameters.read.unknown_name",
         "parameters.set.unknown_name",
     }
 
 
-def test_a_parameter_that_is_acknowledged_and_not_set_is_noticed() -> None:
-    class Forgetful(FleetWire):
+def test_an_acknowledged_but_unset_parameter_is_noticed() -> None:
+    class ForgetfulWire(FleetWire):
         def send(self, data: bytes) -> None:
             parser = mavlink.MAVLink(None)
             for message in parser.parse_buffer(data) or ():
@@ -85,7 +85,7 @@ def test_a_parameter_that_is_acknowledged_and_not_set_is_noticed() -> None:
                     return
             super().send(data)
 
-    report = conform(Forgetful(fleet(ready_s=0.0)), "parameters.set")
+    report = conform(ForgetfulWire(fleet(ready_s=0.0)), "parameters.set")
     assert named(report, Outcome.FAILED) == {
         "parameters.set.is_kept",
         "parameters.set.fraction",
@@ -97,13 +97,13 @@ def test_a_parameter_that_is_acknowledged_and_not_set_is_noticed() -> None:
 def test_a_slow_heartbeat_is_noticed() -> None:
     state = {"count": 0}
 
-    def bend(message: Any) -> list[Any]:
+    def alter(message: Any) -> list[Any]:
         if message.get_type() == "HEARTBEAT":
             state["count"] += 1
             return [message] if state["count"] % 3 == 0 else []
         return [message]
 
-    failed = bent(bend, "heartbeat")
+    failed = failures_with(alter, "heartbeat")
     assert {"heartbeat.once_a_second", "heartbeat.no_gaps", "heartbeat.goes_on_without_a_station"} <= failed
     assert failed <= {
         "heartbeat.once_a_second",
@@ -125,26 +125,26 @@ def test_a_slow_heartbeat_is_noticed() -> None:
     ],
 )
 def test_a_wrong_unit_or_sign_is_noticed(kind: str, field: str, factor: float, expected: set[str]) -> None:
-    def bend(message: Any) -> list[Any]:
+    def alter(message: Any) -> list[Any]:
         if message.get_type() == kind:
             value = getattr(message, field)
             setattr(message, field, type(value)(value * factor))
         return [message]
 
-    assert bent(bend, "telemetry") == expected
+    assert failures_with(alter, "telemetry") == expected
 
 
-# -- what is only right where something was seen ---------------------------------------------------------
+# -- silence is no success -------------------------------------------------------------------------------
 
 
 def outcomes(wire: FleetWire, *patterns: str) -> dict[str, Outcome]:
     return {result.check.name: result.outcome for result in conform(wire, *patterns).results}
 
 
-def test_a_vehicle_that_hardly_says_anything_passes_nothing_by_that() -> None:
-    def bend(message: Any) -> list[Any]:
-        said = {"HEARTBEAT", "COMMAND_ACK", "AUTOPILOT_VERSION"}
-        return [message] if message.get_type() in said else []
+def test_silence_passes_no_check() -> None:
+    def alter(message: Any) -> list[Any]:
+        sent = {"HEARTBEAT", "COMMAND_ACK", "AUTOPILOT_VERSION"}
+        return [message] if message.get_type() in sent else []
 
     seen = {
         "heartbeat.sequence_numbers_count", "heartbeat.payloads_are_trimmed", "telemetry.time.goes_forward",
@@ -152,26 +152,26 @@ def test_a_vehicle_that_hardly_says_anything_passes_nothing_by_that() -> None:
         "parameters.read.another_vehicles", "parameters.list.another_vehicles", "logs.unknown_id",
         "time.timesync.answer_is_not_answered", "mission.download.another_vehicles",
     }  # fmt: skip
-    assert bent(bend, *seen) == seen
+    assert failures_with(alter, *seen) == seen
 
 
-def test_no_frame_at_all_is_not_a_good_one() -> None:
-    class Pausing(FleetWire):
-        """Says nothing for three seconds, once it has told its age."""
+def test_missing_frames_fail_the_framing_check() -> None:
+    class PausingWire(FleetWire):
+        """Loses all messages for 3.5 s after the start."""
 
         def receive(self, timeout_s: float) -> bytes | None:
             data = super().receive(timeout_s)
             return None if 5.0 < self.now_s() < 8.5 else data
 
-    wire = Pausing(fleet(ready_s=0.0))
+    wire = PausingWire(fleet(ready_s=0.0))
     assert outcomes(wire, "heartbeat.frames_are_mavlink2") == {
         "heartbeat.frames_are_mavlink2": Outcome.FAILED
     }
 
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-def test_a_default_rate_that_does_not_come_back_is_noticed(personality: str) -> None:
-    """However the rate was set before."""
+def test_an_unrestored_default_rate_is_noticed(personality: str) -> None:
+    """With any rate set before."""
 
     def to_default(message: Any) -> bool:
         kind = message.get_type()
@@ -191,35 +191,35 @@ ENDED = "logs.download_can_be_ended"
 
 
 def with_a_log() -> Fleet:
-    """PX4 writes one from its boot on."""
+    """Return a PX4 fleet with a log, which PX4 writes from its boot on."""
     inner = fleet("px4", ready_s=0.0)
     inner.step(200.0)
     return inner
 
 
-class Later(Obstinate):
-    """Joins a fleet that has been there for a while."""
+class LateWire(Obstinate):
+    """Connects to a fleet 200 s after its start."""
 
     def __init__(self, ignored: str = "") -> None:
         super().__init__(with_a_log(), lambda message: message.get_type() == ignored)
         self._now = 200.0
 
 
-def test_a_download_that_does_not_end_is_noticed() -> None:
-    assert outcomes(Later(), ENDED) == {ENDED: Outcome.PASSED}
-    assert outcomes(Later("LOG_REQUEST_END"), ENDED) == {ENDED: Outcome.FAILED}
+def test_a_download_without_an_end_is_noticed() -> None:
+    assert outcomes(LateWire(), ENDED) == {ENDED: Outcome.PASSED}
+    assert outcomes(LateWire("LOG_REQUEST_END"), ENDED) == {ENDED: Outcome.FAILED}
 
 
-def test_a_download_that_never_began_was_not_ended() -> None:
-    assert outcomes(Later("LOG_REQUEST_DATA"), ENDED) == {ENDED: Outcome.FAILED}
+def test_a_download_without_a_start_is_noticed() -> None:
+    assert outcomes(LateWire("LOG_REQUEST_DATA"), ENDED) == {ENDED: Outcome.FAILED}
 
 
-def test_there_is_nothing_to_end_without_a_log() -> None:
+def test_the_check_of_download_ends_is_skipped_without_a_log() -> None:
     assert outcomes(FleetWire(fleet(ready_s=0.0)), ENDED) == {ENDED: Outcome.SKIPPED}
 
 
-class Credulous(FleetWire):
-    """Takes signatures that are wrong, or used up: they are made right on their way."""
+class CredulousWire(FleetWire):
+    """Makes a vehicle accept wrong or replayed signatures, by signing them again."""
 
     stamp = 0
 
@@ -249,12 +249,12 @@ class Credulous(FleetWire):
         ({"replays": True}, {"signing.refuses_a_replay"}),
     ],
 )
-def test_a_signature_that_is_not_looked_at_is_noticed(wire: dict[str, bool], failed: set[str]) -> None:
-    report = conform(Credulous(fleet(ready_s=0.0), **wire), "signing.refuses*")
+def test_an_unchecked_signature_is_noticed(wire: dict[str, bool], failed: set[str]) -> None:
+    report = conform(CredulousWire(fleet(ready_s=0.0), **wire), "signing.refuses*")
     assert named(report, Outcome.FAILED) == failed
     assert named(report, Outcome.SKIPPED) == set()
 
 
-def test_a_link_that_needs_no_signatures_says_nothing_about_them() -> None:
+def test_signature_checks_are_skipped_on_a_trusted_link() -> None:
     inner = Fleet(default_scenario(1, home=HOME, seed=1), ready_s=0.0, trusted_links=(0,))
     assert set(outcomes(FleetWire(inner), "signing.refuses*").values()) == {Outcome.SKIPPED}

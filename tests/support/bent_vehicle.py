@@ -1,4 +1,4 @@
-"""A vehicle for the conformance suite on the virtual clock, and one that is bent on its way out."""
+"""A vehicle for the conformance suite on the virtual clock, and one with an altered output."""
 
 from collections.abc import Callable, Collection
 from typing import Any
@@ -6,15 +6,15 @@ from typing import Any
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.peer import Peer
 from sim_vehicle.conformance.registry import select
-from sim_vehicle.conformance.runner import Outcome, Report, permissions, run
+from sim_vehicle.conformance.runner import Outcome, RunReport, granted_permissions, run
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
 
 HOME = (46.0490, 14.5060, 300.0)
 GROUND = ("heartbeat", "version", "parameters", "commands", "mission.download")
-Bend = Callable[[Any], list[Any]]
+Alteration = Callable[[Any], list[Any]]
 
 
 def fleet(
@@ -24,33 +24,35 @@ def fleet(
     return Fleet(scenario, ready_s=ready_s)
 
 
-def met(wire: FleetWire, *, allow: Collection[str] = (), sysid: int | None = None) -> Peer:
-    """A station that has met the vehicle behind a wire and has its permissions."""
-    peer = Peer(wire)
-    peer.permits = set(permissions(peer.meet(sysid), frozenset(allow), ground_only=False))
-    return peer
+def connected(wire: FleetWire, *, allow: Collection[str] = (), sysid: int | None = None) -> VehicleUnderTest:
+    """Return a station connected to the vehicle behind a wire, with its permissions."""
+    vehicle = VehicleUnderTest(wire)
+    vehicle.permissions = set(
+        granted_permissions(vehicle.connect(sysid), frozenset(allow), ground_only=False)
+    )
+    return vehicle
 
 
-def conform(wire: FleetWire, *patterns: str, allow: Collection[str] = ()) -> Report:
-    """The checks that fit, on the vehicle behind a wire."""
-    return run(met(wire, allow=allow), select(patterns))
+def conform(wire: FleetWire, *patterns: str, allow: Collection[str] = ()) -> RunReport:
+    """Run the applicable checks on the vehicle behind a wire."""
+    return run(connected(wire, allow=allow), select(patterns))
 
 
-def named(report: Report, outcome: Outcome) -> set[str]:
+def named(report: RunReport, outcome: Outcome) -> set[str]:
     return {result.check.name for result in report.results if result.outcome is outcome}
 
 
-def told(report: Report) -> str:
+def describe_failures(report: RunReport) -> str:
     failed = [r for r in report.results if r.outcome is Outcome.FAILED]
     return "\n".join(f"{result.check.name}: {result.seen}" for result in failed)
 
 
 class BentWire(FleetWire):
-    """What the vehicle sends goes through `bend`: message in, messages out."""
+    """A wire that passes the vehicle's messages through `alter`: message in, messages out."""
 
-    def __init__(self, inner: Fleet, bend: Bend) -> None:
+    def __init__(self, inner: Fleet, alter: Alteration) -> None:
         super().__init__(inner)
-        self._bend = bend
+        self._alter = alter
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self.armed_seen = False
@@ -65,15 +67,15 @@ class BentWire(FleetWire):
             if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN_"):
                 out += bytes(message.get_msgbuf())
                 continue
-            for bent in self._bend(message):
+            for failures_with in self._alter(message):
                 codec = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
                 codec.seq = message.get_seq()
-                out += bytes(bent.pack(codec))
+                out += bytes(failures_with.pack(codec))
         return out
 
 
 class Obstinate(FleetWire):
-    """The vehicle does not get the messages that `ignores`; `answers` answers them in its place."""
+    """A wire that drops the messages that `ignores` selects; `answers` answers them instead."""
 
     def __init__(
         self, inner: Fleet, ignores: Callable[[Any], bool], answers: Callable[[Any], list[Any]] = lambda _: []
@@ -92,6 +94,6 @@ class Obstinate(FleetWire):
         super().send(data)
 
 
-def bent(bend: Bend, *patterns: str) -> set[str]:
-    """The checks that fail on a vehicle that is bent so."""
-    return named(conform(BentWire(fleet(ready_s=0.0), bend), *patterns), Outcome.FAILED)
+def failures_with(alter: Alteration, *patterns: str) -> set[str]:
+    """Return the checks that fail on a vehicle bent in this way."""
+    return named(conform(BentWire(fleet(ready_s=0.0), alter), *patterns), Outcome.FAILED)

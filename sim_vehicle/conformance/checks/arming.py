@@ -3,12 +3,13 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
+from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_name
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
-from sim_vehicle.conformance.peer import SECOND_STATION, Peer, known
 from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import Skip, equal, holds, near, result_name
+from sim_vehicle.conformance.traffic import SECOND_STATION
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 FORCE = 21_196
@@ -17,60 +18,60 @@ IDLE_DISARM_S = {"ardupilot": "DISARM_DELAY", "px4": "COM_DISARM_PRFLT"}
 
 
 @check("arming.arms_and_disarms", needs=[ARM], limit_s=200)
-def arms_and_disarms(peer: Peer) -> str:
+def arms_and_disarms(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_ARM_DISARM is accepted both ways, and the heartbeat follows."""
-    flying.arm(peer)
-    flying.disarm(peer)
+    flying.arm(vehicle)
+    flying.disarm(vehicle)
     return "armed, then disarmed"
 
 
 @check("arming.is_idempotent", needs=[ARM], limit_s=200)
-def is_idempotent(peer: Peer) -> str:
-    """Arming what is armed and disarming what is disarmed is accepted."""
-    flying.arm(peer)
-    peer.accepted(ARM_COMMAND, 1)
-    flying.disarm(peer)
-    peer.accepted(ARM_COMMAND, 0)
+def is_idempotent(vehicle: VehicleUnderTest) -> str:
+    """Arming an armed vehicle and disarming a disarmed one are accepted."""
+    flying.arm(vehicle)
+    vehicle.accepted(ARM_COMMAND, 1)
+    flying.disarm(vehicle)
+    vehicle.accepted(ARM_COMMAND, 0)
     return "ACCEPTED"
 
 
 @check("arming.heartbeat_follows", needs=[ARM], limit_s=200)
-def heartbeat_follows(peer: Peer) -> str:
-    """The heartbeat says armed within a second and a half of the acknowledgement."""
-    flying.wait_ready(peer)
-    peer.accepted(ARM_COMMAND, 1)
-    took_s = peer.until(lambda: peer.armed, "armed in the heartbeat", 1.5)
-    flying.disarm(peer)
+def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
+    """The heartbeat shows the arming within 1.5 s of the acknowledgement."""
+    flying.wait_ready(vehicle)
+    vehicle.accepted(ARM_COMMAND, 1)
+    took_s = vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", 1.5)
+    flying.disarm(vehicle)
     return f"{took_s:.2f} s"
 
 
 @check("arming.by_command_int", needs=[ARM], limit_s=200)
-def by_command_int(peer: Peer) -> str:
+def by_command_int(vehicle: VehicleUnderTest) -> str:
     """Arming works as COMMAND_INT."""
-    flying.wait_ready(peer)
-    equal(result_name(peer.result(peer.command_int(ARM_COMMAND, 1))), "ACCEPTED", "COMMAND_INT")
-    peer.until(lambda: peer.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
-    flying.disarm(peer)
+    flying.wait_ready(vehicle)
+    equal(result_name(vehicle.result(vehicle.command_int(ARM_COMMAND, 1))), "ACCEPTED", "COMMAND_INT")
+    vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
+    flying.disarm(vehicle)
     return "ACCEPTED"
 
 
 @check("arming.by_second_station", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.15")
-def by_second_station(peer: Peer) -> str:
-    """Another station arms and disarms as well."""
-    flying.wait_ready(peer)
+def by_second_station(vehicle: VehicleUnderTest) -> str:
+    """A second station can arm and disarm."""
+    flying.wait_ready(vehicle)
     for value in (1, 0):
-        seen = peer.result(peer.command_long(ARM_COMMAND, value), source=SECOND_STATION)
+        seen = vehicle.result(vehicle.command_long(ARM_COMMAND, value), source=SECOND_STATION)
         equal(result_name(seen), "ACCEPTED", f"parameter 1 = {value}")
     return "ACCEPTED"
 
 
 @check("arming.strange_parameter", needs=[ARM], limit_s=200)
-def strange_parameter(peer: Peer) -> str:
-    """A first parameter that is neither 0 nor 1 is refused."""
-    flying.wait_ready(peer)
-    result = peer.command(ARM_COMMAND, 2)
-    armed = peer.armed
-    flying.disarm(peer)
+def strange_parameter(vehicle: VehicleUnderTest) -> str:
+    """A first parameter other than 0 and 1 is refused."""
+    flying.wait_ready(vehicle)
+    result = vehicle.command(ARM_COMMAND, 2)
+    armed = vehicle.armed
+    flying.disarm(vehicle)
     holds(
         result != mavlink.MAV_RESULT_ACCEPTED and not armed, f"expected a refusal, saw {result_name(result)}"
     )
@@ -80,77 +81,77 @@ def strange_parameter(peer: Peer) -> str:
 @check(
     "arming.system_status", needs=[ARM], dialects=("ardupilot", "px4"), limit_s=200, pins="AUTOPILOTS 1.13"
 )
-def system_status(peer: Peer) -> str:
+def system_status(vehicle: VehicleUnderTest) -> str:
     """Armed on the ground is STANDBY for ArduPilot, ACTIVE for PX4."""
-    expected = known(peer, ardupilot=mavlink.MAV_STATE_STANDBY, px4=mavlink.MAV_STATE_ACTIVE)
-    flying.arm(peer)
-    peer.wait(1.2)
-    seen = peer.heartbeat.system_status
-    flying.disarm(peer)
+    expected = known_behaviour(vehicle, ardupilot=mavlink.MAV_STATE_STANDBY, px4=mavlink.MAV_STATE_ACTIVE)
+    flying.arm(vehicle)
+    vehicle.wait(1.2)
+    seen = vehicle.heartbeat.system_status
+    flying.disarm(vehicle)
     equal(seen, expected, "system_status")
     return str(mavlink.enums["MAV_STATE"][seen].name)
 
 
 @check("arming.prearm_bit", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: readiness")
-def prearm_bit(peer: Peer) -> str:
+def prearm_bit(vehicle: VehicleUnderTest) -> str:
     """A vehicle whose pre-arm bit is set arms."""
-    flying.wait_ready(peer)
-    status = peer.request("SYS_STATUS")
+    flying.wait_ready(vehicle)
+    status = vehicle.request("SYS_STATUS")
     if not status.onboard_control_sensors_present & flying.PREARM_BIT:
         raise Skip("has no pre-arm bit")
     holds(status.onboard_control_sensors_health & flying.PREARM_BIT, "the pre-arm bit is clear")
-    flying.arm(peer)
-    flying.disarm(peer)
+    flying.arm(vehicle)
+    flying.disarm(vehicle)
     return "set, and it armed"
 
 
 @check("arming.mode_not_armable", needs=[ARM], dialects=("ardupilot",), limit_s=200, pins="AUTOPILOTS 1.7")
-def mode_not_armable(peer: Peer) -> str:
+def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     """AUTO refuses arming, with the reason as a text."""
-    flying.wait_ready(peer)
-    if int(parameters.setting(peer, "AUTO_OPTIONS") or 0) & 1 or peer.facts.kind == "plane":
+    flying.wait_ready(vehicle)
+    if int(parameters.value_or_none(vehicle, "AUTO_OPTIONS") or 0) & 1 or vehicle.identity.kind == "plane":
         raise Skip("AUTO is armable here")
-    plans.put(peer, plans.sample_plan(peer))
-    flying.set_mode(peer, "mission")
-    began_s = peer.now
-    equal(result_name(peer.command(ARM_COMMAND, 1)), "FAILED", "arming in AUTO")
-    peer.wait(0.5)
-    texts = [text for at_s, _, text in peer.texts if at_s >= began_s]
+    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    flying.set_mode(vehicle, "mission")
+    began_s = vehicle.now
+    equal(result_name(vehicle.command(ARM_COMMAND, 1)), "FAILED", "arming in AUTO")
+    vehicle.wait(0.5)
+    texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
     holds(any("not armable" in text for text in texts), f"expected '... not armable', saw {texts}")
-    flying.ready_mode(peer)
+    flying.ready_mode(vehicle)
     return "FAILED, AUTO mode not armable"
 
 
 @check(
     "arming.refusal_has_a_reason", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: reason only in STATUSTEXT"
 )
-def refusal_has_a_reason(peer: Peer) -> str:
-    """A vehicle that refuses says why: here a fence it stands outside of."""
-    known(peer, ardupilot=True)
-    plans.need(peer, FENCE)
-    flying.wait_ready(peer)
-    with fence_in_force(peer, polygon(peer, ((500, 500), (500, 600), (600, 600), (600, 500)))):
-        peer.wait(1.5)
-        began_s = peer.now
-        result = peer.command(ARM_COMMAND, 1)
-        peer.wait(REFUSAL_S)
-        texts = [text for at_s, _, text in peer.texts if at_s >= began_s]
-        holds(result != mavlink.MAV_RESULT_ACCEPTED and not peer.armed, "it armed outside of its fence")
-        equal(result, peer.dialect.arm_refused, "result")
+def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
+    """A refused arming is explained by a text, here outside of a fence."""
+    known_behaviour(vehicle, ardupilot=True)
+    plans.require_type(vehicle, FENCE)
+    flying.wait_ready(vehicle)
+    with fence_in_force(vehicle, polygon(vehicle, ((500, 500), (500, 600), (600, 600), (600, 500)))):
+        vehicle.wait(1.5)
+        began_s = vehicle.now
+        result = vehicle.command(ARM_COMMAND, 1)
+        vehicle.wait(REFUSAL_S)
+        texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
+        holds(result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed, "it armed outside of its fence")
+        equal(result, vehicle.dialect.arm_refused, "result")
         holds(any("reach" in text for text in texts), f"expected a text about the breach, saw {texts}")
     return texts[0]
 
 
 @check("arming.sets_home", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.11: home is re-set at every arming")
-def sets_home(peer: Peer) -> str:
-    """Arming puts home where the vehicle stands."""
-    known(peer, ardupilot=True, px4=True)
-    flying.arm(peer)
-    peer.wait(1.0)
-    home = peer.request("HOME_POSITION")
-    away_m = plans.distance_m((home.latitude, home.longitude), plans.here(peer))
-    height = flying.position(peer).relative_alt / 1000
-    flying.disarm(peer)
+def sets_home(vehicle: VehicleUnderTest) -> str:
+    """Arming sets home to the position of the vehicle."""
+    known_behaviour(vehicle, ardupilot=True, px4=True)
+    flying.arm(vehicle)
+    vehicle.wait(1.0)
+    home = vehicle.request("HOME_POSITION")
+    away_m = plans.distance_m((home.latitude, home.longitude), plans.current_position(vehicle))
+    height = flying.position(vehicle).relative_alt / 1000
+    flying.disarm(vehicle)
     holds(away_m < 5, f"home is {away_m:.1f} m away")
     near(height, 0.0, 2.0, "relative_alt")
     return f"{away_m:.2f} m"
@@ -164,13 +165,13 @@ def sets_home(peer: Peer) -> str:
     limit_s=250,
     pins="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s",
 )
-def idle_disarms(peer: Peer) -> str:
-    """An armed vehicle that does not take off disarms by itself after its delay."""
-    delay_s = parameters.setting(peer, IDLE_DISARM_S[peer.dialect.name])
+def idle_disarms(vehicle: VehicleUnderTest) -> str:
+    """An armed vehicle on the ground disarms after its delay."""
+    delay_s = parameters.value_or_none(vehicle, IDLE_DISARM_S[vehicle.dialect.name])
     if delay_s is None or not 0 < delay_s < 60:
         raise Skip(f"the delay is {delay_s}")
-    flying.arm(peer)
-    took_s = peer.until(lambda: not peer.armed, "disarmed by itself", delay_s + 5.0)
+    flying.arm(vehicle)
+    took_s = vehicle.wait_until(lambda: not vehicle.armed, "disarmed by itself", delay_s + 5.0)
     near(took_s, delay_s, 3.0, "seconds until it disarmed")
     return f"after {took_s:.1f} s"
 
@@ -182,13 +183,13 @@ def idle_disarms(peer: Peer) -> str:
     limit_s=200,
     pins="AUTOPILOTS 1.14: p2=21196",
 )
-def by_force(peer: Peer) -> str:
+def by_force(vehicle: VehicleUnderTest) -> str:
     """Parameter 2 = 21196 arms and disarms."""
-    flying.wait_ready(peer)
-    peer.accepted(ARM_COMMAND, 1, FORCE)
-    peer.until(lambda: peer.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
-    peer.accepted(ARM_COMMAND, 0, FORCE)
-    peer.until(lambda: not peer.armed, "disarmed in the heartbeat", flying.HEARTBEAT_LAG_S)
+    flying.wait_ready(vehicle)
+    vehicle.accepted(ARM_COMMAND, 1, FORCE)
+    vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
+    vehicle.accepted(ARM_COMMAND, 0, FORCE)
+    vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", flying.HEARTBEAT_LAG_S)
     return "ACCEPTED"
 
 
@@ -199,14 +200,14 @@ def by_force(peer: Peer) -> str:
     limit_s=200,
     pins="AUTOPILOTS 2: reboot is DENIED when armed",
 )
-def reboot_is_refused(peer: Peer) -> str:
+def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle does not reboot."""
-    expected = known(peer, ardupilot="FAILED", px4="DENIED")
-    flying.arm(peer)
-    result = peer.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
-    peer.wait(2.5)
-    armed = peer.armed
-    flying.disarm(peer)
+    expected = known_behaviour(vehicle, ardupilot="FAILED", px4="DENIED")
+    flying.arm(vehicle)
+    result = vehicle.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
+    vehicle.wait(2.5)
+    armed = vehicle.armed
+    flying.disarm(vehicle)
     equal(result_name(result), expected, "PREFLIGHT_REBOOT_SHUTDOWN")
     holds(armed, "it is no longer armed")
     return str(expected)
@@ -220,22 +221,22 @@ def reboot_is_refused(peer: Peer) -> str:
     limit_s=200,
     pins="AUTOPILOTS 1.7: MISSION_START on a disarmed vehicle is ACCEPTED, sets AUTO, and nothing flies",
 )
-def mission_start_disarmed(peer: Peer) -> str:
+def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
     """MISSION_START on a disarmed vehicle is accepted, and nothing flies."""
-    flying.wait_ready(peer)
-    plans.put(peer, plans.sample_plan(peer))
-    peer.accepted(mavlink.MAV_CMD_MISSION_START)
-    peer.until(flying.in_mode(peer, "mission"), "AUTO in the heartbeat", flying.HEARTBEAT_LAG_S)
-    peer.wait(3.0)
-    holds(not peer.armed, "it armed")
-    flying.ready_mode(peer)
+    flying.wait_ready(vehicle)
+    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    vehicle.accepted(mavlink.MAV_CMD_MISSION_START)
+    vehicle.wait_until(flying.in_mode(vehicle, "mission"), "AUTO in the heartbeat", flying.HEARTBEAT_LAG_S)
+    vehicle.wait(3.0)
+    holds(not vehicle.armed, "it armed")
+    flying.ready_mode(vehicle)
     return "AUTO, disarmed"
 
 
 @check("arming.takeoff_disarmed", needs=[ARM], dialects=("ardupilot",), kind="copter", limit_s=200)
-def takeoff_disarmed(peer: Peer) -> str:
+def takeoff_disarmed(vehicle: VehicleUnderTest) -> str:
     """NAV_TAKEOFF on a disarmed vehicle is refused."""
-    flying.wait_ready(peer)
-    result = peer.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10)
-    holds(result != mavlink.MAV_RESULT_ACCEPTED and not peer.armed, "expected a refusal, saw ACCEPTED")
+    flying.wait_ready(vehicle)
+    result = vehicle.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10)
+    holds(result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed, "expected a refusal, saw ACCEPTED")
     return result_name(result)

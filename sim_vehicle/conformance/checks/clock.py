@@ -4,88 +4,89 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.peer import STATION, Peer
+from sim_vehicle.conformance.assertions import Skip, equal, holds, near
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import Skip, equal, holds, near
+from sim_vehicle.conformance.traffic import STATION
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 Y2020_US = 1_577_836_800_000_000
 
 
-def _sync(peer: Peer, stamp: int) -> Any:
+def _sync(vehicle: VehicleUnderTest, stamp: int) -> Any:
     message = mavlink.MAVLink_timesync_message(0, stamp)
-    return peer.ask(message, "TIMESYNC", lambda m: m.ts1 == stamp and m.tc1 != 0)
+    return vehicle.ask(message, "TIMESYNC", lambda m: m.ts1 == stamp and m.tc1 != 0)
 
 
 @check("time.timesync.is_answered")
-def is_answered(peer: Peer) -> str:
-    """TIMESYNC with tc1 0 comes back with our stamp and the vehicle's time."""
-    answer = _sync(peer, 123_456_789_012)
+def is_answered(vehicle: VehicleUnderTest) -> str:
+    """The vehicle answers TIMESYNC with tc1 0 with the same stamp and its own time."""
+    answer = _sync(vehicle, 123_456_789_012)
     holds(answer.tc1 > 0, f"expected a time, saw {answer.tc1}")
     return f"{answer.tc1 / 1e9:.3f} s"
 
 
 @check("time.timesync.goes_forward")
-def goes_forward(peer: Peer) -> str:
-    """Two answers are as far apart as the questions were."""
-    first, at_s = _sync(peer, 1_001).tc1, peer.now
-    peer.wait(3.0)
-    second, then_s = _sync(peer, 1_002).tc1, peer.now
+def goes_forward(vehicle: VehicleUnderTest) -> str:
+    """The time between two answers is the time between the requests."""
+    first, at_s = _sync(vehicle, 1_001).tc1, vehicle.now
+    vehicle.wait(3.0)
+    second, then_s = _sync(vehicle, 1_002).tc1, vehicle.now
     near((second - first) / 1e9, then_s - at_s, 0.15 * (then_s - at_s), "seconds between two answers")
     return f"{(second - first) / 1e9:.3f} s in {then_s - at_s:.3f} s"
 
 
 @check("time.timesync.answer_is_not_answered")
-def not_answered(peer: Peer) -> str:
-    """A TIMESYNC that is itself an answer gets none."""
-    _sync(peer, 666_666)  # it does answer
-    mark = peer.mark()
-    peer.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
-    peer.none("TIMESYNC", lambda m: m.ts1 == 777_777, during_s=1.5, mark=mark)
+def not_answered(vehicle: VehicleUnderTest) -> str:
+    """The vehicle does not answer a TIMESYNC that is an answer."""
+    _sync(vehicle, 666_666)  # confirms that the vehicle answers
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
+    vehicle.expect_none("TIMESYNC", lambda m: m.ts1 == 777_777, during_s=1.5, mark=mark)
     return "no answer"
 
 
 @check("time.system_time.agrees_with_timesync")
-def agrees(peer: Peer) -> str:
+def agrees(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms and TIMESYNC count from the same moment."""
-    clock_s = _sync(peer, 2_001).tc1 / 1e9
-    boot_s = peer.request("SYSTEM_TIME").time_boot_ms / 1000
+    clock_s = _sync(vehicle, 2_001).tc1 / 1e9
+    boot_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
     near(boot_s, clock_s, 1.0, "seconds since boot")
     return f"{boot_s:.2f} s and {clock_s:.2f} s"
 
 
 @check("time.system_time.knows_the_date", limit_s=150)
-def knows_the_date(peer: Peer) -> str:
+def knows_the_date(vehicle: VehicleUnderTest) -> str:
     """With a GPS fix time_unix_usec is a date of this decade or later."""
     for _ in range(100):
-        message = peer.request("SYSTEM_TIME")
+        message = vehicle.request("SYSTEM_TIME")
         if message.time_unix_usec:
             holds(
                 message.time_unix_usec > Y2020_US,
                 f"expected a date after 2020, saw {message.time_unix_usec} us",
             )
             return f"{message.time_unix_usec / 1e6:.0f} s since 1970"
-        peer.wait(1.0)
+        vehicle.wait(1.0)
     raise Skip("no GPS time")
 
 
 @check("time.system_time.both_go_alike")
-def both_go_alike(peer: Peer) -> str:
+def both_go_alike(vehicle: VehicleUnderTest) -> str:
     """The date and the time since boot go at the same rate."""
-    first = peer.request("SYSTEM_TIME")
+    first = vehicle.request("SYSTEM_TIME")
     if not first.time_unix_usec:
         raise Skip("no GPS time")
-    peer.wait(4.0)
-    second = peer.request("SYSTEM_TIME")
+    vehicle.wait(4.0)
+    second = vehicle.request("SYSTEM_TIME")
     boot_s = (second.time_boot_ms - first.time_boot_ms) / 1000
     near((second.time_unix_usec - first.time_unix_usec) / 1e6, boot_s, 0.3, "seconds of the date")
     return f"{boot_s:.2f} s"
 
 
 @check("time.ping", dialects=("px4",))
-def ping(peer: Peer) -> str:
-    """PING to everybody is answered to us with the same number."""
+def ping(vehicle: VehicleUnderTest) -> str:
+    """The vehicle answers a PING to all systems, with the same number."""
     stamp = 987_654
-    answer = peer.ask(
+    answer = vehicle.ask(
         mavlink.MAVLink_ping_message(stamp, 42, 0, 0), "PING", lambda m: m.target_system == STATION[0]
     )
     equal((answer.seq, answer.time_usec), (42, stamp), "seq and time_usec")

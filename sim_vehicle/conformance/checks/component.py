@@ -1,4 +1,4 @@
-"""Component information: what a ground station reads instead of knowing the firmware."""
+"""Component information: metadata files for ground stations."""
 
 import json
 import lzma
@@ -6,25 +6,25 @@ import struct
 from typing import Any
 
 from sim_vehicle.conformance import frames, parameters
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.checks.files import bare_crc32
-from sim_vehicle.conformance.ftp import Ftp
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.ftp import FtpClient
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-METADATA = struct.Struct("<II100s")  # COMPONENT_METADATA as it travels: time_boot_ms, file_crc, uri
+METADATA = struct.Struct("<II100s")  # COMPONENT_METADATA on the wire: time_boot_ms, file_crc, uri
 PARAMETER_METADATA = 1  # COMP_METADATA_TYPE_PARAMETER
 SCHEME = "mftp://"
 
 
-def _metadata(peer: Peer) -> tuple[int, str]:
-    """Checksum and URI of the general metadata file."""
-    _, crc, uri = frames.requested(peer, frames.COMPONENT_METADATA, METADATA)
+def _metadata(vehicle: VehicleUnderTest) -> tuple[int, str]:
+    """Return checksum and URI of the general metadata file."""
+    _, crc, uri = frames.requested(vehicle, frames.COMPONENT_METADATA, METADATA)
     return crc, uri.rstrip(b"\0").decode("ascii", "replace")
 
 
 def _path(uri: str) -> str:
-    """The path of an FTP URI, without the component it may name."""
+    """Return the path of an FTP URI, without its component."""
     if not uri.startswith(SCHEME):
         raise Skip(f"{uri} is not on the vehicle")
     path = uri.removeprefix(SCHEME)
@@ -33,25 +33,25 @@ def _path(uri: str) -> str:
     return "/" + path.lstrip("/")
 
 
-def _fetch(peer: Peer, uri: str) -> tuple[bytes, Any]:
-    """The file as it is stored, and what it says."""
-    data = Ftp(peer).burst(_path(uri))
+def _fetch(vehicle: VehicleUnderTest, uri: str) -> tuple[bytes, Any]:
+    """Return the stored bytes of a file, and its JSON content."""
+    data = FtpClient(vehicle).burst(_path(uri))
     return data, json.loads(lzma.decompress(data) if uri.endswith(".xz") else data)
 
 
 @check("component.metadata_is_told")
-def is_told(peer: Peer) -> str:
+def metadata_is_offered(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_METADATA names a file."""
-    _, uri = _metadata(peer)
+    _, uri = _metadata(vehicle)
     holds(bool(uri), "the URI is empty")
     return uri
 
 
 @check("component.general_file_is_valid", limit_s=120)
-def general_file(peer: Peer) -> str:
+def general_file(vehicle: VehicleUnderTest) -> str:
     """The general file has its checksum, is JSON, and lists metadata by type."""
-    crc, uri = _metadata(peer)
-    data, content = _fetch(peer, uri)
+    crc, uri = _metadata(vehicle)
+    data, content = _fetch(vehicle, uri)
     equal(bare_crc32(data), crc, "checksum")
     entries = content.get("metadataTypes")
     if not isinstance(entries, list) or not entries:
@@ -61,18 +61,18 @@ def general_file(peer: Peer) -> str:
 
 
 @check("component.parameter_file_is_valid", limit_s=180)
-def parameter_file(peer: Peer) -> str:
-    """The parameter file describes parameters the vehicle has."""
-    _, uri = _metadata(peer)
-    _, general = _fetch(peer, uri)
+def parameter_file(vehicle: VehicleUnderTest) -> str:
+    """The parameter file describes at least 90 % of the vehicle's parameters."""
+    _, uri = _metadata(vehicle)
+    _, general = _fetch(vehicle, uri)
     found = [e for e in general["metadataTypes"] if e["type"] == PARAMETER_METADATA]
     if not found:
         raise Skip("no parameter metadata is listed")
-    data, content = _fetch(peer, found[0]["uri"])
+    data, content = _fetch(vehicle, found[0]["uri"])
     if "fileCrc" in found[0]:
         equal(bare_crc32(data), found[0]["fileCrc"], "checksum")
     names = {entry["name"] for entry in content["parameters"]}
-    listed = set(parameters.listed(peer))
+    listed = set(parameters.listed(vehicle))
     holds(
         len(names & listed) >= 0.9 * len(listed),
         f"{len(listed - names)} of {len(listed)} parameters are missing",

@@ -8,10 +8,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
-from sim_vehicle.conformance.peer import Peer, known
-from sim_vehicle.conformance.plans import FENCE, MISSION, Item
+from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near, result_name
+from sim_vehicle.conformance.plans import FENCE, MISSION, PlanItem
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, holds, mission_result_name, near, result_name
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 CLAIMS = ("MISSION_FENCE",)
 INSIDE = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
@@ -23,48 +23,48 @@ SQUARE = ((-200, -200), (-200, 200), (200, 200), (200, -200))
 
 
 def polygon(
-    peer: Peer,
+    vehicle: VehicleUnderTest,
     corners: Sequence[tuple[float, float]] = SQUARE,
     *,
     command: int = INSIDE,
-    told: int | None = None,
-) -> list[Item]:
-    """A polygon around the vehicle; `told` is the vertex count its items give, if not the true one."""
-    place = plans.here(peer)
-    vertices = float(len(corners) if told is None else told)
-    blank = Item(command, frame=mavlink.MAV_FRAME_GLOBAL, params=(vertices, 0, 0, 0))
-    return [replace(blank, x=x, y=y) for x, y in (plans.moved(place, n, e) for n, e in corners)]
+    vertex_count: int | None = None,
+) -> list[PlanItem]:
+    """Return a polygon around the vehicle; `vertex_count` replaces the true count in its items."""
+    place = plans.current_position(vehicle)
+    vertices = float(len(corners) if vertex_count is None else vertex_count)
+    blank = PlanItem(command, frame=mavlink.MAV_FRAME_GLOBAL, params=(vertices, 0, 0, 0))
+    return [replace(blank, x=x, y=y) for x, y in (plans.offset(place, n, e) for n, e in corners)]
 
 
-def circle(peer: Peer, radius_m: float, *, command: int = CIRCLE_INSIDE) -> Item:
-    x, y = plans.here(peer)
-    return Item(command, x, y, frame=mavlink.MAV_FRAME_GLOBAL, params=(radius_m, 0, 0, 0))
+def circle(vehicle: VehicleUnderTest, radius_m: float, *, command: int = CIRCLE_INSIDE) -> PlanItem:
+    x, y = plans.current_position(vehicle)
+    return PlanItem(command, x, y, frame=mavlink.MAV_FRAME_GLOBAL, params=(radius_m, 0, 0, 0))
 
 
 @contextmanager
-def fence_in_force(peer: Peer, items: Sequence[Item]) -> Iterator[None]:
-    """The vehicle heeds this fence for a while, and none afterwards."""
-    plans.put(peer, items, FENCE)
-    with _switched(peer):
-        peer.accepted(ENABLE, 1)
+def fence_in_force(vehicle: VehicleUnderTest, items: Sequence[PlanItem]) -> Iterator[None]:
+    """Enable this fence for a while, and remove it afterwards."""
+    plans.upload_or_fail(vehicle, items, FENCE)
+    with _fence_enabled(vehicle):
+        vehicle.accepted(ENABLE, 1)
         yield
-    with peer.tidying():
-        plans.put(peer, [], FENCE)
+    with vehicle.extra_time():
+        plans.upload_or_fail(vehicle, [], FENCE)
 
 
 @contextmanager
-def _switched(peer: Peer) -> Iterator[float | None]:
-    """The fence is switched on here and off afterwards; what FENCE_ENABLE says."""
-    parameter = parameters.setting(peer, "FENCE_ENABLE")
+def _fence_enabled(vehicle: VehicleUnderTest) -> Iterator[float | None]:
+    """Disable the fence afterwards; yield FENCE_ENABLE of before."""
+    parameter = parameters.value_or_none(vehicle, "FENCE_ENABLE")
     if parameter:
-        # Whose fence was on has it on again, once its own fence is there again.
-        peer.debts.setdefault("the fence's being on", lambda: peer.accepted(ENABLE, 1))
-    with peer.owing("the fence's being off", lambda: _off(peer)):
+        # A fence that was on is enabled again after the restoring of the plans.
+        vehicle.pending_restores.setdefault("the enabled fence", lambda: vehicle.accepted(ENABLE, 1))
+    with vehicle.restoring("the disabled fence", lambda: _disable(vehicle)):
         yield parameter
 
 
-def _off(peer: Peer) -> None:
-    result = peer.command(ENABLE, 0)
+def _disable(vehicle: VehicleUnderTest) -> None:
+    result = vehicle.command(ENABLE, 0)
     if result != mavlink.MAV_RESULT_UNSUPPORTED:
         equal(result_name(result), "ACCEPTED", "DO_FENCE_ENABLE 0")
 
@@ -73,68 +73,68 @@ def _places(items: Sequence[Any]) -> list[tuple[int, int, int]]:
     return [(item.command, item.x, item.y) for item in items]
 
 
-def _round_trip(peer: Peer, items: list[Item]) -> list[Any]:
-    plans.put(peer, items, FENCE)
-    back = plans.download(peer, FENCE)
+def _round_trip(vehicle: VehicleUnderTest, items: list[PlanItem]) -> list[Any]:
+    plans.upload_or_fail(vehicle, items, FENCE)
+    back = plans.download(vehicle, FENCE)
     equal(_places(back), _places(items), "fence")
     return back
 
 
-def _result(peer: Peer, items: list[Item]) -> str:
-    return mission_result_name(plans.upload(peer, items, FENCE).result)
+def _result(vehicle: VehicleUnderTest, items: list[PlanItem]) -> str:
+    return mission_result_name(plans.upload(vehicle, items, FENCE).result)
 
 
 @check("fence.polygon", claims=CLAIMS)
-def one_polygon(peer: Peer) -> str:
-    """A polygon to stay in is accepted and read back to the last digit."""
-    back = _round_trip(peer, polygon(peer))
+def one_polygon(vehicle: VehicleUnderTest) -> str:
+    """An inclusion polygon is accepted and read back exactly."""
+    back = _round_trip(vehicle, polygon(vehicle))
     equal({item.param1 for item in back}, {4.0}, "vertex count")
     return "4 vertices"
 
 
 @check("fence.exclusion_polygon", claims=CLAIMS)
-def exclusion_polygon(peer: Peer) -> str:
-    """A polygon to stay out of, beside one to stay in."""
+def exclusion_polygon(vehicle: VehicleUnderTest) -> str:
+    """An exclusion polygon beside an inclusion polygon is read back exactly."""
     triangle = ((100, 100), (150, 100), (150, 150))
-    _round_trip(peer, [*polygon(peer), *polygon(peer, triangle, command=OUTSIDE)])
+    _round_trip(vehicle, [*polygon(vehicle), *polygon(vehicle, triangle, command=OUTSIDE)])
     return "4 and 3 vertices"
 
 
 @check("fence.circle", claims=CLAIMS)
-def one_circle(peer: Peer) -> str:
-    """A circle to stay in keeps its radius."""
-    back = _round_trip(peer, [circle(peer, 250.0)])
+def one_circle(vehicle: VehicleUnderTest) -> str:
+    """An inclusion circle keeps its radius."""
+    back = _round_trip(vehicle, [circle(vehicle, 250.0)])
     near(back[0].param1, 250.0, 0.5, "radius")
     return f"{back[0].param1:g} m"
 
 
 @check("fence.exclusion_circle", claims=CLAIMS)
-def exclusion_circle(peer: Peer) -> str:
-    """Circles of both kinds together."""
-    place = plans.moved(plans.here(peer), 120, 0)
-    out = replace(circle(peer, 20.0, command=CIRCLE_OUTSIDE), x=place[0], y=place[1])
-    _round_trip(peer, [circle(peer, 300.0), out])
+def exclusion_circle(vehicle: VehicleUnderTest) -> str:
+    """An inclusion and an exclusion circle are read back exactly."""
+    place = plans.offset(plans.current_position(vehicle), 120, 0)
+    out = replace(circle(vehicle, 20.0, command=CIRCLE_OUTSIDE), x=place[0], y=place[1])
+    _round_trip(vehicle, [circle(vehicle, 300.0), out])
     return "2 circles"
 
 
 @check(
     "fence.read_back_frame", claims=CLAIMS, pins="AUTOPILOTS 2: fence read back frame 0 / read-back frame 5"
 )
-def read_back_frame(peer: Peer) -> str:
-    """Items come back in frame 0 from ArduPilot, in 5 from PX4."""
-    expected = known(peer, ardupilot=0, px4=5)
-    plans.put(peer, polygon(peer), FENCE)
-    equal({item.frame for item in plans.download(peer, FENCE)}, {expected}, "frames")
+def read_back_frame(vehicle: VehicleUnderTest) -> str:
+    """Items are read back in frame 0 on ArduPilot and in frame 5 on PX4."""
+    expected = known_behaviour(vehicle, ardupilot=0, px4=5)
+    plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
+    equal({item.frame for item in plans.download(vehicle, FENCE)}, {expected}, "frames")
     return str(expected)
 
 
 @check(
     "fence.relative_frame", claims=CLAIMS, pins="AUTOPILOTS 2: fence frames 0,3,5,6 / frame 0 and 3 accepted"
 )
-def relative_frame(peer: Peer) -> str:
+def relative_frame(vehicle: VehicleUnderTest) -> str:
     """Frame 3 is accepted as well as 0."""
-    known(peer, ardupilot=True, px4=True)
-    equal(_result(peer, [replace(i, frame=3) for i in polygon(peer)]), "ACCEPTED", "frame 3")
+    known_behaviour(vehicle, ardupilot=True, px4=True)
+    equal(_result(vehicle, [replace(i, frame=3) for i in polygon(vehicle)]), "ACCEPTED", "frame 3")
     return "ACCEPTED"
 
 
@@ -144,38 +144,38 @@ def relative_frame(peer: Peer) -> str:
     dialects=("ardupilot",),
     pins="AUTOPILOTS 2: fence frames (2 refused)",
 )
-def fence_mission_frame(peer: Peer) -> str:
+def fence_mission_frame(vehicle: VehicleUnderTest) -> str:
     """Frame 2 is refused."""
-    seen = _result(peer, [replace(i, frame=2) for i in polygon(peer)])
+    seen = _result(vehicle, [replace(i, frame=2) for i in polygon(vehicle)])
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
     return seen
 
 
 @check("fence.two_vertices", claims=CLAIMS, pins="AUTOPILOTS 2: 2-vertex polygon -> ERROR")
-def two_vertices(peer: Peer) -> str:
+def two_vertices(vehicle: VehicleUnderTest) -> str:
     """A polygon of two vertices is refused."""
-    seen = _result(peer, polygon(peer, SQUARE[:2]))
+    seen = _result(vehicle, polygon(vehicle, SQUARE[:2]))
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
-    if peer.dialect.known:
+    if vehicle.dialect.known:
         equal(seen, "ERROR", "2 vertices")
     return seen
 
 
 @check("fence.wrong_vertex_count", claims=CLAIMS, pins="AUTOPILOTS 2: wrong vertex count")
-def wrong_vertex_count(peer: Peer) -> str:
-    """Four vertices that claim to be six: ERROR from ArduPilot, ACCEPTED from PX4."""
-    expected = known(peer, ardupilot="ERROR", px4="ACCEPTED")
-    equal(_result(peer, polygon(peer, told=6)), expected, "6 for 4")
+def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
+    """Four vertices with a vertex count of six: ERROR on ArduPilot, ACCEPTED on PX4."""
+    expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
+    equal(_result(vehicle, polygon(vehicle, vertex_count=6)), expected, "6 for 4")
     return str(expected)
 
 
 @check("fence.old_one_stays", claims=CLAIMS, pins="AUTOPILOTS 2: fence atomic, old fence kept on failure")
-def old_one_stays(peer: Peer) -> str:
-    """A fence that is refused leaves the old one."""
-    old = polygon(peer)
-    plans.put(peer, old, FENCE)
-    holds(_result(peer, polygon(peer, SQUARE[:2])) != "ACCEPTED", "2 vertices were accepted")
-    equal(_places(plans.download(peer, FENCE)), _places(old), "fence")
+def old_one_stays(vehicle: VehicleUnderTest) -> str:
+    """A refused fence leaves the old one."""
+    old = polygon(vehicle)
+    plans.upload_or_fail(vehicle, old, FENCE)
+    holds(_result(vehicle, polygon(vehicle, SQUARE[:2])) != "ACCEPTED", "2 vertices were accepted")
+    equal(_places(plans.download(vehicle, FENCE)), _places(old), "fence")
     return "kept"
 
 
@@ -185,9 +185,9 @@ def old_one_stays(peer: Peer) -> str:
     dialects=("ardupilot",),
     pins="AUTOPILOTS 2: self-intersecting accepted",
 )
-def self_intersecting(peer: Peer) -> str:
-    """A polygon that crosses itself is accepted."""
-    _round_trip(peer, polygon(peer, (SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3])))
+def self_intersecting(vehicle: VehicleUnderTest) -> str:
+    """A self-intersecting polygon is accepted."""
+    _round_trip(vehicle, polygon(vehicle, (SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3])))
     return "ACCEPTED"
 
 
@@ -198,52 +198,52 @@ def self_intersecting(peer: Peer) -> str:
     pins="AUTOPILOTS 2: 200 -> NO_SPACE",
     limit_s=90,
 )
-def too_large(peer: Peer) -> str:
-    """Two hundred vertices do not fit, and the old fence stays."""
-    old = polygon(peer)
-    plans.put(peer, old, FENCE)
+def too_large(vehicle: VehicleUnderTest) -> str:
+    """Two hundred vertices are refused, and the old fence stays."""
+    old = polygon(vehicle)
+    plans.upload_or_fail(vehicle, old, FENCE)
     corners = [(200 - i, 150.0 + i % 2) for i in range(200)]
-    seen = _result(peer, polygon(peer, corners))
+    seen = _result(vehicle, polygon(vehicle, corners))
     equal(seen, "NO_SPACE", "200 vertices")
-    equal(_places(plans.download(peer, FENCE)), _places(old), "fence")
+    equal(_places(plans.download(vehicle, FENCE)), _places(old), "fence")
     return seen
 
 
 @check(
     "fence.total_parameter", claims=CLAIMS, dialects=("ardupilot",), pins="AUTOPILOTS 2: FENCE_TOTAL reads 6"
 )
-def total_parameter(peer: Peer) -> str:
+def total_parameter(vehicle: VehicleUnderTest) -> str:
     """FENCE_TOTAL reads 6 for a polygon of four vertices."""
-    plans.put(peer, polygon(peer), FENCE)
-    equal(parameters.read(peer, "FENCE_TOTAL").value, 6, "FENCE_TOTAL")
+    plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
+    equal(parameters.read(vehicle, "FENCE_TOTAL").value, 6, "FENCE_TOTAL")
     return "6"
 
 
 @check("fence.clear", claims=CLAIMS)
-def clear(peer: Peer) -> str:
+def clear(vehicle: VehicleUnderTest) -> str:
     """Clearing removes the fence."""
-    plans.put(peer, polygon(peer), FENCE)
-    equal(mission_result_name(plans.clear(peer, FENCE)), "ACCEPTED", "MISSION_CLEAR_ALL")
-    equal(plans.count(peer, FENCE), 0, "items left")
+    plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
+    equal(mission_result_name(plans.clear(vehicle, FENCE)), "ACCEPTED", "MISSION_CLEAR_ALL")
+    equal(plans.count(vehicle, FENCE), 0, "items left")
     return "empty"
 
 
 @check("fence.is_not_the_mission", claims=CLAIMS)
-def is_not_the_mission(peer: Peer) -> str:
-    """Writing and clearing a fence leaves the mission alone, and the other way round."""
-    mission, fence = plans.sample_plan(peer), polygon(peer)
-    plans.put(peer, mission)
-    plans.put(peer, fence, FENCE)
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, mission), "mission")
-    plans.clear(peer, MISSION)
-    equal(_places(plans.download(peer, FENCE)), _places(fence), "fence")
+def is_not_the_mission(vehicle: VehicleUnderTest) -> str:
+    """Writing and clearing a fence leaves the mission unchanged, and the reverse."""
+    mission, fence = plans.sample_plan(vehicle), polygon(vehicle)
+    plans.upload_or_fail(vehicle, mission)
+    plans.upload_or_fail(vehicle, fence, FENCE)
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, mission), "mission")
+    plans.clear(vehicle, MISSION)
+    equal(_places(plans.download(vehicle, FENCE)), _places(fence), "fence")
     return "independent"
 
 
 @check("fence.wrong_command", claims=CLAIMS, dialects=("ardupilot", "mavlink"))
-def wrong_command(peer: Peer) -> str:
+def wrong_command(vehicle: VehicleUnderTest) -> str:
     """A waypoint in a fence is refused."""
-    seen = _result(peer, [replace(circle(peer, 250), command=mavlink.MAV_CMD_NAV_WAYPOINT)])
+    seen = _result(vehicle, [replace(circle(vehicle, 250), command=mavlink.MAV_CMD_NAV_WAYPOINT)])
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
     return seen
 
@@ -254,46 +254,50 @@ def wrong_command(peer: Peer) -> str:
     dialects=("ardupilot",),
     pins="AUTOPILOTS 2: mission and fence uploads may run interleaved",
 )
-def interleaved(peer: Peer) -> str:
-    """A mission and a fence go up at the same time, item by item."""
-    wanted = {MISSION: plans.sample_plan(peer, 4), FENCE: polygon(peer)}
-    mark = peer.mark()
+def interleaved(vehicle: VehicleUnderTest) -> str:
+    """A mission and a fence can be uploaded at the same time, item by item."""
+    wanted = {MISSION: plans.sample_plan(vehicle, 4), FENCE: polygon(vehicle)}
+    mark = vehicle.mark()
     for kind, items in wanted.items():
-        peer.send(plans.count_message(peer, len(items), kind))
+        vehicle.send(plans.count_message(vehicle, len(items), kind))
     results: dict[int, int] = {}
     while len(results) < 2:
-        place = peer.seek((*plans.REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
+        place = vehicle.seek((*plans.REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
         holds(place is not None, f"the uploads stopped; finished: {results}")
         assert place is not None
-        entry, mark = peer.heard[place], place + 1
+        entry, mark = vehicle.received[place], place + 1
         kind = entry.message.mission_type
         if entry.kind == "MISSION_ACK":
             results[kind] = entry.message.type
         else:
             seq = entry.message.seq
-            peer.send(wanted[kind][seq].message(peer, seq, kind))
+            vehicle.send(wanted[kind][seq].message(vehicle, seq, kind))
     equal(results, {MISSION: 0, FENCE: 0}, "results by type")
-    equal(_places(plans.download(peer, FENCE)), _places(wanted[FENCE]), "fence")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, wanted[MISSION]), "mission")
+    equal(_places(plans.download(vehicle, FENCE)), _places(wanted[FENCE]), "fence")
+    equal(
+        plans.coordinates(vehicle, plans.download(vehicle)),
+        plans.coordinates(vehicle, wanted[MISSION]),
+        "mission",
+    )
     return "both ACCEPTED"
 
 
 @check("fence.enable_command", claims=CLAIMS, pins="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
-def enable_command(peer: Peer) -> str:
-    """DO_FENCE_ENABLE: accepted by ArduPilot without a change of FENCE_ENABLE, UNSUPPORTED for PX4."""
-    expected = known(peer, ardupilot="ACCEPTED", px4="UNSUPPORTED")
-    plans.put(peer, polygon(peer), FENCE)
-    with _switched(peer) as before:
-        seen = result_name(peer.command(ENABLE, 1))
-        after = parameters.setting(peer, "FENCE_ENABLE")
+def enable_command(vehicle: VehicleUnderTest) -> str:
+    """DO_FENCE_ENABLE is accepted by ArduPilot, with FENCE_ENABLE unchanged, and UNSUPPORTED on PX4."""
+    expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
+    plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
+    with _fence_enabled(vehicle) as before:
+        seen = result_name(vehicle.command(ENABLE, 1))
+        after = parameters.value_or_none(vehicle, "FENCE_ENABLE")
     equal(seen, expected, "DO_FENCE_ENABLE")
     equal(after, before, "FENCE_ENABLE")
     return seen
 
 
 @check("fence.leaves_nothing", claims=CLAIMS)
-def leaves_nothing(peer: Peer) -> str:
-    """An empty upload is accepted: no fence is in the way of what follows."""
-    plans.put(peer, [], FENCE)
-    equal(plans.count(peer, FENCE), 0, "items left")
+def leaves_nothing(vehicle: VehicleUnderTest) -> str:
+    """An empty upload is accepted and removes the fence."""
+    plans.upload_or_fail(vehicle, [], FENCE)
+    equal(plans.count(vehicle, FENCE), 0, "items left")
     return "empty"

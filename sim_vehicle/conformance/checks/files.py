@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from sim_vehicle.conformance import ftp, parameters
-from sim_vehicle.conformance.ftp import Ftp
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
+from sim_vehicle.conformance.ftp import FtpClient
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CLAIMS = ("FTP",)
 PACKED = "@PARAM/param.pck"
@@ -17,18 +17,18 @@ CANDIDATES = (PACKED, "/etc/extras/component_general.json.xz", "@SYS/uarts.txt")
 
 
 @contextmanager
-def _client(peer: Peer) -> Iterator[Ftp]:
-    client = Ftp(peer)
+def _client(vehicle: VehicleUnderTest) -> Iterator[FtpClient]:
+    client = FtpClient(vehicle)
     client.reset()
     try:
         yield client
     finally:
-        with peer.tidying():
+        with vehicle.extra_time():
             client.reset()
 
 
-def _some_file(client: Ftp) -> tuple[str, bytes]:
-    """A file the vehicle has, with its bytes."""
+def _some_file(client: FtpClient) -> tuple[str, bytes]:
+    """Return the path and content of a file on the vehicle; Skip without one."""
     for path in CANDIDATES:
         answer = client.ask(ftp.OPEN_READ, path.encode())
         if answer.ok:
@@ -38,20 +38,20 @@ def _some_file(client: Ftp) -> tuple[str, bytes]:
         if entry.startswith("F") and not entry.endswith("\t0"):
             path = "/" + entry[1:].partition("\t")[0]
             return path, client.read(path)
-    raise Skip("no file is known that could be read")
+    raise Skip("no readable file is known")
 
 
 @check("ftp.reset", claims=CLAIMS)
-def reset(peer: Peer) -> str:
+def reset(vehicle: VehicleUnderTest) -> str:
     """ResetSessions is acknowledged."""
-    holds(Ftp(peer).ask(ftp.RESET).ok, "expected ACK")
+    holds(FtpClient(vehicle).ask(ftp.RESET).ok, "expected ACK")
     return "ACK"
 
 
 @check("ftp.sequence_number", claims=CLAIMS)
-def sequence_number(peer: Peer) -> str:
+def sequence_number(vehicle: VehicleUnderTest) -> str:
     """An answer carries the request's number plus one, and the request's operation."""
-    client = Ftp(peer)
+    client = FtpClient(vehicle)
     client.seq = 700
     answer = client.ask(ftp.RESET)
     equal((answer.seq, answer.request), (702, ftp.RESET), "seq, request opcode")
@@ -59,18 +59,18 @@ def sequence_number(peer: Peer) -> str:
 
 
 @check("ftp.addressed_to_us", claims=CLAIMS)
-def addressed(peer: Peer) -> str:
-    """The answer is addressed to the station that asked."""
-    Ftp(peer).ask(ftp.RESET)
-    message = peer.last["FILE_TRANSFER_PROTOCOL"].message
+def addressed(vehicle: VehicleUnderTest) -> str:
+    """The answer is addressed to the requesting station."""
+    FtpClient(vehicle).ask(ftp.RESET)
+    message = vehicle.last["FILE_TRANSFER_PROTOCOL"].message
     equal(message.target_system, 255, "target_system")
     return str(message.target_system)
 
 
 @check("ftp.lists_a_directory", claims=CLAIMS)
-def lists(peer: Peer) -> str:
+def lists(vehicle: VehicleUnderTest) -> str:
     """The root can be listed, each entry a file, a directory or a blank."""
-    with _client(peer) as client:
+    with _client(vehicle) as client:
         entries = client.list("/")
     bad = [entry for entry in entries if entry[0] not in "FDS"]
     holds(not bad, f"saw {bad[:3]}")
@@ -78,18 +78,18 @@ def lists(peer: Peer) -> str:
 
 
 @check("ftp.missing_directory", claims=CLAIMS)
-def missing_directory(peer: Peer) -> str:
-    """A directory that is not there is refused."""
-    with _client(peer) as client:
+def missing_directory(vehicle: VehicleUnderTest) -> str:
+    """A missing directory is refused."""
+    with _client(vehicle) as client:
         answer = client.ask(ftp.LIST, b"/no/such/directory")
     holds(not answer.ok, "expected NAK, saw ACK")
     return f"error {answer.error}"
 
 
 @check("ftp.missing_file", claims=CLAIMS)
-def missing_file(peer: Peer) -> str:
-    """A file that is not there is refused as not found."""
-    with _client(peer) as client:
+def missing_file(vehicle: VehicleUnderTest) -> str:
+    """A missing file is refused as not found."""
+    with _client(vehicle) as client:
         answer = client.ask(ftp.OPEN_READ, b"/no/such/file")
     holds(not answer.ok, "expected NAK, saw ACK")
     holds(answer.error in (ftp.NOT_FOUND, ftp.FAIL_ERRNO, ftp.FAIL), f"saw error {answer.error}")
@@ -97,9 +97,9 @@ def missing_file(peer: Peer) -> str:
 
 
 @check("ftp.unknown_operation", claims=CLAIMS)
-def unknown_operation(peer: Peer) -> str:
-    """An operation nobody has is refused: as unknown, or by ArduPilot without a reason."""
-    with _client(peer) as client:
+def unknown_operation(vehicle: VehicleUnderTest) -> str:
+    """An unknown operation is refused: as unknown, or on ArduPilot without a reason."""
+    with _client(vehicle) as client:
         answer = client.ask(99)
     holds(not answer.ok, "expected NAK, saw ACK")
     holds(answer.error in (ftp.UNKNOWN_COMMAND, ftp.FAIL), f"saw error {answer.error}")
@@ -107,32 +107,32 @@ def unknown_operation(peer: Peer) -> str:
 
 
 @check("ftp.session_that_is_not_open", claims=CLAIMS)
-def no_session(peer: Peer) -> str:
-    """Reading from a session nobody opened is refused."""
-    with _client(peer) as client:
+def no_session(vehicle: VehicleUnderTest) -> str:
+    """A read from a session that is not open is refused."""
+    with _client(vehicle) as client:
         answer = client.ask(ftp.READ, session=0, offset=0, size=10)
     holds(not answer.ok, "expected NAK, saw ACK")
     return f"error {answer.error}"
 
 
 @check("ftp.reads_a_file", claims=CLAIMS, limit_s=200)
-def reads_a_file(peer: Peer) -> str:
-    """A file is opened and read to its end."""
-    with _client(peer) as client:
+def reads_a_file(vehicle: VehicleUnderTest) -> str:
+    """A file can be opened and read to its end."""
+    with _client(vehicle) as client:
         path, data = _some_file(client)
     holds(len(data) > 0, f"{path} is empty")
     return f"{path}, {len(data)} bytes"
 
 
 @check("ftp.same_twice", claims=CLAIMS, limit_s=200)
-def read_again(peer: Peer) -> str:
-    """Any part of a file reads the same again."""
-    with _client(peer) as client:
+def read_again(vehicle: VehicleUnderTest) -> str:
+    """A second read of a part of a file gives the same bytes."""
+    with _client(vehicle) as client:
         path, data = _some_file(client)
         session, _ = client.open(path)
         for offset in (0, len(data) // 3, max(0, len(data) - 20)):
             answer = client.ask(ftp.READ, session=session, offset=offset, size=20)
-            # PX4 fills the message whatever size was asked for.
+            # PX4 fills the message, whatever size is requested.
             holds(answer.ok and len(answer.data) > 0, f"nothing at {offset}")
             if path != PACKED:
                 equal(answer.data, data[offset : offset + len(answer.data)], f"bytes at {offset}")
@@ -140,9 +140,9 @@ def read_again(peer: Peer) -> str:
 
 
 @check("ftp.end_of_file", claims=CLAIMS, limit_s=200)
-def end_of_file(peer: Peer) -> str:
-    """Reading behind the end is refused as end of file."""
-    with _client(peer) as client:
+def end_of_file(vehicle: VehicleUnderTest) -> str:
+    """A read after the end is refused as end of file."""
+    with _client(vehicle) as client:
         path, data = _some_file(client)
         session, _ = client.open(path)
         answer = client.ask(ftp.READ, session=session, offset=len(data) + 1000, size=20)
@@ -152,9 +152,9 @@ def end_of_file(peer: Peer) -> str:
 
 
 @check("ftp.burst_reads_the_same", claims=CLAIMS, limit_s=200)
-def burst(peer: Peer) -> str:
-    """Burst reads give the bytes single reads give."""
-    with _client(peer) as client:
+def burst(vehicle: VehicleUnderTest) -> str:
+    """Burst reads give the same bytes as single reads."""
+    with _client(vehicle) as client:
         path, data = _some_file(client)
         seen = client.burst(path)
     equal(len(seen), len(data), f"bytes of {path}")
@@ -163,12 +163,12 @@ def burst(peer: Peer) -> str:
 
 
 @check("ftp.repeated_request", claims=CLAIMS)
-def repeated(peer: Peer) -> str:
-    """The same request again, as after a lost answer, gets the same answer."""
-    with _client(peer) as client:
+def repeated(vehicle: VehicleUnderTest) -> str:
+    """A repeated request, as after a lost answer, gets the same answer."""
+    with _client(vehicle) as client:
         path, _ = _some_file(client)
         first = client.ask(ftp.OPEN_READ, path.encode())
-        mark = peer.mark()
+        mark = vehicle.mark()
         client.resend(ftp.OPEN_READ, path.encode())
         again = client.reply(mark)
     holds(again is not None, "expected an answer, saw none")
@@ -180,9 +180,9 @@ def repeated(peer: Peer) -> str:
 
 
 @check("ftp.checksum", claims=CLAIMS, limit_s=200)
-def checksum(peer: Peer) -> str:
-    """CalcFileCRC32, where it is served, is the checksum of the bytes."""
-    with _client(peer) as client:
+def checksum(vehicle: VehicleUnderTest) -> str:
+    """CalcFileCRC32, where supported, is the checksum of the bytes."""
+    with _client(vehicle) as client:
         path, data = _some_file(client)
         if path == PACKED:
             raise Skip("the packed parameters are made anew each time")
@@ -196,14 +196,14 @@ def checksum(peer: Peer) -> str:
 
 
 def bare_crc32(data: bytes) -> int:
-    """CRC32 that begins with 0 and is not inverted at the end."""
+    """Return the CRC-32 with initial value 0 and without a final inversion."""
     return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 @check("ftp.ends_a_session", claims=CLAIMS)
-def ends_a_session(peer: Peer) -> str:
-    """After TerminateSession the session cannot be read."""
-    with _client(peer) as client:
+def ends_a_session(vehicle: VehicleUnderTest) -> str:
+    """After TerminateSession a read from the session is refused."""
+    with _client(vehicle) as client:
         path, _ = _some_file(client)
         session, _ = client.open(path)
         holds(client.ask(ftp.TERMINATE, session=session).ok, "expected ACK for TerminateSession")
@@ -213,13 +213,13 @@ def ends_a_session(peer: Peer) -> str:
 
 
 @check("ftp.packed_parameters", claims=CLAIMS, dialects=("ardupilot",), limit_s=200)
-def packed_parameters(peer: Peer) -> str:
+def packed_parameters(vehicle: VehicleUnderTest) -> str:
     """@PARAM/param.pck begins with its magic and counts as many parameters as the list."""
-    with _client(peer) as client:
+    with _client(vehicle) as client:
         data = client.burst(PACKED)
     magic, count, total = (int.from_bytes(data[i : i + 2], "little") for i in (0, 2, 4))
     holds(magic in PACKED_MAGIC, f"expected a magic of {PACKED_MAGIC[0]:#x}, saw {magic:#x}")
-    listed = len(parameters.listed(peer))
+    listed = len(parameters.listed(vehicle))
     if not abs(total - listed) <= 2:
         raise CheckFailed(f"expected {listed} parameters, saw {total}")
     return f"{count} of {total} parameters, {len(data)} bytes"

@@ -1,14 +1,14 @@
-"""Flying by command: take-off, going places, holding, coming back."""
+"""Flight by commands: take-off, repositioning, holding, speed."""
 
 import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
+from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_name
 from sim_vehicle.conformance.guard import ARM
-from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import Skip, equal, holds, near, result_name
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 GO_M = 40.0
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
@@ -20,13 +20,13 @@ TURN_S = 20.0
 
 
 @check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter", limit_s=400)
-def takeoff_landed_state(peer: Peer) -> str:
-    """landed_state goes from ON_GROUND over TAKEOFF, where it is told, to IN_AIR."""
-    flying.come_down(peer)
-    peer.set_interval("EXTENDED_SYS_STATE", 10)
-    mark = peer.mark()
-    flying.be_up(peer)
-    states = [m.landed_state for m in peer.since(mark, "EXTENDED_SYS_STATE")]
+def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
+    """landed_state changes from ON_GROUND to IN_AIR, with TAKEOFF in between where it is reported."""
+    flying.ensure_landed(vehicle)
+    vehicle.set_interval("EXTENDED_SYS_STATE", 10)
+    mark = vehicle.mark()
+    flying.ensure_airborne(vehicle)
+    states = [m.landed_state for m in vehicle.since(mark, "EXTENDED_SYS_STATE")]
     seen = [s for i, s in enumerate(states) if i == 0 or s != states[i - 1]]
     holds(seen[0] == mavlink.MAV_LANDED_STATE_ON_GROUND, f"began with {seen[0]}")
     holds(seen[-1] == mavlink.MAV_LANDED_STATE_IN_AIR, f"ended with {seen[-1]}")
@@ -35,24 +35,24 @@ def takeoff_landed_state(peer: Peer) -> str:
 
 
 @check("flight.status_is_active", airborne=True, limit_s=300)
-def status_active(peer: Peer) -> str:
+def status_active(vehicle: VehicleUnderTest) -> str:
     """In the air system_status is ACTIVE and the armed flag is set."""
-    peer.expect("HEARTBEAT", within_s=3)
-    peer.wait(1.0)
-    equal(peer.heartbeat.system_status, mavlink.MAV_STATE_ACTIVE, "system_status")
-    holds(peer.armed, "not armed")
+    vehicle.expect("HEARTBEAT", within_s=3)
+    vehicle.wait(1.0)
+    equal(vehicle.heartbeat.system_status, mavlink.MAV_STATE_ACTIVE, "system_status")
+    holds(vehicle.armed, "not armed")
     return "ACTIVE"
 
 
 @check("flight.disarm_is_refused", airborne=True, limit_s=300, pins="AUTOPILOTS 1.14: Disarm in flight")
-def disarm_refused(peer: Peer) -> str:
+def disarm_refused(vehicle: VehicleUnderTest) -> str:
     """Disarming in flight without force is refused."""
-    if peer.dialect.disarm_refused is None:
-        raise Skip("nobody knows what this autopilot would do")
-    result = peer.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
-    peer.wait(1.5)
-    holds(peer.armed, "it disarmed in flight")
-    equal(result_name(result), result_name(peer.dialect.disarm_refused), "disarming")
+    if vehicle.dialect.disarm_refused is None:
+        raise Skip("the behaviour of this autopilot is unknown")
+    result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+    vehicle.wait(1.5)
+    holds(vehicle.armed, "it disarmed in flight")
+    equal(result_name(result), result_name(vehicle.dialect.disarm_refused), "disarming")
     return result_name(result)
 
 
@@ -66,30 +66,30 @@ def disarm_refused(peer: Peer) -> str:
     limit_s=300,
     pins="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude",
 )
-def hold_keeps(peer: Peer) -> str:
-    """In the hold mode the vehicle stays within two metres, and at its height, for ten seconds."""
-    flying.set_mode(peer, "hold")
-    peer.until(lambda: flying.speed_m_s(peer) < 0.5, "a standstill", STOPS_S)
-    place, height = flying.place(peer), flying.height_m(peer)
-    peer.wait(10.0)
-    holds(flying.away_m(peer, place) < 2.5, f"drifted {flying.away_m(peer, place):.1f} m")
-    near(flying.height_m(peer), height, 1.0, "height")
-    return f"{flying.away_m(peer, place):.2f} m"
+def hold_keeps(vehicle: VehicleUnderTest) -> str:
+    """In the hold mode the vehicle stays within 2.5 m, and at its height, for 10 s."""
+    flying.set_mode(vehicle, "hold")
+    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.5, "a standstill", STOPS_S)
+    place, height = flying.last_position(vehicle), flying.height_m(vehicle)
+    vehicle.wait(10.0)
+    holds(flying.distance_to_m(vehicle, place) < 2.5, f"drifted {flying.distance_to_m(vehicle, place):.1f} m")
+    near(flying.height_m(vehicle), height, 1.0, "height")
+    return f"{flying.distance_to_m(vehicle, place):.2f} m"
 
 
 @check("flight.hold.circles", airborne=True, kind="plane", limit_s=300)
-def hold_circles(peer: Peer) -> str:
-    """In the hold mode a plane circles: it stays near, keeps flying, and keeps its height."""
-    flying.set_mode(peer, "hold")
-    peer.wait(5.0)
-    place, height = flying.place(peer), flying.height_m(peer)
+def hold_circles(vehicle: VehicleUnderTest) -> str:
+    """In the hold mode a plane circles near its position and keeps its height."""
+    flying.set_mode(vehicle, "hold")
+    vehicle.wait(5.0)
+    place, height = flying.last_position(vehicle), flying.height_m(vehicle)
     farthest = 0.0
     for _ in range(40):
-        peer.wait(1.0)
-        farthest = max(farthest, flying.away_m(peer, place))
-        holds(flying.speed_m_s(peer) > 3.0, f"slowed to {flying.speed_m_s(peer):.1f} m/s")
+        vehicle.wait(1.0)
+        farthest = max(farthest, flying.distance_to_m(vehicle, place))
+        holds(flying.speed_m_s(vehicle) > 3.0, f"slowed to {flying.speed_m_s(vehicle):.1f} m/s")
     holds(20 < farthest < 600, f"expected a circle, saw at most {farthest:.0f} m from its place")
-    near(flying.height_m(peer), height, 15.0, "height")
+    near(flying.height_m(vehicle), height, 15.0, "height")
     return f"within {farthest:.0f} m"
 
 
@@ -102,13 +102,13 @@ def hold_circles(peer: Peer) -> str:
     limit_s=300,
     pins="AUTOPILOTS 1.6: LOITER descended into the ground",
 )
-def loiter_sinks(peer: Peer) -> str:
-    """LOITER without an RC throttle goes down at about 2.5 m/s."""
-    height = flying.height_m(peer)
-    flying.set_mode(peer, "loiter")
-    peer.wait(3.0)
-    sunk = height - flying.height_m(peer)
-    flying.set_mode(peer, "hold")
+def loiter_sinks(vehicle: VehicleUnderTest) -> str:
+    """LOITER without an RC throttle descends at about 2.5 m/s."""
+    height = flying.height_m(vehicle)
+    flying.set_mode(vehicle, "loiter")
+    vehicle.wait(3.0)
+    sunk = height - flying.height_m(vehicle)
+    flying.set_mode(vehicle, "hold")
     holds(sunk > 3.0, f"expected it to sink, saw {sunk:.1f} m in 3 s")
     return f"{sunk:.1f} m in 3 s"
 
@@ -117,34 +117,37 @@ def loiter_sinks(peer: Peer) -> str:
 
 
 @check("flight.reposition.goes_there", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 1.17")
-def reposition_goes(peer: Peer) -> str:
-    """DO_REPOSITION as COMMAND_INT takes it to a place and height."""
-    target = plans.moved(flying.place(peer), GO_M, GO_M / 2)
-    equal(result_name(flying.reposition(peer, target, 25.0)), "ACCEPTED", "DO_REPOSITION")
-    took_s = flying.gets_to(peer, target)
-    peer.until(lambda: abs(flying.height_m(peer) - 25.0) < 1.5, "a height of 25 m", 40)
+def reposition_goes(vehicle: VehicleUnderTest) -> str:
+    """DO_REPOSITION as COMMAND_INT moves the vehicle to a position and height."""
+    target = plans.offset(flying.last_position(vehicle), GO_M, GO_M / 2)
+    equal(result_name(flying.reposition(vehicle, target, 25.0)), "ACCEPTED", "DO_REPOSITION")
+    took_s = flying.wait_until_near(vehicle, target)
+    vehicle.wait_until(lambda: abs(flying.height_m(vehicle) - 25.0) < 1.5, "a height of 25 m", 40)
     return f"{took_s:.0f} s for {GO_M:g} m"
 
 
 @check("flight.reposition.circles_there", airborne=True, kind="plane", limit_s=300)
-def reposition_plane(peer: Peer) -> str:
-    """DO_REPOSITION takes a plane to circle around another place."""
-    target = plans.moved(flying.place(peer), 400.0, 0.0)
-    equal(result_name(flying.reposition(peer, target, 60.0)), "ACCEPTED", "DO_REPOSITION")
-    took_s = flying.gets_to(peer, target, 120.0, 150.0)
-    peer.wait(20.0)
-    holds(flying.away_m(peer, target) < 300, f"{flying.away_m(peer, target):.0f} m away after a while")
+def reposition_plane(vehicle: VehicleUnderTest) -> str:
+    """DO_REPOSITION makes a plane circle around another position."""
+    target = plans.offset(flying.last_position(vehicle), 400.0, 0.0)
+    equal(result_name(flying.reposition(vehicle, target, 60.0)), "ACCEPTED", "DO_REPOSITION")
+    took_s = flying.wait_until_near(vehicle, target, 120.0, 150.0)
+    vehicle.wait(20.0)
+    holds(
+        flying.distance_to_m(vehicle, target) < 300,
+        f"{flying.distance_to_m(vehicle, target):.0f} m away after a while",
+    )
     return f"there after {took_s:.0f} s"
 
 
 @check("flight.reposition.as_long", airborne=True, limit_s=300, pins="AUTOPILOTS 1.17: LONG -> UNSUPPORTED")
-def reposition_long(peer: Peer) -> str:
-    """As COMMAND_LONG it is UNSUPPORTED for ArduPilot and accepted by PX4."""
-    expected = known(peer, ardupilot="UNSUPPORTED", px4="ACCEPTED")
-    lat, lon = plans.moved(flying.place(peer), 10, 0)
-    amsl_m = flying.base_amsl_m(peer) + flying.height_m(peer)
+def reposition_long(vehicle: VehicleUnderTest) -> str:
+    """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
+    expected = known_behaviour(vehicle, ardupilot="UNSUPPORTED", px4="ACCEPTED")
+    lat, lon = plans.offset(flying.last_position(vehicle), 10, 0)
+    amsl_m = flying.base_amsl_m(vehicle) + flying.height_m(vehicle)
     seen = result_name(
-        peer.command(
+        vehicle.command(
             REPOSITION, -1, flying.REPOSITION_CHANGES_MODE, 0, math.nan, lat / 1e7, lon / 1e7, amsl_m
         )
     )
@@ -153,49 +156,49 @@ def reposition_long(peer: Peer) -> str:
 
 
 @check("flight.reposition.impossible_place", airborne=True, dialects=("ardupilot",), limit_s=300)
-def reposition_impossible(peer: Peer) -> str:
+def reposition_impossible(vehicle: VehicleUnderTest) -> str:
     """A latitude of 95 degrees is refused, and the vehicle stays."""
-    place = flying.place(peer)
-    seen = result_name(flying.reposition(peer, (950_000_000, place[1]), 20.0))
+    place = flying.last_position(vehicle)
+    seen = result_name(flying.reposition(vehicle, (950_000_000, place[1]), 20.0))
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
     return seen
 
 
 @check("flight.speed.is_kept", airborne=True, kind="copter", limit_s=300)
-def speed_kept(peer: Peer) -> str:
-    """DO_CHANGE_SPEED to 4 m/s is the speed it then flies at."""
-    target = plans.moved(flying.place(peer), -90.0, 0.0)
-    height = flying.height_m(peer)
-    equal(result_name(flying.reposition(peer, target, height)), "ACCEPTED", "DO_REPOSITION")
-    peer.accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
-    peer.wait(6.0)
+def speed_kept(vehicle: VehicleUnderTest) -> str:
+    """After DO_CHANGE_SPEED to 4 m/s the vehicle flies at that speed."""
+    target = plans.offset(flying.last_position(vehicle), -90.0, 0.0)
+    height = flying.height_m(vehicle)
+    equal(result_name(flying.reposition(vehicle, target, height)), "ACCEPTED", "DO_REPOSITION")
+    vehicle.accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
+    vehicle.wait(6.0)
     speeds = []
     for _ in range(8):
-        peer.wait(0.5)
-        speeds.append(flying.speed_m_s(peer))
+        vehicle.wait(0.5)
+        speeds.append(flying.speed_m_s(vehicle))
     mean = sum(speeds) / len(speeds)
-    peer.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 8.0, -1)
+    vehicle.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 8.0, -1)
     near(mean, 4.0, 0.8, "m/s")
     return f"{mean:.2f} m/s"
 
 
 @check("flight.speed.refuses_nonsense", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
-def speed_nonsense(peer: Peer) -> str:
-    """A speed that is no number or not positive is refused."""
-    seen = result_name(peer.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, math.nan, -1))
+def speed_nonsense(vehicle: VehicleUnderTest) -> str:
+    """A speed of NaN is refused."""
+    seen = result_name(vehicle.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, math.nan, -1))
     holds(seen != "ACCEPTED", "expected a refusal of NaN, saw ACCEPTED")
     return seen
 
 
 @check("flight.yaw.turns", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
-def yaw_turns(peer: Peer) -> str:
-    """CONDITION_YAW in GUIDED turns the nose to a heading while the vehicle stays."""
-    heading = peer.request("VFR_HUD").heading
+def yaw_turns(vehicle: VehicleUnderTest) -> str:
+    """CONDITION_YAW in GUIDED turns the nose to a heading."""
+    heading = vehicle.request("VFR_HUD").heading
     target = (heading + 90) % 360
-    peer.accepted(mavlink.MAV_CMD_CONDITION_YAW, target, 30, 1, 0)
-    with peer.streaming({"VFR_HUD": 5.0}):
-        took_s = peer.until(
-            lambda: abs((peer.last["VFR_HUD"].message.heading - target + 180) % 360 - 180) < 5,
+    vehicle.accepted(mavlink.MAV_CMD_CONDITION_YAW, target, 30, 1, 0)
+    with vehicle.streaming({"VFR_HUD": 5.0}):
+        took_s = vehicle.wait_until(
+            lambda: abs((vehicle.last["VFR_HUD"].message.heading - target + 180) % 360 - 180) < 5,
             f"a heading of {target} deg",
             TURN_S,
         )
@@ -203,15 +206,15 @@ def yaw_turns(peer: Peer) -> str:
 
 
 @check("flight.pause", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 2: pause/continue (193)")
-def pause(peer: Peer) -> str:
-    """DO_PAUSE_CONTINUE stops ArduPilot in GUIDED too; PX4 has no such command."""
-    expected = known(peer, ardupilot=None, px4="UNSUPPORTED")
-    seen = result_name(peer.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0))
+def pause(vehicle: VehicleUnderTest) -> str:
+    """DO_PAUSE_CONTINUE stops ArduPilot in GUIDED, and is UNSUPPORTED on PX4."""
+    expected = known_behaviour(vehicle, ardupilot=None, px4="UNSUPPORTED")
+    seen = result_name(vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0))
     if expected is not None:
         equal(seen, expected, "DO_PAUSE_CONTINUE")
         return seen
     if seen == "ACCEPTED":
-        peer.until(lambda: flying.speed_m_s(peer) < 0.6, "a standstill", STOPS_S)
+        vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.6, "a standstill", STOPS_S)
     return seen
 
 
@@ -222,9 +225,9 @@ def pause(peer: Peer) -> str:
     limit_s=300,
     pins="AUTOPILOTS 1.9",
 )
-def empty_mission(peer: Peer) -> str:
+def empty_mission(vehicle: VehicleUnderTest) -> str:
     """AUTO with an empty mission is refused in the air."""
-    plans.put(peer, [])
-    seen = result_name(flying.try_mode(peer, "mission"))
+    plans.upload_or_fail(vehicle, [])
+    seen = result_name(flying.try_mode(vehicle, "mission"))
     equal(seen, "FAILED", "AUTO")
     return seen

@@ -3,29 +3,29 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import logclient
+from sim_vehicle.conformance.assertions import Skip, equal, holds
 from sim_vehicle.conformance.guard import ALTER
-from sim_vehicle.conformance.peer import Peer, known
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import Skip, equal, holds
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 PART = 900
-UNDER_WAY = 100_000  # bytes: more than may have been sent before the vehicle hears that it shall stop
+UNDER_WAY = 100_000  # bytes: more than the vehicle may send before it receives the end request
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 
 
 @check("logs.list")
-def log_list(peer: Peer) -> str:
-    """LOG_REQUEST_LIST is answered by one LOG_ENTRY a log, or one that says there is none."""
-    found = logclient.entries(peer)
-    logclient.finish(peer)
+def log_list(vehicle: VehicleUnderTest) -> str:
+    """The vehicle answers LOG_REQUEST_LIST with one LOG_ENTRY a log, or one for an empty list."""
+    found = logclient.entries(vehicle)
+    logclient.end_transfer(vehicle)
     return f"{len(found)} logs"
 
 
 @check("logs.list_is_consistent")
-def consistent(peer: Peer) -> str:
-    """Every entry has the same num_logs and last_log_num, and an id up to that."""
-    found = logclient.entries(peer)
-    logclient.finish(peer)
+def consistent(vehicle: VehicleUnderTest) -> str:
+    """All entries have the same num_logs and last_log_num, and ids up to that."""
+    found = logclient.entries(vehicle)
+    logclient.end_transfer(vehicle)
     if not found:
         raise Skip("holds no logs")
     equal({entry.num_logs for entry in found.values()}, {len(found)}, "num_logs")
@@ -36,83 +36,83 @@ def consistent(peer: Peer) -> str:
 
 
 @check("logs.begins_with_its_format")
-def begins(peer: Peer) -> str:
-    """A log begins like a DataFlash log (ArduPilot) or a ULog (PX4)."""
-    head = known(peer, ardupilot=DATAFLASH_HEAD, px4=ULOG_HEAD)
-    entry = logclient.newest(peer)
-    seen = logclient.data(peer, entry.id, 0, 90)
-    logclient.finish(peer)
+def begins(vehicle: VehicleUnderTest) -> str:
+    """A log has the header of a DataFlash log (ArduPilot) or a ULog (PX4)."""
+    head = known_behaviour(vehicle, ardupilot=DATAFLASH_HEAD, px4=ULOG_HEAD)
+    entry = logclient.newest(vehicle)
+    seen = logclient.data(vehicle, entry.id, 0, 90)
+    logclient.end_transfer(vehicle)
     equal(seen[: len(head)], head, "first bytes")
     return str(head[:4].hex(" "))
 
 
 @check("logs.reads_same_twice", limit_s=120)
-def same_twice(peer: Peer) -> str:
-    """A part of a log reads the same again, whole and in two halves."""
-    entry = logclient.newest(peer)
+def same_twice(vehicle: VehicleUnderTest) -> str:
+    """A second read of a part of a log, in two halves, gives the same bytes."""
+    entry = logclient.newest(vehicle)
     size = min(PART, entry.size)
-    whole = logclient.data(peer, entry.id, 0, size)
-    halves = logclient.data(peer, entry.id, 0, 90) + logclient.data(peer, entry.id, 90, size - 90)
-    logclient.finish(peer)
+    whole = logclient.data(vehicle, entry.id, 0, size)
+    halves = logclient.data(vehicle, entry.id, 0, 90) + logclient.data(vehicle, entry.id, 90, size - 90)
+    logclient.end_transfer(vehicle)
     equal(len(whole), size, "bytes")
     holds(whole == halves, "the parts differ from the whole")
     return f"{size} bytes of log {entry.id}"
 
 
 @check("logs.ends_short", limit_s=120)
-def ends_short(peer: Peer) -> str:
-    """At the end of a log comes a short piece: there is nothing behind its size."""
-    entry = logclient.newest(peer)
-    seen = logclient.data(peer, entry.id, max(0, entry.size - 40), 200)
-    logclient.finish(peer)
+def ends_short(vehicle: VehicleUnderTest) -> str:
+    """A log ends at its size, with a short LOG_DATA."""
+    entry = logclient.newest(vehicle)
+    seen = logclient.data(vehicle, entry.id, max(0, entry.size - 40), 200)
+    logclient.end_transfer(vehicle)
     equal(len(seen), min(40, entry.size), "bytes up to the end")
     return f"{len(seen)} bytes"
 
 
 @check("logs.unknown_id")
-def unknown_id(peer: Peer) -> str:
-    """Data of a log that is not there does not come."""
-    logclient.entries(peer)  # PX4 gives data only to who has asked for the list
-    mark = peer.mark()
-    peer.send(mavlink.MAVLink_log_request_data_message(*peer.target, 60_000, 0, 500))
-    peer.wait(2.0)
-    logclient.finish(peer)
-    got = [m for m in peer.since(mark, "LOG_DATA") if m.count]
+def unknown_id(vehicle: VehicleUnderTest) -> str:
+    """A request for a missing log brings no data."""
+    logclient.entries(vehicle)  # PX4 sends data only after a list request
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, 60_000, 0, 500))
+    vehicle.wait(2.0)
+    logclient.end_transfer(vehicle)
+    got = [m for m in vehicle.since(mark, "LOG_DATA") if m.count]
     equal(len(got), 0, "LOG_DATA with bytes")
     return "none"
 
 
 @check("logs.download_can_be_ended", limit_s=120)
-def download_ends(peer: Peer) -> str:
+def download_ends(vehicle: VehicleUnderTest) -> str:
     """LOG_REQUEST_END in the middle of a download ends it."""
-    entry = max(logclient.entries(peer).values(), key=lambda found: found.size, default=None)
+    entry = max(logclient.entries(vehicle).values(), key=lambda found: found.size, default=None)
     if entry is None or entry.size <= UNDER_WAY:
-        logclient.finish(peer)
-        raise Skip(f"holds no log of more than {UNDER_WAY // 1000} kB, which could be ended on its way")
-    mark = peer.mark()
-    peer.send(mavlink.MAVLink_log_request_data_message(*peer.target, entry.id, 0, 0xFFFFFFFF))
+        logclient.end_transfer(vehicle)
+        raise Skip(f"holds no log of more than {UNDER_WAY // 1000} kB, whose download could be ended")
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, entry.id, 0, 0xFFFFFFFF))
     try:
-        peer.expect("LOG_DATA", lambda m: m.id == entry.id and m.count, within_s=3.0, mark=mark)
+        vehicle.expect("LOG_DATA", lambda m: m.id == entry.id and m.count, within_s=3.0, mark=mark)
     finally:
-        with peer.tidying():
-            logclient.finish(peer)
-            peer.wait(1.0)
-            logclient.finish(peer)  # the first may have been lost
-            peer.wait(1.0)
-    got = max(m.ofs + m.count for m in peer.since(mark, "LOG_DATA") if m.id == entry.id)
+        with vehicle.extra_time():
+            logclient.end_transfer(vehicle)
+            vehicle.wait(1.0)
+            logclient.end_transfer(vehicle)  # the first may be lost
+            vehicle.wait(1.0)
+    got = max(m.ofs + m.count for m in vehicle.since(mark, "LOG_DATA") if m.id == entry.id)
     holds(got < entry.size, f"all {entry.size} bytes came")
-    peer.none("LOG_DATA", during_s=2.0)
+    vehicle.expect_none("LOG_DATA", during_s=2.0)
     return f"after {got} of {entry.size} bytes"
 
 
 @check("logs.erase", needs=[ALTER], limit_s=90)
-def erase(peer: Peer) -> str:
-    """LOG_ERASE removes the logs, at most the one being written stays."""
-    before = len(logclient.entries(peer))
-    logclient.finish(peer)
-    peer.send(mavlink.MAVLink_log_erase_message(*peer.target))
-    peer.wait(5.0)
-    left = len(logclient.entries(peer))
-    logclient.finish(peer)
+def erase(vehicle: VehicleUnderTest) -> str:
+    """LOG_ERASE removes all logs except the one in progress."""
+    before = len(logclient.entries(vehicle))
+    logclient.end_transfer(vehicle)
+    vehicle.send(mavlink.MAVLink_log_erase_message(*vehicle.target))
+    vehicle.wait(5.0)
+    left = len(logclient.entries(vehicle))
+    logclient.end_transfer(vehicle)
     holds(left <= 1, f"expected at most 1 log, saw {left} of {before}")
     return f"{before} -> {left}"

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, id_of, near, result_name
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, id_of, near, result_name
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 NOT_A_MESSAGE = 16_777_000
 REQUESTED = (
@@ -15,18 +15,18 @@ REQUESTED = (
 )  # fmt: skip
 
 
-def _can_be_requested(kind: str) -> Callable[[Peer], str]:
-    def run(peer: Peer) -> str:
+def _can_be_requested(kind: str) -> Callable[[VehicleUnderTest], str]:
+    def run(vehicle: VehicleUnderTest) -> str:
         try:
-            peer.request(kind)
+            vehicle.request(kind)
         except Skip as refusal:
-            # The two that are known send each of these; another autopilot may not have it.
-            if not peer.dialect.known or kind == "HOME_POSITION":
+            # Both known autopilots send each of these; another one may lack it.
+            if not vehicle.dialect.known or kind == "HOME_POSITION":
                 raise
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
         return kind
 
-    run.__doc__ = f"{kind} comes when it is asked for."
+    run.__doc__ = f"The vehicle sends {kind} on request."
     return run
 
 
@@ -35,175 +35,175 @@ for _kind in REQUESTED:
 
 
 @check("messages.request.sends_one")
-def sends_one(peer: Peer) -> str:
+def sends_one(vehicle: VehicleUnderTest) -> str:
     """One request brings one message, not a stream."""
-    peer.set_interval("BATTERY_STATUS", -1)
-    mark = peer.mark()
-    peer.request("BATTERY_STATUS")
-    peer.wait(2.0)
-    equal(len(peer.since(mark, "BATTERY_STATUS")), 1, "BATTERY_STATUS after one request")
-    peer.set_interval("BATTERY_STATUS", 0)
+    vehicle.set_interval("BATTERY_STATUS", -1)
+    mark = vehicle.mark()
+    vehicle.request("BATTERY_STATUS")
+    vehicle.wait(2.0)
+    equal(len(vehicle.since(mark, "BATTERY_STATUS")), 1, "BATTERY_STATUS after one request")
+    vehicle.set_interval("BATTERY_STATUS", 0)
     return "1"
 
 
 @check("messages.request.unknown_is_refused")
-def unknown_is_refused(peer: Peer) -> str:
-    """A message id nobody has is not accepted."""
-    result = peer.command(mavlink.MAV_CMD_REQUEST_MESSAGE, NOT_A_MESSAGE)
+def unknown_is_refused(vehicle: VehicleUnderTest) -> str:
+    """A request for an unknown message is refused."""
+    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, NOT_A_MESSAGE)
     holds(result != mavlink.MAV_RESULT_ACCEPTED, "expected a refusal, saw ACCEPTED")
     return result_name(result)
 
 
-def _rate_hz(peer: Peer, kind: str, rate_hz: float, seconds: float) -> float:
-    with peer.streaming({kind: rate_hz}):
-        peer.wait(1.0)
-        mark = peer.wait(seconds)
-        return len(peer.since(mark, kind)) / seconds
+def _rate_hz(vehicle: VehicleUnderTest, kind: str, rate_hz: float, seconds: float) -> float:
+    with vehicle.streaming({kind: rate_hz}):
+        vehicle.wait(1.0)
+        mark = vehicle.wait(seconds)
+        return len(vehicle.since(mark, kind)) / seconds
 
 
-def _kept(rate_hz: float, seconds: float) -> Callable[[Peer], str]:
-    def run(peer: Peer) -> str:
-        seen_hz = _rate_hz(peer, "ATTITUDE", rate_hz, seconds)
+def _rate_check(rate_hz: float, seconds: float) -> Callable[[VehicleUnderTest], str]:
+    def run(vehicle: VehicleUnderTest) -> str:
+        seen_hz = _rate_hz(vehicle, "ATTITUDE", rate_hz, seconds)
         near(seen_hz, rate_hz, max(0.2 * rate_hz, 1 / seconds), "messages a second")
         return f"{seen_hz:.2f} Hz"
 
-    run.__doc__ = f"SET_MESSAGE_INTERVAL for {rate_hz:g} Hz is kept within a fifth."
+    run.__doc__ = f"SET_MESSAGE_INTERVAL for {rate_hz:g} Hz gives that rate within 20 %."
     return run
 
 
 for _rate, _seconds in ((0.5, 10.0), (1.0, 8.0), (4.0, 5.0), (10.0, 4.0)):
-    check(f"messages.interval.{_rate:g}_hz", pins="AUTOPILOTS 1.1")(_kept(_rate, _seconds))
+    check(f"messages.interval.{_rate:g}_hz", pins="AUTOPILOTS 1.1")(_rate_check(_rate, _seconds))
 
 
 @check("messages.interval.stops")
-def stops(peer: Peer) -> str:
+def stops(vehicle: VehicleUnderTest) -> str:
     """An interval of -1 stops the stream."""
-    with peer.streaming({"ATTITUDE": 5.0}):
-        peer.expect("ATTITUDE")
-        equal(result_name(peer.set_interval("ATTITUDE", -1)), "ACCEPTED", "stopping")
-        peer.wait(0.5)
-        peer.none("ATTITUDE", during_s=2.0)
+    with vehicle.streaming({"ATTITUDE": 5.0}):
+        vehicle.expect("ATTITUDE")
+        equal(result_name(vehicle.set_interval("ATTITUDE", -1)), "ACCEPTED", "stopping")
+        vehicle.wait(0.5)
+        vehicle.expect_none("ATTITUDE", during_s=2.0)
     return "none in 2 s"
 
 
 @check("messages.interval.default")
-def default(peer: Peer) -> str:
-    """An interval of 0 brings back the rate of before."""
-    if peer.dialect.streams_by_itself is None:
+def default(vehicle: VehicleUnderTest) -> str:
+    """An interval of 0 restores the default rate."""
+    if vehicle.dialect.streams_by_itself is None:
         raise Skip("the default rates of this autopilot are not known")
-    default_hz = len(peer.since(peer.wait(3.0), "ATTITUDE")) / 3.0
+    default_hz = len(vehicle.since(vehicle.wait(3.0), "ATTITUDE")) / 3.0
     other_hz = 10.0 if default_hz < 5.0 else 2.0
-    seen_hz = _rate_hz(peer, "ATTITUDE", other_hz, 3.0)
+    seen_hz = _rate_hz(vehicle, "ATTITUDE", other_hz, 3.0)
     near(seen_hz, other_hz, max(0.3 * other_hz, 0.7), "messages a second in between")
-    peer.wait(0.5)
-    after_hz = len(peer.since(peer.wait(3.0), "ATTITUDE")) / 3.0
+    vehicle.wait(0.5)
+    after_hz = len(vehicle.since(vehicle.wait(3.0), "ATTITUDE")) / 3.0
     near(after_hz, default_hz, max(0.3 * default_hz, 0.7), "messages a second afterwards")
-    if peer.dialect.streams_by_itself:
+    if vehicle.dialect.streams_by_itself:
         holds(after_hz > 0, "expected the default stream, saw none")
     return f"{default_hz:.1f} Hz, {seen_hz:.1f} Hz, {after_hz:.1f} Hz"
 
 
 @check("messages.interval.told")
-def told(peer: Peer) -> str:
-    """GET_MESSAGE_INTERVAL tells what was set."""
-    with peer.streaming({"VFR_HUD": 4.0}):
-        mark = peer.mark()
-        result = peer.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
+def interval_reported(vehicle: VehicleUnderTest) -> str:
+    """GET_MESSAGE_INTERVAL reports the interval that was set."""
+    with vehicle.streaming({"VFR_HUD": 4.0}):
+        mark = vehicle.mark()
+        result = vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
         if result != mavlink.MAV_RESULT_ACCEPTED:
             raise Skip(f"GET_MESSAGE_INTERVAL is {result_name(result)}")
-        answer = peer.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
+        answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
         near(answer.interval_us, 250_000, 25_000, "interval_us")
     return f"{answer.interval_us} us"
 
 
 @check("messages.interval.told_when_stopped")
-def told_when_stopped(peer: Peer) -> str:
-    """GET_MESSAGE_INTERVAL of a stopped message says -1, or 0 where it is not available."""
-    with peer.streaming({"VFR_HUD": 4.0}):
-        peer.set_interval("VFR_HUD", -1)
-        mark = peer.mark()
+def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
+    """GET_MESSAGE_INTERVAL of a stopped message reports -1, or 0 if it is unavailable."""
+    with vehicle.streaming({"VFR_HUD": 4.0}):
+        vehicle.set_interval("VFR_HUD", -1)
+        mark = vehicle.mark()
         if (
-            peer.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
+            vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
             != mavlink.MAV_RESULT_ACCEPTED
         ):
             raise Skip("GET_MESSAGE_INTERVAL is not served")
-        answer = peer.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
+        answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
         holds(answer.interval_us <= 0, f"expected -1 or 0, saw {answer.interval_us}")
     return f"{answer.interval_us}"
 
 
 @check("messages.interval.unknown_is_refused")
-def unknown_interval(peer: Peer) -> str:
-    """An interval for a message id nobody has is not accepted."""
-    result = peer.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, NOT_A_MESSAGE, 1e6)
+def unknown_interval(vehicle: VehicleUnderTest) -> str:
+    """An interval for an unknown message is refused."""
+    result = vehicle.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, NOT_A_MESSAGE, 1e6)
     holds(result != mavlink.MAV_RESULT_ACCEPTED, "expected a refusal, saw ACCEPTED")
     return result_name(result)
 
 
 @check("messages.interval.others_keep_theirs")
-def others_keep_theirs(peer: Peer) -> str:
-    """One message's interval does not change another's."""
-    with peer.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
-        peer.wait(1.0)
-        mark = peer.wait(5.0)
-        attitude_hz, hud_hz = (len(peer.since(mark, kind)) / 5 for kind in ("ATTITUDE", "VFR_HUD"))
+def others_keep_theirs(vehicle: VehicleUnderTest) -> str:
+    """The interval of one message does not change that of another."""
+    with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
+        vehicle.wait(1.0)
+        mark = vehicle.wait(5.0)
+        attitude_hz, hud_hz = (len(vehicle.since(mark, kind)) / 5 for kind in ("ATTITUDE", "VFR_HUD"))
     near(attitude_hz, 2.0, 0.5, "ATTITUDE a second")
     near(hud_hz, 5.0, 1.0, "VFR_HUD a second")
     return f"{attitude_hz:.1f} and {hud_hz:.1f} Hz"
 
 
 @check("messages.interval.by_command_int")
-def by_command_int(peer: Peer) -> str:
+def by_command_int(vehicle: VehicleUnderTest) -> str:
     """SET_MESSAGE_INTERVAL works as COMMAND_INT as well."""
-    command = peer.command_int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of("ATTITUDE"), 2e5)
+    command = vehicle.command_int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of("ATTITUDE"), 2e5)
     try:
-        equal(result_name(peer.result(command)), "ACCEPTED", "COMMAND_INT")
-        peer.expect("ATTITUDE")
+        equal(result_name(vehicle.result(command)), "ACCEPTED", "COMMAND_INT")
+        vehicle.expect("ATTITUDE")
     finally:
-        with peer.tidying():
-            peer.set_interval("ATTITUDE", 0)
+        with vehicle.extra_time():
+            vehicle.set_interval("ATTITUDE", 0)
     return "ACCEPTED"
 
 
 # -- data streams ----------------------------------------------------------------------------------------
 
 
-def _ask_streams(peer: Peer, stream: int, rate_hz: int, start: int) -> None:
-    peer.send(mavlink.MAVLink_request_data_stream_message(*peer.target, stream, rate_hz, start))
+def _ask_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int, start: int) -> None:
+    vehicle.send(mavlink.MAVLink_request_data_stream_message(*vehicle.target, stream, rate_hz, start))
 
 
 @check("messages.streams.position", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
-def stream_position(peer: Peer) -> str:
-    """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the rate asked for."""
-    _ask_streams(peer, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
-    peer.wait(1.0)
-    mark = peer.wait(4.0)
-    _ask_streams(peer, mavlink.MAV_DATA_STREAM_POSITION, 0, 0)
-    seen_hz = len(peer.since(mark, "GLOBAL_POSITION_INT")) / 4.0
+def stream_position(vehicle: VehicleUnderTest) -> str:
+    """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the requested rate."""
+    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
+    vehicle.wait(1.0)
+    mark = vehicle.wait(4.0)
+    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 0, 0)
+    seen_hz = len(vehicle.since(mark, "GLOBAL_POSITION_INT")) / 4.0
     near(seen_hz, 4.0, 1.0, "GLOBAL_POSITION_INT a second")
     return f"{seen_hz:.1f} Hz"
 
 
 @check("messages.streams.all", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: id 0, 4 Hz")
-def stream_all(peer: Peer) -> str:
-    """Stream id 0 at 4 Hz brings every usual message."""
-    _ask_streams(peer, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
-    mark = peer.wait(3.0)
-    _ask_streams(peer, mavlink.MAV_DATA_STREAM_ALL, 0, 0)
-    seen = {entry.kind for entry in peer.heard[mark:]}
+def stream_all(vehicle: VehicleUnderTest) -> str:
+    """Stream id 0 at 4 Hz brings all usual messages."""
+    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
+    mark = vehicle.wait(3.0)
+    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0, 0)
+    seen = {entry.kind for entry in vehicle.received[mark:]}
     missing = {"GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT"} - seen
     holds(not missing, f"missing: {', '.join(sorted(missing))}")
     return f"{len(seen)} kinds of message"
 
 
 @check("messages.streams.stop", dialects=("ardupilot",))
-def stream_stop(peer: Peer) -> str:
+def stream_stop(vehicle: VehicleUnderTest) -> str:
     """start_stop 0 ends a stream."""
-    _ask_streams(peer, mavlink.MAV_DATA_STREAM_EXTRA1, 5, 1)
-    peer.expect("ATTITUDE")
-    _ask_streams(peer, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
-    peer.wait(0.5)
-    peer.none("ATTITUDE", during_s=2.0)
+    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5, 1)
+    vehicle.expect("ATTITUDE")
+    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
+    vehicle.wait(0.5)
+    vehicle.expect_none("ATTITUDE", during_s=2.0)
     return "none in 2 s"
 
 
@@ -212,10 +212,10 @@ def stream_stop(peer: Peer) -> str:
     dialects=("px4",),
     pins="AUTOPILOTS 2: streams flow without a request",
 )
-def flow_by_themselves(peer: Peer) -> str:
-    """Attitude and position come without having been asked for."""
-    mark = peer.wait(4.0)
-    seen = {entry.kind for entry in peer.heard[mark:]}
+def flow_by_themselves(vehicle: VehicleUnderTest) -> str:
+    """PX4 streams attitude and position without a request."""
+    mark = vehicle.wait(4.0)
+    seen = {entry.kind for entry in vehicle.received[mark:]}
     missing = {"ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS"} - seen
     holds(not missing, f"missing: {', '.join(sorted(missing))}")
     return f"{len(seen)} kinds of message"

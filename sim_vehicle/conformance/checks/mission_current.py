@@ -6,95 +6,95 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import Peer, known
+from sim_vehicle.conformance.assertions import CheckFailed, equal, holds, result_name
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import CheckFailed, equal, holds, result_name
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NO_MISSION_TOTAL = 65_535
 
 
-def _current(peer: Peer) -> Any:
-    return peer.request("MISSION_CURRENT")
+def _current(vehicle: VehicleUnderTest) -> Any:
+    return vehicle.request("MISSION_CURRENT")
 
 
-def _told(peer: Peer, mark: int, seq: int) -> bool:
-    """Whether MISSION_CURRENT has said so since."""
-    return any(message.seq == seq for message in peer.since(mark, "MISSION_CURRENT"))
+def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
+    """Return True if MISSION_CURRENT reported the item after the mark."""
+    return any(message.seq == seq for message in vehicle.since(mark, "MISSION_CURRENT"))
 
 
 @check("mission.current.total", pins="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
-def current_total(peer: Peer) -> str:
+def current_total(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT.total is the number of items without home."""
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    total = _current(peer).total
-    if not peer.dialect.known and total == 0:
-        return "not told"
-    equal(total, len(items) - int(peer.dialect.home_item), "total")
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    total = _current(vehicle).total
+    if not vehicle.dialect.known and total == 0:
+        return "not reported"
+    equal(total, len(items) - int(vehicle.dialect.home_item), "total")
     return str(total)
 
 
 @check("mission.current.total_of_nothing", pins="AUTOPILOTS 2: total 65535 with no mission")
-def total_of_nothing(peer: Peer) -> str:
-    """With no mission total is 65535 for PX4; ArduPilot has 0 or 65535."""
-    allowed = known(peer, ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
-    plans.clear(peer)
-    peer.wait(1.0)
-    total = _current(peer).total
+def total_of_nothing(vehicle: VehicleUnderTest) -> str:
+    """Without a mission, total is 65535 on PX4 and 0 or 65535 on ArduPilot."""
+    allowed = known_behaviour(vehicle, ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
+    plans.clear(vehicle)
+    vehicle.wait(1.0)
+    total = _current(vehicle).total
     holds(total in allowed, f"expected one of {sorted(allowed)}, saw {total}")
     return str(total)
 
 
 @check("mission.current.state", pins="AUTOPILOTS 2: mission_state is 0 always (PX4)")
-def current_state(peer: Peer) -> str:
-    """mission_state: NO_MISSION and NOT_STARTED for ArduPilot, 0 always for PX4."""
-    empty, waiting = known(peer, ardupilot=(1, 2), px4=(0, 0))
-    plans.clear(peer)
-    peer.wait(0.5)
-    equal(_current(peer).mission_state, empty, "mission_state with no mission")
-    plans.put(peer, plans.sample_plan(peer))
-    peer.wait(0.5)
-    state = _current(peer).mission_state
+def current_state(vehicle: VehicleUnderTest) -> str:
+    """mission_state is NO_MISSION, then NOT_STARTED on ArduPilot, and always 0 on PX4."""
+    empty, waiting = known_behaviour(vehicle, ardupilot=(1, 2), px4=(0, 0))
+    plans.clear(vehicle)
+    vehicle.wait(0.5)
+    equal(_current(vehicle).mission_state, empty, "mission_state with no mission")
+    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    vehicle.wait(0.5)
+    state = _current(vehicle).mission_state
     holds(
-        state == waiting or (peer.dialect.name == "ardupilot" and state == 5),
+        state == waiting or (vehicle.dialect.name == "ardupilot" and state == 5),
         f"expected {waiting}, saw {state}",
     )
     return f"{empty}, {state}"
 
 
 @check("mission.current.set_by_message", pins="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works")
-def set_by_message(peer: Peer) -> str:
-    """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT says so."""
-    plans.put(peer, plans.sample_plan(peer))
+def set_by_message(vehicle: VehicleUnderTest) -> str:
+    """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports it."""
+    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     for seq in (2, 1):
-        mark = peer.mark()
-        peer.send(mavlink.MAVLink_mission_set_current_message(*peer.target, seq))
-        peer.until(partial(_told, peer, mark, seq), f"MISSION_CURRENT {seq}", 3.0)
+        mark = vehicle.mark()
+        vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
+        vehicle.wait_until(partial(_has_been_current, vehicle, mark, seq), f"MISSION_CURRENT {seq}", 3.0)
     return "2, then 1"
 
 
 @check("mission.current.behind_the_end")
-def set_behind_the_end(peer: Peer) -> str:
-    """MISSION_SET_CURRENT of an item that is not there changes nothing."""
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    peer.send(mavlink.MAVLink_mission_set_current_message(*peer.target, len(items) + 10))
-    peer.wait(1.5)
-    seq = _current(peer).seq
+def set_behind_the_end(vehicle: VehicleUnderTest) -> str:
+    """MISSION_SET_CURRENT of a missing item changes nothing."""
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, len(items) + 10))
+    vehicle.wait(1.5)
+    seq = _current(vehicle).seq
     holds(seq < len(items), f"expected an item below {len(items)}, saw {seq}")
     return f"seq {seq}"
 
 
 @check("mission.current.set_by_command", pins="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
-def set_by_command(peer: Peer) -> str:
-    """DO_SET_MISSION_CURRENT: ArduPilot accepts LONG and INT, PX4 has no such command."""
-    expected = known(peer, ardupilot="ACCEPTED", px4="UNSUPPORTED")
-    plans.put(peer, plans.sample_plan(peer))
+def set_by_command(vehicle: VehicleUnderTest) -> str:
+    """DO_SET_MISSION_CURRENT is accepted by ArduPilot as LONG and INT, and UNSUPPORTED on PX4."""
+    expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
+    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     command = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
-    equal(result_name(peer.command(command, 2)), expected, "COMMAND_LONG")
-    equal(result_name(peer.result(peer.command_int(command, 3))), expected, "COMMAND_INT")
+    equal(result_name(vehicle.command(command, 2)), expected, "COMMAND_LONG")
+    equal(result_name(vehicle.result(vehicle.command_int(command, 3))), expected, "COMMAND_INT")
     if expected == "ACCEPTED":
-        equal(_current(peer).seq, 3, "seq")
+        equal(_current(vehicle).seq, 3, "seq")
     return str(expected)
 
 
@@ -103,11 +103,11 @@ def set_by_command(peer: Peer) -> str:
     dialects=("ardupilot",),
     pins="AUTOPILOTS 2: out of range DENIED(2)",
 )
-def command_behind_the_end(peer: Peer) -> str:
-    """DO_SET_MISSION_CURRENT of an item that is not there is DENIED."""
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    result = peer.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, len(items) + 10)
+def command_behind_the_end(vehicle: VehicleUnderTest) -> str:
+    """DO_SET_MISSION_CURRENT of a missing item is DENIED."""
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    result = vehicle.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, len(items) + 10)
     equal(result_name(result), "DENIED", "DO_SET_MISSION_CURRENT")
     return "DENIED"
 
@@ -115,11 +115,11 @@ def command_behind_the_end(peer: Peer) -> str:
 @check(
     "mission.current.command_restart", dialects=("ardupilot",), pins="AUTOPILOTS 2: 0 = restart (goes to 1)"
 )
-def command_restart(peer: Peer) -> str:
+def command_restart(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT 0 is accepted."""
-    plans.put(peer, plans.sample_plan(peer))
-    equal(result_name(peer.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0)), "ACCEPTED", "index 0")
-    seq = _current(peer).seq
+    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    equal(result_name(vehicle.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0)), "ACCEPTED", "index 0")
+    seq = _current(vehicle).seq
     if seq > 1:
         raise CheckFailed(f"expected 0 or 1, saw {seq}")
     return f"seq {seq}"

@@ -7,24 +7,26 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import Peer, known
-from sim_vehicle.conformance.plans import MISSION, Item
+from sim_vehicle.conformance.assertions import equal, holds, mission_result_name
+from sim_vehicle.conformance.plans import MISSION, PlanItem
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import equal, holds, mission_result_name
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NO_SUCH_ITEM = 31_900
 
 
-def _outcome(peer: Peer, bad: Item) -> str:
-    """What an upload with this item behind a take-off comes to."""
-    done = plans.upload(peer, plans.plan(peer, plans.takeoff(plans.here(peer)), bad))
+def _outcome(vehicle: VehicleUnderTest, bad: PlanItem) -> str:
+    """Return the result of an upload with this item after a take-off."""
+    done = plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)), bad))
     return mission_result_name(done.result)
 
 
-def _refused(change: Callable[[Item], Item], about: str, **outcomes: str | None) -> Callable[[Peer], str]:
-    def run(peer: Peer) -> str:
-        expected = known(peer, **outcomes)
-        seen = _outcome(peer, change(plans.waypoint(plans.here(peer), 30, 0)))
+def _refused(
+    change: Callable[[PlanItem], PlanItem], about: str, **outcomes: str | None
+) -> Callable[[VehicleUnderTest], str]:
+    def run(vehicle: VehicleUnderTest) -> str:
+        expected = known_behaviour(vehicle, **outcomes)
+        seen = _outcome(vehicle, change(plans.waypoint(plans.current_position(vehicle), 30, 0)))
         equal(seen, expected, about)
         return seen
 
@@ -32,7 +34,7 @@ def _refused(change: Callable[[Item], Item], about: str, **outcomes: str | None)
     return run
 
 
-_ERRORS: tuple[tuple[str, str, Callable[[Item], Item], dict[str, str]], ...] = (
+_ERRORS: tuple[tuple[str, str, Callable[[PlanItem], PlanItem], dict[str, str]], ...] = (
     ("nan_param1", "NaN as parameter 1", lambda i: replace(i, params=(math.nan, 0, 0, 0)),
      {"ardupilot": "INVALID_PARAM1"}),
     ("nan_param2", "NaN as parameter 2", lambda i: replace(i, params=(0, math.nan, 0, 0)),
@@ -44,15 +46,15 @@ _ERRORS: tuple[tuple[str, str, Callable[[Item], Item], dict[str, str]], ...] = (
     ("longitude_190", "a longitude of 190 degrees", lambda i: replace(i, y=1_900_000_000),
      {"ardupilot": "INVALID_PARAM6_Y"}),
     ("jump_to_nowhere", "DO_JUMP to item 99",
-     lambda _: Item(mavlink.MAV_CMD_DO_JUMP, frame=mavlink.MAV_FRAME_MISSION, params=(99, 1, 0, 0)),
+     lambda _: PlanItem(mavlink.MAV_CMD_DO_JUMP, frame=mavlink.MAV_FRAME_MISSION, params=(99, 1, 0, 0)),
      {"ardupilot": "ERROR", "px4": "ACCEPTED"}),
     ("far_away", "a place 50 km away", lambda i: replace(i, x=i.x + 4_500_000),
      {"ardupilot": "ACCEPTED", "px4": "ACCEPTED"}),
     ("return_in_frame_6", "RETURN_TO_LAUNCH in frame 6",
-     lambda _: Item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=6),
+     lambda _: PlanItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=6),
      {"ardupilot": "ACCEPTED", "px4": "UNSUPPORTED"}),
     ("return_in_frame_2", "RETURN_TO_LAUNCH in frame 2",
-     lambda _: Item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=mavlink.MAV_FRAME_MISSION),
+     lambda _: PlanItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=mavlink.MAV_FRAME_MISSION),
      {"ardupilot": "ACCEPTED", "px4": "ACCEPTED"}),
 )  # fmt: skip
 
@@ -64,10 +66,12 @@ for _name, _about, _change, _outcomes in _ERRORS:
 
 
 @check("mission.error.unknown_command", pins="AUTOPILOTS 2: command unknown UNSUPPORTED(3)")
-def unknown_command(peer: Peer) -> str:
-    """An item with a command nobody has is UNSUPPORTED."""
+def unknown_command(vehicle: VehicleUnderTest) -> str:
+    """An item with an unknown command is UNSUPPORTED."""
     equal(
-        _outcome(peer, replace(plans.waypoint(plans.here(peer), 30, 0), command=NO_SUCH_ITEM)),
+        _outcome(
+            vehicle, replace(plans.waypoint(plans.current_position(vehicle), 30, 0), command=NO_SUCH_ITEM)
+        ),
         "UNSUPPORTED",
         "item",
     )
@@ -75,37 +79,37 @@ def unknown_command(peer: Peer) -> str:
 
 
 @check("mission.error.unknown_frame", pins="AUTOPILOTS 2: frame UNSUPPORTED_FRAME(2)")
-def unknown_frame(peer: Peer) -> str:
-    """A waypoint in a frame of no use is UNSUPPORTED_FRAME."""
-    bad = plans.waypoint(plans.here(peer), 30, 0, frame=mavlink.MAV_FRAME_BODY_NED)
-    equal(_outcome(peer, bad), "UNSUPPORTED_FRAME", "item")
+def unknown_frame(vehicle: VehicleUnderTest) -> str:
+    """A waypoint in an unsupported frame is UNSUPPORTED_FRAME."""
+    bad = plans.waypoint(plans.current_position(vehicle), 30, 0, frame=mavlink.MAV_FRAME_BODY_NED)
+    equal(_outcome(vehicle, bad), "UNSUPPORTED_FRAME", "item")
     return "UNSUPPORTED_FRAME"
 
 
 @check("mission.error.too_many", pins="AUTOPILOTS 2: too many NO_SPACE(4)", limit_s=40)
-def too_many(peer: Peer) -> str:
-    """Three thousand items are NO_SPACE for ArduPilot; PX4 asks for the first of them."""
-    refuses = known(peer, ardupilot=True, px4=False)
-    mark = peer.mark()
-    peer.send(plans.count_message(peer, 3000))
+def too_many(vehicle: VehicleUnderTest) -> str:
+    """Three thousand items are NO_SPACE on ArduPilot; PX4 requests the first one."""
+    refuses = known_behaviour(vehicle, ardupilot=True, px4=False)
+    mark = vehicle.mark()
+    vehicle.send(plans.count_message(vehicle, 3000))
     if refuses:
-        ack = peer.expect("MISSION_ACK", plans.for_us(MISSION), mark=mark)
+        ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
         equal(mission_result_name(ack.type), "NO_SPACE", "3000 items")
         return "NO_SPACE"
-    _, seq = plans.next_request(peer, MISSION, mark=mark)
+    _, seq = plans.next_request(vehicle, MISSION, mark=mark)
     equal(seq, 0, "asks for")
-    plans.cancel(peer)
+    plans.cancel_upload(vehicle)
     return "asks for item 0"
 
 
 @check("mission.error.item_without_upload", pins="AUTOPILOTS 2: wrong item")
-def item_without_upload(peer: Peer) -> str:
-    """An item nobody asked for is refused, and changes nothing."""
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    mark = peer.mark()
-    peer.send(plans.waypoint(plans.here(peer), 900, 900).message(peer, 1))
-    ack = peer.expect("MISSION_ACK", plans.for_us(MISSION), mark=mark)
+def item_without_upload(vehicle: VehicleUnderTest) -> str:
+    """An item without an upload is refused and changes nothing."""
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    mark = vehicle.mark()
+    vehicle.send(plans.waypoint(plans.current_position(vehicle), 900, 900).message(vehicle, 1))
+    ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     holds(ack.type != mavlink.MAV_MISSION_ACCEPTED, "expected a refusal, saw ACCEPTED")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return mission_result_name(ack.type)

@@ -5,13 +5,14 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.peer import SECOND_STATION, Peer, known
+from sim_vehicle.conformance.assertions import CheckFailed, equal, holds, mission_result_name, near
 from sim_vehicle.conformance.plans import MISSION
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import CheckFailed, equal, holds, mission_result_name, near
+from sim_vehicle.conformance.traffic import SECOND_STATION
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NO_SUCH_ITEM = 31_900
-OLD, NEW = 7, 5  # items beside home of the mission that was there, and of the one that is interrupted
+OLD, NEW = 7, 5  # items besides home, of the earlier mission and of the interrupted one
 
 
 @check(
@@ -19,37 +20,39 @@ OLD, NEW = 7, 5  # items beside home of the mission that was there, and of the o
     pins="AUTOPILOTS 2: abandoned upload, re-request every 1 s / 0.25 s",
     limit_s=60,
 )
-def asks_again(peer: Peer) -> str:
-    """An item that does not come is asked for again: each second by ArduPilot, four times a second by PX4."""
-    period_s = known(peer, ardupilot=1.0, px4=0.25)
-    mark = plans.begin(peer, plans.sample_plan(peer), 2)
-    peer.wait(3.2)
-    times = [e.at_s for e in peer.heard[mark:] if e.kind in plans.REQUESTS]
+def asks_again(vehicle: VehicleUnderTest) -> str:
+    """A missing item is requested again: each second by ArduPilot, four times a second by PX4."""
+    period_s = known_behaviour(vehicle, ardupilot=1.0, px4=0.25)
+    mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
+    vehicle.wait(3.2)
+    times = [e.at_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
     holds(len(times) >= 2, f"expected requests every {period_s:g} s, saw {len(times)} in 3 s")
     seen_s = (times[-1] - times[0]) / (len(times) - 1)
-    plans.cancel(peer)
+    plans.cancel_upload(vehicle)
     near(seen_s, period_s, 0.4 * period_s, "seconds between requests")
     return f"every {seen_s:.2f} s"
 
 
 @check("mission.trouble.late_item", limit_s=60)
-def late_item(peer: Peer) -> str:
-    """An upload goes on when the missing item comes after two seconds."""
-    items = plans.sample_plan(peer)
-    plans.begin(peer, items, 2)
-    mark = peer.wait(2.0)
-    _, seq = plans.next_request(peer, MISSION, mark=mark)
+def late_item(vehicle: VehicleUnderTest) -> str:
+    """An upload continues when the missing item arrives after 2 s."""
+    items = plans.sample_plan(vehicle)
+    plans.begin_upload(vehicle, items, 2)
+    mark = vehicle.wait(2.0)
+    _, seq = plans.next_request(vehicle, MISSION, mark=mark)
     while True:
-        mark = peer.mark()
-        peer.send(items[seq].message(peer, seq))
-        place = peer.seek((*plans.REQUESTS, "MISSION_ACK"), plans.for_us(MISSION), within_s=3.0, mark=mark)
+        mark = vehicle.mark()
+        vehicle.send(items[seq].message(vehicle, seq))
+        place = vehicle.seek(
+            (*plans.REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark
+        )
         if place is None:
             raise CheckFailed(f"no answer to item {seq}")
-        if peer.heard[place].kind == "MISSION_ACK":
+        if vehicle.received[place].kind == "MISSION_ACK":
             break
-        seq = peer.heard[place].message.seq
-    equal(mission_result_name(peer.heard[place].message.type), "ACCEPTED", "upload")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+        seq = vehicle.received[place].message.seq
+    equal(mission_result_name(vehicle.received[place].message.type), "ACCEPTED", "upload")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return "ACCEPTED"
 
 
@@ -58,114 +61,116 @@ def late_item(peer: Peer) -> str:
     pins="AUTOPILOTS 2: after 8 s ACK OPERATION_CANCELLED(15) / 5 s no ACK",
     limit_s=60,
 )
-def gives_up(peer: Peer) -> str:
-    """An abandoned upload ends: after 8 s with an acknowledgement, or after 5 s with a text alone."""
-    after_s, acked = known(peer, ardupilot=(8.0, True), px4=(5.0, False))
-    mark = plans.begin(peer, plans.sample_plan(peer), 2)
-    began_s = peer.now
-    peer.wait(after_s + 3.0)
-    requests = [e.at_s - began_s for e in peer.heard[mark:] if e.kind in plans.REQUESTS]
+def gives_up(vehicle: VehicleUnderTest) -> str:
+    """An abandoned upload ends: after 8 s with an acknowledgement, or after 5 s with only a text."""
+    after_s, acked = known_behaviour(vehicle, ardupilot=(8.0, True), px4=(5.0, False))
+    mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
+    began_s = vehicle.now
+    vehicle.wait(after_s + 3.0)
+    requests = [e.at_s - began_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
     holds(max(requests) < after_s + 0.6, f"still asked after {max(requests):.1f} s")
     holds(max(requests) > after_s - 2.0, f"asked for only {max(requests):.1f} s")
-    acks = [m.type for m in peer.since(mark, "MISSION_ACK")]
+    acks = [m.type for m in vehicle.since(mark, "MISSION_ACK")]
     equal(acks, [mavlink.MAV_MISSION_OPERATION_CANCELLED] if acked else [], "acknowledgements")
-    holds(bool(peer.since(mark, "STATUSTEXT")), "expected a text, saw none")
+    holds(bool(vehicle.since(mark, "STATUSTEXT")), "expected a text, saw none")
     return f"after {max(requests):.1f} s"
 
 
 @check("mission.trouble.abandoned_upload", pins="AUTOPILOTS 2: upload is atomic?", limit_s=60)
-def abandoned_upload(peer: Peer) -> str:
-    """What an abandoned upload leaves: a mixture of new and old (ArduPilot), or the old mission (PX4)."""
-    atomic = known(peer, ardupilot=False, px4=True)
-    place = plans.here(peer)
-    old = plans.sample_plan(peer, OLD)
-    new = plans.plan(peer, *[plans.waypoint(place, -40.0 * i, 10.0) for i in range(1, NEW + 1)])
-    plans.put(peer, old)
-    plans.begin(peer, new, 3)
-    peer.wait(11.0 if not atomic else 7.0)
+def abandoned_upload(vehicle: VehicleUnderTest) -> str:
+    """An abandoned upload leaves new and old items on ArduPilot, and the old mission on PX4."""
+    atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
+    place = plans.current_position(vehicle)
+    old = plans.sample_plan(vehicle, OLD)
+    new = plans.plan(vehicle, *[plans.waypoint(place, -40.0 * i, 10.0) for i in range(1, NEW + 1)])
+    plans.upload_or_fail(vehicle, old)
+    plans.begin_upload(vehicle, new, 3)
+    vehicle.wait(11.0 if not atomic else 7.0)
     expected = old if atomic else [*new[:3], *old[3 : len(new)]]
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, expected), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, expected), "items")
     return "the old mission" if atomic else "3 new, the rest old"
 
 
 @check("mission.trouble.refused_item", pins="AUTOPILOTS 2: a refused upload leaves a mixture")
-def refused_item(peer: Peer) -> str:
-    """What an upload that is refused at its last item leaves: a mixture, or the old mission."""
-    atomic = known(peer, ardupilot=False, px4=True)
-    place = plans.here(peer)
-    old = plans.sample_plan(peer, OLD)
-    plans.put(peer, old)
+def refused_item(vehicle: VehicleUnderTest) -> str:
+    """An upload refused at its last item leaves new and old items on ArduPilot, the old mission on PX4."""
+    atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
+    place = plans.current_position(vehicle)
+    old = plans.sample_plan(vehicle, OLD)
+    plans.upload_or_fail(vehicle, old)
     bad = replace(plans.waypoint(place, 10, 10), command=NO_SUCH_ITEM)
-    new = plans.plan(peer, plans.waypoint(place, -40, 0), plans.waypoint(place, -80, 0), bad)
-    equal(mission_result_name(plans.upload(peer, new).result), "UNSUPPORTED", "upload")
+    new = plans.plan(vehicle, plans.waypoint(place, -40, 0), plans.waypoint(place, -80, 0), bad)
+    equal(mission_result_name(plans.upload(vehicle, new).result), "UNSUPPORTED", "upload")
     expected = old if atomic else [*new[:-1], *old[len(new) - 1 : len(new)]]
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, expected), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, expected), "items")
     return "the old mission" if atomic else "a mixture"
 
 
 @check("mission.trouble.good_after_bad", limit_s=60)
-def good_after_bad(peer: Peer) -> str:
+def good_after_bad(vehicle: VehicleUnderTest) -> str:
     """After a refusal a clean upload is accepted at once."""
-    bad = replace(plans.waypoint(plans.here(peer), 10, 10), command=NO_SUCH_ITEM)
-    plans.upload(peer, plans.plan(peer, plans.takeoff(plans.here(peer)), bad))
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    bad = replace(plans.waypoint(plans.current_position(vehicle), 10, 10), command=NO_SUCH_ITEM)
+    plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)), bad))
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return "ACCEPTED"
 
 
 @check("mission.trouble.cancelled", limit_s=60)
-def cancelled(peer: Peer) -> str:
-    """After the station has cancelled an upload the next one is accepted."""
-    plans.begin(peer, plans.sample_plan(peer), 2)
-    plans.cancel(peer)
-    items = plans.sample_plan(peer, 4)
-    plans.put(peer, items)
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+def cancelled(vehicle: VehicleUnderTest) -> str:
+    """After a cancelled upload the next one is accepted."""
+    plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
+    plans.cancel_upload(vehicle)
+    items = plans.sample_plan(vehicle, 4)
+    plans.upload_or_fail(vehicle, items)
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return "ACCEPTED"
 
 
 @check("mission.trouble.duplicate_item", pins="AUTOPILOTS 2: wrong / duplicate item", limit_s=60)
-def duplicate_item(peer: Peer) -> str:
-    """An item sent twice: INVALID_SEQUENCE from ArduPilot, nothing from PX4; the upload goes on."""
-    complains = known(peer, ardupilot=True, px4=False)
-    items = plans.sample_plan(peer)
-    mark, doubled, complaints = peer.mark(), False, 0
-    peer.send(plans.count_message(peer, len(items)))
+def duplicate_item(vehicle: VehicleUnderTest) -> str:
+    """A repeated item is INVALID_SEQUENCE on ArduPilot and ignored on PX4; the upload continues."""
+    complains = known_behaviour(vehicle, ardupilot=True, px4=False)
+    items = plans.sample_plan(vehicle)
+    mark, doubled, complaints = vehicle.mark(), False, 0
+    vehicle.send(plans.count_message(vehicle, len(items)))
     while True:
-        place = peer.seek((*plans.REQUESTS, "MISSION_ACK"), plans.for_us(MISSION), within_s=3.0, mark=mark)
+        place = vehicle.seek(
+            (*plans.REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark
+        )
         if place is None:
             raise CheckFailed("the upload stopped")
-        entry, mark = peer.heard[place], place + 1
+        entry, mark = vehicle.received[place], place + 1
         if entry.kind == "MISSION_ACK":
             if entry.message.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
                 break
             complaints += 1
             continue
         seq = entry.message.seq
-        peer.send(items[seq].message(peer, seq))
+        vehicle.send(items[seq].message(vehicle, seq))
         if seq == 1 and not doubled:
             doubled = True
-            peer.send(items[seq].message(peer, seq))
+            vehicle.send(items[seq].message(vehicle, seq))
     equal(mission_result_name(entry.message.type), "ACCEPTED", "upload")
     equal(complaints > 0, complains, "INVALID_SEQUENCE")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return f"{complaints} complaints, then ACCEPTED"
 
 
 @check(
     "mission.trouble.last_item_again", pins="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again"
 )
-def last_item_again(peer: Peer) -> str:
-    """The last item again, as after a lost acknowledgement: ERROR from ArduPilot, ACCEPTED from PX4."""
-    expected = known(peer, ardupilot="ERROR", px4="ACCEPTED")
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    mark, last = peer.mark(), len(items) - 1
-    peer.send(items[last].message(peer, last))
-    ack = peer.expect("MISSION_ACK", plans.for_us(MISSION), mark=mark)
+def last_item_again(vehicle: VehicleUnderTest) -> str:
+    """A repeated last item, as after a lost acknowledgement, is an ERROR on ArduPilot, ACCEPTED on PX4."""
+    expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    mark, last = vehicle.mark(), len(items) - 1
+    vehicle.send(items[last].message(vehicle, last))
+    ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     equal(mission_result_name(ack.type), expected, "the last item again")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return str(expected)
 
 
@@ -175,14 +180,14 @@ def last_item_again(peer: Peer) -> str:
     pins="AUTOPILOTS 2: DENIED(14) both",
     limit_s=60,
 )
-def second_station(peer: Peer) -> str:
-    """While one station uploads, another's announcement is DENIED."""
-    items = plans.sample_plan(peer)
-    plans.begin(peer, items, 2)
-    mark = peer.mark()
-    peer.send(plans.count_message(peer, 3), SECOND_STATION)
-    ack = peer.expect("MISSION_ACK", plans.for_us(MISSION, SECOND_STATION), mark=mark)
-    plans.cancel(peer)
+def second_station(vehicle: VehicleUnderTest) -> str:
+    """During an upload the announcement of another station is DENIED."""
+    items = plans.sample_plan(vehicle)
+    plans.begin_upload(vehicle, items, 2)
+    mark = vehicle.mark()
+    vehicle.send(plans.count_message(vehicle, 3), SECOND_STATION)
+    ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION, SECOND_STATION), mark=mark)
+    plans.cancel_upload(vehicle)
     equal(mission_result_name(ack.type), "DENIED", "the other station's upload")
     return "DENIED"
 
@@ -192,15 +197,15 @@ def second_station(peer: Peer) -> str:
     pins="AUTOPILOTS 2: second GCS / download during upload",
     limit_s=60,
 )
-def download_during_upload(peer: Peer) -> str:
-    """A list request during an upload is DENIED by ArduPilot and not answered by PX4."""
-    denied = known(peer, ardupilot=True, px4=False)
-    plans.begin(peer, plans.sample_plan(peer), 2)
-    mark = peer.mark()
-    peer.send(plans.request_list(peer))
-    peer.wait(1.0)
-    acks, counts = peer.since(mark, "MISSION_ACK"), peer.since(mark, "MISSION_COUNT")
-    plans.cancel(peer)
+def download_during_upload(vehicle: VehicleUnderTest) -> str:
+    """A list request during an upload is DENIED by ArduPilot and ignored by PX4."""
+    denied = known_behaviour(vehicle, ardupilot=True, px4=False)
+    plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
+    mark = vehicle.mark()
+    vehicle.send(plans.request_list(vehicle))
+    vehicle.wait(1.0)
+    acks, counts = vehicle.since(mark, "MISSION_ACK"), vehicle.since(mark, "MISSION_COUNT")
+    plans.cancel_upload(vehicle)
     equal(counts, [], "MISSION_COUNT")
     equal([mission_result_name(a.type) for a in acks], ["DENIED"] if denied else [], "acknowledgements")
     return "DENIED" if denied else "no answer"
@@ -211,69 +216,71 @@ def download_during_upload(peer: Peer) -> str:
     dialects=("ardupilot",),
     pins="AUTOPILOTS 2: same GCS may restart",
 )
-def same_station_restarts(peer: Peer) -> str:
-    """The station that uploads may begin again."""
-    plans.begin(peer, plans.sample_plan(peer, 6), 2)
-    items = plans.sample_plan(peer, 4)
-    done = plans.upload(peer, items)
+def same_station_restarts(vehicle: VehicleUnderTest) -> str:
+    """The uploading station may start again."""
+    plans.begin_upload(vehicle, plans.sample_plan(vehicle, 6), 2)
+    items = plans.sample_plan(vehicle, 4)
+    done = plans.upload(vehicle, items)
     equal(mission_result_name(done.result), "ACCEPTED", "upload")
     equal(done.requests[0][1], 0, "the first request")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return "ACCEPTED"
 
 
-def _write_partial(peer: Peer, first: int, last: int) -> int:
-    mark = peer.mark()
-    peer.send(mavlink.MAVLink_mission_write_partial_list_message(*peer.target, first, last, MISSION))
+def _write_partial(vehicle: VehicleUnderTest, first: int, last: int) -> int:
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_mission_write_partial_list_message(*vehicle.target, first, last, MISSION))
     return mark
 
 
 @check("mission.partial.writes", pins="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
-def partial_writes(peer: Peer) -> str:
-    """Items 2 and 3 are replaced by ArduPilot; PX4 does not answer at all."""
-    works = known(peer, ardupilot=True, px4=False)
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    mark = _write_partial(peer, 2, 3)
+def partial_writes(vehicle: VehicleUnderTest) -> str:
+    """ArduPilot replaces items 2 and 3; PX4 does not answer."""
+    works = known_behaviour(vehicle, ardupilot=True, px4=False)
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    mark = _write_partial(vehicle, 2, 3)
     if not works:
-        peer.wait(1.5)
+        vehicle.wait(1.5)
         equal(
-            [e.kind for e in peer.heard[mark:] if e.kind in (*plans.REQUESTS, "MISSION_ACK")], [], "answers"
+            [e.kind for e in vehicle.received[mark:] if e.kind in (*plans.REQUESTS, "MISSION_ACK")],
+            [],
+            "answers",
         )
         return "no answer"
     for seq in (2, 3):
-        items[seq] = plans.waypoint(plans.here(peer), -50.0 * seq, 0)
-        equal(plans.next_request(peer, MISSION, mark=mark)[1], seq, "asked for")
-        mark = peer.mark()
-        peer.send(items[seq].message(peer, seq))
-    ack = peer.expect("MISSION_ACK", plans.for_us(MISSION), mark=mark)
+        items[seq] = plans.waypoint(plans.current_position(vehicle), -50.0 * seq, 0)
+        equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "asked for")
+        mark = vehicle.mark()
+        vehicle.send(items[seq].message(vehicle, seq))
+    ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     equal(mission_result_name(ack.type), "ACCEPTED", "partial write")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return "ACCEPTED"
 
 
 @check("mission.partial.appends", dialects=("ardupilot",), pins="AUTOPILOTS 2: may append at start=count")
-def partial_appends(peer: Peer) -> str:
+def partial_appends(vehicle: VehicleUnderTest) -> str:
     """A partial write that begins at the end appends."""
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
     seq = len(items)
-    mark = _write_partial(peer, seq, seq)
-    equal(plans.next_request(peer, MISSION, mark=mark)[1], seq, "asked for")
-    items.append(plans.waypoint(plans.here(peer), -90, 0))
-    mark = peer.mark()
-    peer.send(items[seq].message(peer, seq))
-    equal(peer.expect("MISSION_ACK", mark=mark).type, mavlink.MAV_MISSION_ACCEPTED, "partial write")
-    equal(plans.body(peer, plans.download(peer)), plans.body(peer, items), "items")
+    mark = _write_partial(vehicle, seq, seq)
+    equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "asked for")
+    items.append(plans.waypoint(plans.current_position(vehicle), -90, 0))
+    mark = vehicle.mark()
+    vehicle.send(items[seq].message(vehicle, seq))
+    equal(vehicle.expect("MISSION_ACK", mark=mark).type, mavlink.MAV_MISSION_ACCEPTED, "partial write")
+    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return f"{len(items)} items"
 
 
 @check("mission.partial.bad_range", dialects=("ardupilot",), pins="AUTOPILOTS 2: bad range ERROR(1)")
-def partial_bad_range(peer: Peer) -> str:
+def partial_bad_range(vehicle: VehicleUnderTest) -> str:
     """A partial write behind the end is an ERROR."""
-    items = plans.sample_plan(peer)
-    plans.put(peer, items)
-    mark = _write_partial(peer, len(items) + 5, len(items) + 6)
-    ack = peer.expect("MISSION_ACK", plans.for_us(MISSION), mark=mark)
+    items = plans.sample_plan(vehicle)
+    plans.upload_or_fail(vehicle, items)
+    mark = _write_partial(vehicle, len(items) + 5, len(items) + 6)
+    ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     equal(mission_result_name(ack.type), "ERROR", "partial write")
     return "ERROR"

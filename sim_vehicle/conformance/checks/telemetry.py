@@ -1,4 +1,4 @@
-"""What a vehicle on the ground tells: units, ranges, and agreement between messages."""
+"""Telemetry on the ground: units, ranges, agreement between messages."""
 
 import math
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import CheckFailed, Skip, equal, holds, near
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 STILL_M_S = 1.0
 AGREE_M = 8.0  # GPS and estimate of a vehicle at rest
@@ -19,45 +19,45 @@ def _degrees_apart(a: float, b: float) -> float:
     return abs((a - b + 180) % 360 - 180)
 
 
-def _both(peer: Peer, first: str, second: str) -> tuple[Any, Any]:
-    found = peer.sample({first: 5.0, second: 5.0}, 1.5)
+def _both(vehicle: VehicleUnderTest, first: str, second: str) -> tuple[Any, Any]:
+    found = vehicle.sample({first: 5.0, second: 5.0}, 1.5)
     return found[first][-1], found[second][-1]
 
 
 @check("telemetry.time.goes_forward")
-def time_goes_forward(peer: Peer) -> str:
-    """time_boot_ms never goes back, within one message and between them."""
+def time_goes_forward(vehicle: VehicleUnderTest) -> str:
+    """time_boot_ms never decreases within one kind of message."""
     kinds = {"ATTITUDE": 10.0, "GLOBAL_POSITION_INT": 5.0}
-    with peer.streaming(kinds):
-        mark = peer.wait(4.0)
+    with vehicle.streaming(kinds):
+        mark = vehicle.wait(4.0)
     for kind, rate_hz in kinds.items():
-        seen = len(peer.since(mark, kind))
+        seen = len(vehicle.since(mark, kind))
         holds(seen >= rate_hz, f"expected {kind} at {rate_hz:g} Hz, saw {seen} in 4 s")
     newest = dict.fromkeys(kinds, 0)
-    for entry in peer.heard[mark:]:
+    for entry in vehicle.received[mark:]:
         if entry.kind in newest:
             boot_ms, before_ms = entry.message.time_boot_ms, newest[entry.kind]
             holds(boot_ms >= before_ms, f"{entry.kind}: {boot_ms} ms after {before_ms} ms")
             newest[entry.kind] = boot_ms
-    return f"{len(peer.heard) - mark} messages"
+    return f"{len(vehicle.received) - mark} messages"
 
 
 @check("telemetry.time.is_milliseconds")
-def time_is_milliseconds(peer: Peer) -> str:
-    """time_boot_ms counts milliseconds of the vehicle's time."""
-    with peer.streaming({"ATTITUDE": 10.0}):
-        mark = peer.wait(5.0)
-    entries = [e for e in peer.heard[mark:] if e.kind == "ATTITUDE"]
+def time_is_milliseconds(vehicle: VehicleUnderTest) -> str:
+    """time_boot_ms counts milliseconds of vehicle time."""
+    with vehicle.streaming({"ATTITUDE": 10.0}):
+        mark = vehicle.wait(5.0)
+    entries = [e for e in vehicle.received[mark:] if e.kind == "ATTITUDE"]
     holds(len(entries) > 2, f"expected ATTITUDE at 10 Hz, saw {len(entries)} in 5 s")
-    told_s = (entries[-1].message.time_boot_ms - entries[0].message.time_boot_ms) / 1000
-    near(told_s, entries[-1].at_s - entries[0].at_s, 0.5, "seconds told")
-    return f"{told_s:.2f} s"
+    reported_s = (entries[-1].message.time_boot_ms - entries[0].message.time_boot_ms) / 1000
+    near(reported_s, entries[-1].at_s - entries[0].at_s, 0.5, "seconds reported")
+    return f"{reported_s:.2f} s"
 
 
 @check("telemetry.numbers_are_finite")
-def numbers_are_finite(peer: Peer) -> str:
-    """No NaN and no infinity in what must be a number."""
-    for kind, messages in peer.sample(dict.fromkeys(FINITE, 4.0), 2.0).items():
+def numbers_are_finite(vehicle: VehicleUnderTest) -> str:
+    """No field is NaN or infinite."""
+    for kind, messages in vehicle.sample(dict.fromkeys(FINITE, 4.0), 2.0).items():
         for message in messages:
             for name, value in message.to_dict().items():
                 if isinstance(value, float) and name != "repr_offset_q" and not math.isfinite(value):
@@ -69,19 +69,19 @@ def numbers_are_finite(peer: Peer) -> str:
 
 
 @check("telemetry.position.agrees_with_gps", limit_s=200)
-def agrees_with_gps(peer: Peer) -> str:
-    """GLOBAL_POSITION_INT is where GPS_RAW_INT says."""
-    flying.wait_ready(peer)
-    estimate, gps = _both(peer, "GLOBAL_POSITION_INT", "GPS_RAW_INT")
+def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
+    """GLOBAL_POSITION_INT agrees with GPS_RAW_INT."""
+    flying.wait_ready(vehicle)
+    estimate, gps = _both(vehicle, "GLOBAL_POSITION_INT", "GPS_RAW_INT")
     away_m = plans.distance_m((estimate.lat, estimate.lon), (gps.lat, gps.lon))
     holds(away_m < AGREE_M, f"expected less than {AGREE_M:g} m apart, saw {away_m:.1f} m")
     return f"{away_m:.2f} m apart"
 
 
 @check("telemetry.position.is_in_range")
-def position_in_range(peer: Peer) -> str:
+def position_in_range(vehicle: VehicleUnderTest) -> str:
     """Latitude, longitude and heading are within their ranges."""
-    message = flying.position(peer)
+    message = flying.position(vehicle)
     holds(abs(message.lat) <= 900_000_000, f"lat {message.lat}")
     holds(abs(message.lon) <= 1_800_000_000, f"lon {message.lon}")
     holds(message.hdg < 36_000 or message.hdg == 65_535, f"expected hdg below 36000, saw {message.hdg}")
@@ -89,44 +89,44 @@ def position_in_range(peer: Peer) -> str:
 
 
 @check("telemetry.altitude.relative_is_from_home")
-def relative_is_from_home(peer: Peer) -> str:
+def relative_is_from_home(vehicle: VehicleUnderTest) -> str:
     """alt minus relative_alt is the altitude of home."""
-    home, message = peer.request("HOME_POSITION"), flying.position(peer)
+    home, message = vehicle.request("HOME_POSITION"), flying.position(vehicle)
     near((message.alt - message.relative_alt) / 1000, home.altitude / 1000, 1.0, "metres of home")
     return f"{home.altitude / 1000:.2f} m"
 
 
 @check("telemetry.altitude.hud_agrees")
-def hud_agrees(peer: Peer) -> str:
-    """VFR_HUD.alt [m] is GLOBAL_POSITION_INT.alt [mm]."""
-    position, hud = _both(peer, "GLOBAL_POSITION_INT", "VFR_HUD")
+def hud_agrees(vehicle: VehicleUnderTest) -> str:
+    """VFR_HUD.alt [m] agrees with GLOBAL_POSITION_INT.alt [mm]."""
+    position, hud = _both(vehicle, "GLOBAL_POSITION_INT", "VFR_HUD")
     near(hud.alt, position.alt / 1000, 2.0, "VFR_HUD.alt")
     return f"{hud.alt:.2f} m"
 
 
 @check("telemetry.altitude.gps_agrees")
-def gps_agrees(peer: Peer) -> str:
+def gps_agrees(vehicle: VehicleUnderTest) -> str:
     """GPS_RAW_INT.alt [mm, above sea level] is near GLOBAL_POSITION_INT.alt."""
-    position, gps = _both(peer, "GLOBAL_POSITION_INT", "GPS_RAW_INT")
+    position, gps = _both(vehicle, "GLOBAL_POSITION_INT", "GPS_RAW_INT")
     near(gps.alt / 1000, position.alt / 1000, 15.0, "GPS altitude")
     return f"{gps.alt / 1000:.1f} m"
 
 
 @check("telemetry.local.at_rest")
-def local_at_rest(peer: Peer) -> str:
-    """LOCAL_POSITION_NED of a vehicle that has not moved is near its origin, and still."""
-    message = peer.sample({"LOCAL_POSITION_NED": 4.0}, 1.0)["LOCAL_POSITION_NED"][-1]
-    origin = peer.request("GPS_GLOBAL_ORIGIN")
-    away_m = plans.distance_m((origin.latitude, origin.longitude), plans.here(peer))
+def local_at_rest(vehicle: VehicleUnderTest) -> str:
+    """LOCAL_POSITION_NED of a vehicle at rest is near its origin, with no speed."""
+    message = vehicle.sample({"LOCAL_POSITION_NED": 4.0}, 1.0)["LOCAL_POSITION_NED"][-1]
+    origin = vehicle.request("GPS_GLOBAL_ORIGIN")
+    away_m = plans.distance_m((origin.latitude, origin.longitude), plans.current_position(vehicle))
     near(math.hypot(message.x, message.y), away_m, 3.0, "metres from the origin")
     holds(math.hypot(message.vx, message.vy, message.vz) < STILL_M_S, f"moves at {message.vx}, {message.vy}")
     return f"{message.x:.2f}, {message.y:.2f}, {message.z:.2f} m"
 
 
 @check("telemetry.speed.is_zero_at_rest")
-def speed_is_zero(peer: Peer) -> str:
-    """Nothing says that a vehicle on the ground moves."""
-    position, hud = _both(peer, "GLOBAL_POSITION_INT", "VFR_HUD")
+def speed_is_zero(vehicle: VehicleUnderTest) -> str:
+    """The reported speeds of a vehicle on the ground are below 1 m/s."""
+    position, hud = _both(vehicle, "GLOBAL_POSITION_INT", "VFR_HUD")
     speed_m_s = math.hypot(position.vx, position.vy, position.vz) / 100
     holds(speed_m_s < STILL_M_S, f"GLOBAL_POSITION_INT: {speed_m_s:.2f} m/s")
     holds(hud.groundspeed < STILL_M_S and abs(hud.climb) < STILL_M_S, f"VFR_HUD: {hud.groundspeed:.2f} m/s")
@@ -137,9 +137,9 @@ def speed_is_zero(peer: Peer) -> str:
 
 
 @check("telemetry.attitude.is_in_range")
-def attitude_in_range(peer: Peer) -> str:
+def attitude_in_range(vehicle: VehicleUnderTest) -> str:
     """Roll and yaw are within pi, pitch within half of it."""
-    for message in peer.sample({"ATTITUDE": 10.0}, 2.0)["ATTITUDE"]:
+    for message in vehicle.sample({"ATTITUDE": 10.0}, 2.0)["ATTITUDE"]:
         holds(abs(message.roll) <= math.pi + 1e-5, f"roll {message.roll}")
         holds(abs(message.pitch) <= math.pi / 2 + 1e-5, f"pitch {message.pitch}")
         holds(abs(message.yaw) <= math.pi + 1e-5, f"yaw {message.yaw}")
@@ -147,9 +147,9 @@ def attitude_in_range(peer: Peer) -> str:
 
 
 @check("telemetry.attitude.is_level_at_rest")
-def level_at_rest(peer: Peer) -> str:
-    """A vehicle on its feet is level within 15 degrees and does not turn."""
-    message = peer.sample({"ATTITUDE": 5.0}, 1.0)["ATTITUDE"][-1]
+def level_at_rest(vehicle: VehicleUnderTest) -> str:
+    """A vehicle on the ground is level within 15 degrees and does not turn."""
+    message = vehicle.sample({"ATTITUDE": 5.0}, 1.0)["ATTITUDE"][-1]
     worst = max(abs(message.roll), abs(message.pitch))
     holds(worst < math.radians(15), f"tilted by {math.degrees(worst):.1f} deg")
     holds(max(abs(message.rollspeed), abs(message.pitchspeed), abs(message.yawspeed)) < 0.2, "it turns")
@@ -157,9 +157,9 @@ def level_at_rest(peer: Peer) -> str:
 
 
 @check("telemetry.attitude.quaternion_agrees")
-def quaternion_agrees(peer: Peer) -> str:
-    """ATTITUDE_QUATERNION is of length 1 and the same attitude."""
-    euler, q = _both(peer, "ATTITUDE", "ATTITUDE_QUATERNION")
+def quaternion_agrees(vehicle: VehicleUnderTest) -> str:
+    """ATTITUDE_QUATERNION has length 1 and agrees with ATTITUDE."""
+    euler, q = _both(vehicle, "ATTITUDE", "ATTITUDE_QUATERNION")
     w, x, y, z = q.q1, q.q2, q.q3, q.q4
     near(math.sqrt(w * w + x * x + y * y + z * z), 1.0, 1e-3, "length")
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -176,9 +176,9 @@ def quaternion_agrees(peer: Peer) -> str:
 
 
 @check("telemetry.heading.agrees")
-def heading_agrees(peer: Peer) -> str:
-    """hdg [cdeg], VFR_HUD.heading [deg] and yaw [rad] are one direction."""
-    found = peer.sample({"GLOBAL_POSITION_INT": 5.0, "VFR_HUD": 5.0, "ATTITUDE": 5.0}, 1.5)
+def heading_agrees(vehicle: VehicleUnderTest) -> str:
+    """hdg [cdeg], VFR_HUD.heading [deg] and yaw [rad] agree."""
+    found = vehicle.sample({"GLOBAL_POSITION_INT": 5.0, "VFR_HUD": 5.0, "ATTITUDE": 5.0}, 1.5)
     position, hud, attitude = (found[k][-1] for k in ("GLOBAL_POSITION_INT", "VFR_HUD", "ATTITUDE"))
     yaw_deg = math.degrees(attitude.yaw) % 360
     holds(0 <= hud.heading <= 360, f"expected a heading of 0 to 360, saw {hud.heading}")
@@ -195,9 +195,9 @@ def heading_agrees(peer: Peer) -> str:
 
 
 @check("telemetry.gps.has_a_fix")
-def gps_fix(peer: Peer) -> str:
-    """GPS_RAW_INT says a 3D fix with four satellites or more, on earth."""
-    gps = peer.request("GPS_RAW_INT")
+def gps_fix(vehicle: VehicleUnderTest) -> str:
+    """GPS_RAW_INT reports a 3D fix with at least four satellites."""
+    gps = vehicle.request("GPS_RAW_INT")
     holds(gps.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX, f"expected a 3D fix, saw fix_type {gps.fix_type}")
     holds(gps.satellites_visible >= 4, f"expected 4 satellites, saw {gps.satellites_visible}")
     holds(abs(gps.lat) <= 900_000_000 and (gps.lat or gps.lon), f"lat {gps.lat}, lon {gps.lon}")
@@ -205,29 +205,29 @@ def gps_fix(peer: Peer) -> str:
 
 
 @check("telemetry.gps.tells_its_quality")
-def gps_quality(peer: Peer) -> str:
+def gps_quality(vehicle: VehicleUnderTest) -> str:
     """eph and epv of a fix are between 0.1 and 10."""
-    gps = peer.request("GPS_RAW_INT")
+    gps = vehicle.request("GPS_RAW_INT")
     for name, value in (("eph", gps.eph), ("epv", gps.epv)):
         holds(10 <= value <= 1000, f"expected {name} of 10 to 1000, saw {value}")
     return f"eph {gps.eph / 100:.2f}, epv {gps.epv / 100:.2f}"
 
 
 @check("telemetry.estimator.knows_the_position")
-def estimator(peer: Peer) -> str:
-    """The estimator's own report says attitude and position once the vehicle is ready."""
-    flying.wait_ready(peer)
-    kind = "EKF_STATUS_REPORT" if peer.dialect.name == "ardupilot" else "ESTIMATOR_STATUS"
-    flags = peer.request(kind).flags
+def estimator(vehicle: VehicleUnderTest) -> str:
+    """The estimator report has attitude and position once the vehicle is ready."""
+    flying.wait_ready(vehicle)
+    kind = "EKF_STATUS_REPORT" if vehicle.dialect.name == "ardupilot" else "ESTIMATOR_STATUS"
+    flags = vehicle.request(kind).flags
     wanted = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
     equal(flags & wanted, wanted, f"{kind} flags {flags:#x} of attitude and position")
     return f"{kind} {flags:#x}"
 
 
 @check("telemetry.sensors.are_consistent")
-def sensors(peer: Peer) -> str:
-    """SYS_STATUS: what is enabled is present."""
-    status = peer.request("SYS_STATUS")
+def sensors(vehicle: VehicleUnderTest) -> str:
+    """Every enabled sensor in SYS_STATUS is present."""
+    status = vehicle.request("SYS_STATUS")
     present, enabled = status.onboard_control_sensors_present, status.onboard_control_sensors_enabled
     holds(enabled & ~present == 0, f"enabled, but not present: {enabled & ~present:#x}")
     holds(present & mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO, "no gyroscope is present")
@@ -235,19 +235,19 @@ def sensors(peer: Peer) -> str:
 
 
 @check("telemetry.sensors.load_is_a_share")
-def load(peer: Peer) -> str:
-    """load is in per mille."""
-    value = peer.request("SYS_STATUS").load
+def load(vehicle: VehicleUnderTest) -> str:
+    """The load is 0 to 1000 per mille."""
+    value = vehicle.request("SYS_STATUS").load
     holds(0 <= value <= 1000, f"expected 0 to 1000, saw {value}")
     return f"{value / 10:.1f} %"
 
 
 @check("telemetry.imu.feels_gravity")
-def imu(peer: Peer) -> str:
-    """At rest the accelerometer feels 9.8 m/s2 upward."""
+def imu(vehicle: VehicleUnderTest) -> str:
+    """At rest the accelerometer shows 9.8 m/s2 upward."""
     for kind, scale in (("SCALED_IMU", 9.80665e-3), ("RAW_IMU", 9.80665e-3), ("HIGHRES_IMU", 1.0)):
         try:
-            message = peer.request(kind)
+            message = vehicle.request(kind)
         except Skip:
             continue
         acceleration = [axis * scale for axis in (message.xacc, message.yacc, message.zacc)]
@@ -260,26 +260,26 @@ def imu(peer: Peer) -> str:
 
 
 @check("telemetry.pressure.fits_the_altitude")
-def pressure(peer: Peer) -> str:
-    """The absolute pressure is that of the altitude within 5 %."""
-    message, position = peer.request("SCALED_PRESSURE"), flying.position(peer)
+def pressure(vehicle: VehicleUnderTest) -> str:
+    """The absolute pressure agrees with the altitude within 5 %."""
+    message, position = vehicle.request("SCALED_PRESSURE"), flying.position(vehicle)
     expected = 1013.25 * (1 - 2.25577e-5 * position.alt / 1000) ** 5.25588
     near(message.press_abs, expected, 0.05 * expected, "press_abs [hPa]")
     return f"{message.press_abs:.1f} hPa"
 
 
 @check("telemetry.landed.on_ground")
-def on_ground(peer: Peer) -> str:
-    """EXTENDED_SYS_STATE says ON_GROUND."""
-    state = peer.request("EXTENDED_SYS_STATE").landed_state
+def on_ground(vehicle: VehicleUnderTest) -> str:
+    """EXTENDED_SYS_STATE reports ON_GROUND."""
+    state = vehicle.request("EXTENDED_SYS_STATE").landed_state
     equal(state, mavlink.MAV_LANDED_STATE_ON_GROUND, "landed_state")
     return "ON_GROUND"
 
 
 @check("telemetry.hud.throttle_is_a_percentage")
-def throttle(peer: Peer) -> str:
+def throttle(vehicle: VehicleUnderTest) -> str:
     """VFR_HUD.throttle of a disarmed vehicle is 0."""
-    value = peer.request("VFR_HUD").throttle
+    value = vehicle.request("VFR_HUD").throttle
     equal(value, 0, "throttle")
     return "0 %"
 
@@ -288,9 +288,9 @@ def throttle(peer: Peer) -> str:
 
 
 @check("telemetry.battery.messages_agree")
-def battery_agrees(peer: Peer) -> str:
-    """SYS_STATUS and BATTERY_STATUS tell one battery."""
-    status, battery = _both(peer, "SYS_STATUS", "BATTERY_STATUS")
+def battery_agrees(vehicle: VehicleUnderTest) -> str:
+    """SYS_STATUS and BATTERY_STATUS agree on voltage and charge."""
+    status, battery = _both(vehicle, "SYS_STATUS", "BATTERY_STATUS")
     cells = [v for v in battery.voltages if v not in (0, 65_535)]
     if not cells or status.voltage_battery == 65_535:
         raise Skip("the voltage is not known")
@@ -301,9 +301,9 @@ def battery_agrees(peer: Peer) -> str:
 
 
 @check("telemetry.battery.is_in_range")
-def battery_in_range(peer: Peer) -> str:
-    """Remaining is -1 or a percentage, unused cells are 65535, nothing consumed is negative but -1."""
-    battery = peer.request("BATTERY_STATUS")
+def battery_in_range(vehicle: VehicleUnderTest) -> str:
+    """The remaining charge is -1 or a percentage, unused cells are 65535, consumption is -1 or positive."""
+    battery = vehicle.request("BATTERY_STATUS")
     holds(-1 <= battery.battery_remaining <= 100, f"battery_remaining {battery.battery_remaining}")
     holds(battery.current_consumed >= -1, f"current_consumed {battery.current_consumed}")
     known = [i for i, v in enumerate(battery.voltages) if v != 65_535]
@@ -312,8 +312,8 @@ def battery_in_range(peer: Peer) -> str:
 
 
 @check("telemetry.battery.current_is_centiamperes")
-def battery_current(peer: Peer) -> str:
-    """A disarmed vehicle draws less than 10 A, or does not know."""
-    current = peer.request("BATTERY_STATUS").current_battery
+def battery_current(vehicle: VehicleUnderTest) -> str:
+    """A disarmed vehicle draws less than 10 A, or reports -1."""
+    current = vehicle.request("BATTERY_STATUS").current_battery
     holds(-1 <= current < 1000, f"expected less than 1000 cA, saw {current}")
     return f"{current / 100:.2f} A"

@@ -1,41 +1,45 @@
-"""What the vehicle said during the whole run: looked at last."""
+"""STATUSTEXT messages of the whole run, checked last."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.assertions import Skip, holds
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import Skip, holds
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 
-def _said(peer: Peer) -> list[tuple[float, int, str]]:
-    if not peer.texts:
-        raise Skip("it said nothing")
-    return peer.texts
+def _sent_tail(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:
+    if not vehicle.texts:
+        raise Skip("the vehicle sent no texts")
+    return vehicle.texts
 
 
 @check("endurance.texts.severities")
-def severities(peer: Peer) -> str:
+def severities(vehicle: VehicleUnderTest) -> str:
     """Every STATUSTEXT has a MAV_SEVERITY."""
     wrong = [
-        (severity, text) for _, severity, text in _said(peer) if severity not in mavlink.enums["MAV_SEVERITY"]
+        (severity, text)
+        for _, severity, text in _sent_tail(vehicle)
+        if severity not in mavlink.enums["MAV_SEVERITY"]
     ]
     holds(not wrong, f"saw {wrong[:2]}")
-    return f"{len(peer.texts)} texts"
+    return f"{len(vehicle.texts)} texts"
 
 
 @check("endurance.texts.are_readable")
-def readable(peer: Peer) -> str:
+def readable(vehicle: VehicleUnderTest) -> str:
     """Every STATUSTEXT is printable and not empty."""
     wrong = [
-        text for _, _, text in _said(peer) if not text.strip() or not text.replace("\t", " ").isprintable()
+        text
+        for _, _, text in _sent_tail(vehicle)
+        if not text.strip() or not text.replace("\t", " ").isprintable()
     ]
     holds(not wrong, f"saw {wrong[:2]!r}")
-    return f"{len(peer.texts)} texts"
+    return f"{len(vehicle.texts)} texts"
 
 
 @check("endurance.still_there")
-def still_there(peer: Peer) -> str:
-    """After everything the vehicle sends heartbeats and answers."""
-    peer.expect("HEARTBEAT", within_s=3.0)
-    peer.request("AUTOPILOT_VERSION")
-    return f"mode {peer.mode}"
+def still_there(vehicle: VehicleUnderTest) -> str:
+    """At the end of the run the vehicle sends heartbeats and answers."""
+    vehicle.expect("HEARTBEAT", within_s=3.0)
+    vehicle.request("AUTOPILOT_VERSION")
+    return f"mode {vehicle.mode}"

@@ -1,4 +1,4 @@
-"""Who the vehicle is, and one frame of it."""
+"""The identity of the vehicle under test, and one frame of it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +12,8 @@ SIGNED = 0x01  # incompatibility flag of a signed frame
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """One frame of the vehicle: when it came [s], what it says, and its header."""
+class ReceivedFrame:
+    """One frame of the vehicle, with its arrival time [s], message and header."""
 
     at_s: float
     kind: str
@@ -34,8 +34,8 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
-    """Who the vehicle is; `capabilities` are MAV_PROTOCOL_CAPABILITY bits, 0 where it would not tell."""
+class VehicleIdentity:
+    """The identity of a vehicle; `capabilities` are MAV_PROTOCOL_CAPABILITY bits, 0 if unknown."""
 
     sysid: int
     component: int

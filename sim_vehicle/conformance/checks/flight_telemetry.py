@@ -1,39 +1,39 @@
-"""What a vehicle tells while it flies."""
+"""Telemetry in flight."""
 
 import math
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.assertions import Skip, holds, near
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.words import Skip, holds, near
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 
 @check("flight.tells.velocity", airborne=True, kind="copter", limit_s=300)
-def tells_velocity(peer: Peer) -> str:
-    """vx and vy [cm/s] are how the position changes."""
-    flying.reposition(peer, plans.moved(flying.place(peer), 60.0, 60.0), 20.0)
-    peer.wait(3.0)
-    mark = peer.wait(4.0)
-    messages = peer.since(mark, "GLOBAL_POSITION_INT")
+def velocity(vehicle: VehicleUnderTest) -> str:
+    """vx and vy [cm/s] agree with the change of the position."""
+    flying.reposition(vehicle, plans.offset(flying.last_position(vehicle), 60.0, 60.0), 20.0)
+    vehicle.wait(3.0)
+    mark = vehicle.wait(4.0)
+    messages = vehicle.since(mark, "GLOBAL_POSITION_INT")
     seconds = (messages[-1].time_boot_ms - messages[0].time_boot_ms) / 1000
     first, last = ((m.lat, m.lon) for m in (messages[0], messages[-1]))
     flown_m = plans.distance_m(first, last)
-    told_m = sum(math.hypot(m.vx, m.vy) / 100 for m in messages) / len(messages) * seconds
+    reported_m = sum(math.hypot(m.vx, m.vy) / 100 for m in messages) / len(messages) * seconds
     holds(flown_m > 3.0, f"it hardly moved: {flown_m:.1f} m")
-    near(told_m, flown_m, 0.15 * flown_m + 1.0, "metres by velocity")
-    return f"{flown_m:.1f} m flown, {told_m:.1f} m told"
+    near(reported_m, flown_m, 0.15 * flown_m + 1.0, "metres by velocity")
+    return f"{flown_m:.1f} m flown, {reported_m:.1f} m by velocity"
 
 
 @check("flight.tells.local_position", airborne=True, kind="copter", limit_s=300)
-def tells_local(peer: Peer) -> str:
-    """LOCAL_POSITION_NED moves with GLOBAL_POSITION_INT, z is down."""
+def local_position(vehicle: VehicleUnderTest) -> str:
+    """LOCAL_POSITION_NED moves with GLOBAL_POSITION_INT; z is down."""
     rates = {"LOCAL_POSITION_NED": 5.0, "GLOBAL_POSITION_INT": 5.0}
-    begin = {k: v[-1] for k, v in peer.sample(rates, 1.0).items()}
-    flying.stream_flight(peer)
-    flying.reposition(peer, plans.moved(flying.place(peer), -30.0, 30.0), 28.0)
-    peer.wait(20.0)
-    end = {k: v[-1] for k, v in peer.sample(rates, 1.0).items()}
-    flying.stream_flight(peer)
+    begin = {k: v[-1] for k, v in vehicle.sample(rates, 1.0).items()}
+    flying.start_streams(vehicle)
+    flying.reposition(vehicle, plans.offset(flying.last_position(vehicle), -30.0, 30.0), 28.0)
+    vehicle.wait(20.0)
+    end = {k: v[-1] for k, v in vehicle.sample(rates, 1.0).items()}
+    flying.start_streams(vehicle)
     local_a, local_b = begin["LOCAL_POSITION_NED"], end["LOCAL_POSITION_NED"]
     global_a, global_b = begin["GLOBAL_POSITION_INT"], end["GLOBAL_POSITION_INT"]
     local_m = math.hypot(local_b.x - local_a.x, local_b.y - local_a.y)
@@ -48,36 +48,36 @@ def tells_local(peer: Peer) -> str:
 
 
 @check("flight.tells.climb", airborne=True, kind="copter", limit_s=300)
-def tells_climb(peer: Peer) -> str:
-    """While it climbs vz is negative and VFR_HUD.climb positive."""
-    place, height = flying.place(peer), flying.height_m(peer)
-    flying.reposition(peer, place, height + 15.0)
-    with peer.streaming({"VFR_HUD": 5.0}):
-        peer.wait(4.0)
-        hud, position = peer.last["VFR_HUD"].message, peer.last["GLOBAL_POSITION_INT"].message
+def climb(vehicle: VehicleUnderTest) -> str:
+    """In a climb vz is negative and VFR_HUD.climb positive."""
+    place, height = flying.last_position(vehicle), flying.height_m(vehicle)
+    flying.reposition(vehicle, place, height + 15.0)
+    with vehicle.streaming({"VFR_HUD": 5.0}):
+        vehicle.wait(4.0)
+        hud, position = vehicle.last["VFR_HUD"].message, vehicle.last["GLOBAL_POSITION_INT"].message
     holds(position.vz < -30, f"vz is {position.vz} cm/s")
     holds(hud.climb > 0.3, f"climb is {hud.climb} m/s")
     near(hud.climb, -position.vz / 100, 0.6, "climb")
-    flying.reposition(peer, place, 20.0)
-    peer.wait(8.0)
+    flying.reposition(vehicle, place, 20.0)
+    vehicle.wait(8.0)
     return f"{hud.climb:.2f} m/s"
 
 
 @check("flight.tells.airspeed", airborne=True, kind="plane", limit_s=300)
-def tells_airspeed(peer: Peer) -> str:
-    """A plane's airspeed is that of a plane, and the throttle a percentage."""
-    hud = peer.sample({"VFR_HUD": 5.0}, 2.0)["VFR_HUD"][-1]
+def airspeed(vehicle: VehicleUnderTest) -> str:
+    """The airspeed of a plane is 5 to 60 m/s, and the throttle a percentage."""
+    hud = vehicle.sample({"VFR_HUD": 5.0}, 2.0)["VFR_HUD"][-1]
     holds(5 < hud.airspeed < 60, f"airspeed {hud.airspeed:.1f} m/s")
     holds(0 <= hud.throttle <= 100, f"throttle {hud.throttle}")
     return f"{hud.airspeed:.1f} m/s, {hud.throttle} %"
 
 
 @check("flight.tells.battery", airborne=True, limit_s=300)
-def tells_battery(peer: Peer) -> str:
-    """In the air the battery drains: current flows, consumption grows, the rest does not."""
-    first = peer.request("BATTERY_STATUS")
-    peer.wait(10.0)
-    second = peer.request("BATTERY_STATUS")
+def battery(vehicle: VehicleUnderTest) -> str:
+    """In the air a current flows, the consumption grows, and the remaining charge does not."""
+    first = vehicle.request("BATTERY_STATUS")
+    vehicle.wait(10.0)
+    second = vehicle.request("BATTERY_STATUS")
     if second.current_battery < 0:
         raise Skip("the current is not measured")
     holds(second.current_battery > 50, f"current {second.current_battery} cA")

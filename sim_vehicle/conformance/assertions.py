@@ -1,4 +1,4 @@
-"""Names for numbers, and what a check says when they are wrong."""
+"""Failures of checks, comparisons that raise them, and names of MAVLink numbers."""
 
 from typing import Any
 
@@ -6,11 +6,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
 class CheckFailed(Exception):
-    """The vehicle did something else than it should; the text says what was expected and what was seen."""
+    """The vehicle behaved wrongly; the text gives the expected and the observed behaviour."""
 
 
 class Skip(Exception):
-    """The check does not apply to this vehicle; the text says why."""
+    """The check does not apply to this vehicle; the text gives the reason."""
 
 
 def id_of(kind: str) -> int:
@@ -36,18 +36,18 @@ def command_name(command: int) -> str:
 
 
 def equal(seen: Any, expected: Any, what: str) -> None:
-    """CheckFailed unless `seen` is what was expected."""
+    """Raise CheckFailed unless `seen` equals the expected value."""
     if seen != expected:
         raise CheckFailed(f"{what}: expected {expected}, saw {seen}")
 
 
 def near(seen: float, expected: float, tolerance: float, what: str) -> None:
-    """CheckFailed unless two numbers agree."""
+    """Raise CheckFailed unless two numbers agree."""
     if not abs(seen - expected) <= tolerance:  # also false for NaN
         raise CheckFailed(f"{what}: expected {expected:g} within {tolerance:g}, saw {seen:g}")
 
 
 def holds(condition: bool, otherwise: str) -> None:
-    """CheckFailed with a text unless the condition is true."""
+    """Raise CheckFailed with a text unless the condition is true."""
     if not condition:
         raise CheckFailed(otherwise)

@@ -1,0 +1,81 @@
+"""The start and the end of a flight: take-off, return, landing."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance import flying, plans
+from sim_vehicle.conformance.assertions import equal, holds, near, result_name
+from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
+
+
+@check("flight.land.can_be_broken_off", airborne=True, kind="copter", limit_s=300)
+def land_broken_off(vehicle: VehicleUnderTest) -> str:
+    """A mode change ends a landing in the air."""
+    flying.set_mode(vehicle, "land")
+    vehicle.wait(3.0)
+    flying.set_mode(vehicle, "hold")
+    vehicle.wait(3.0)
+    height = flying.height_m(vehicle)
+    vehicle.wait(4.0)
+    near(flying.height_m(vehicle), height, 1.0, "height")
+    holds(vehicle.armed, "it disarmed")
+    return f"at {height:.1f} m"
+
+
+@check("flight.return.comes_home", airborne=True, kind="copter", limit_s=400)
+def return_home(vehicle: VehicleUnderTest) -> str:
+    """RETURN_TO_LAUNCH lands the vehicle within 5 m of home and disarms it."""
+    home = vehicle.request("HOME_POSITION")
+    target = home.latitude, home.longitude
+    away = plans.offset(target, 30.0, 0.0)
+    flying.reposition(vehicle, away, 20.0)
+    flying.wait_until_near(vehicle, away, 60, 5)
+    vehicle.accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    vehicle.wait_until(flying.in_mode(vehicle, "return"), "the return mode", flying.HEARTBEAT_LAG_S)
+    took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 240)
+    off_m = flying.distance_to_m(vehicle, target)
+    holds(off_m < 5, f"landed {off_m:.1f} m from home")
+    return f"{off_m:.2f} m from home after {took_s:.0f} s"
+
+
+@check("flight.return.circles_home", airborne=True, kind="plane", limit_s=400)
+def return_plane(vehicle: VehicleUnderTest) -> str:
+    """RETURN_TO_LAUNCH makes a plane circle near home."""
+    home = vehicle.request("HOME_POSITION")
+    target = home.latitude, home.longitude
+    vehicle.accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    took_s = flying.wait_until_near(vehicle, target, 200.0, 250.0)
+    vehicle.wait(10.0)
+    holds(
+        flying.distance_to_m(vehicle, target) < 400,
+        f"{flying.distance_to_m(vehicle, target):.0f} m from home",
+    )
+    return f"near home after {took_s:.0f} s"
+
+
+@check("flight.takeoff.reaches_the_height", needs=[ARM], kind="copter", limit_s=300)
+def takeoff_height(vehicle: VehicleUnderTest) -> str:
+    """NAV_TAKEOFF climbs to the given height and stays there."""
+    flying.start_streams(vehicle)
+    flying.arm(vehicle)
+    equal(result_name(vehicle.result(flying.takeoff_command(vehicle, 15.0))), "ACCEPTED", "NAV_TAKEOFF")
+    took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 14.0, "a height of 14 m", 60)
+    vehicle.wait(5.0)
+    near(flying.height_m(vehicle), 15.0, 1.5, "height")
+    return f"{flying.height_m(vehicle):.1f} m after {took_s:.0f} s"
+
+
+@check("flight.land.comes_down", airborne=True, kind="copter", limit_s=300)
+def land_comes_down(vehicle: VehicleUnderTest) -> str:
+    """NAV_LAND lands the vehicle in place; it disarms and reports ON_GROUND."""
+    place = flying.last_position(vehicle)
+    vehicle.accepted(mavlink.MAV_CMD_NAV_LAND)
+    took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)
+    off_m = flying.distance_to_m(vehicle, place)
+    holds(off_m < 4, f"landed {off_m:.1f} m away")
+    near(flying.height_m(vehicle), 0.0, 2.0, "height")
+    vehicle.wait(1.0)
+    state = vehicle.request("EXTENDED_SYS_STATE").landed_state
+    equal(state, mavlink.MAV_LANDED_STATE_ON_GROUND, "landed_state")
+    return f"after {took_s:.0f} s, {off_m:.2f} m away"

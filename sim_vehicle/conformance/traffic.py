@@ -1,0 +1,273 @@
+"""Frames to and from the vehicle under test; all bytes and all time come from a `Wire`."""
+
+import math
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance.assertions import CheckFailed, Skip
+from sim_vehicle.conformance.guard import Forbidden, is_for, is_read_only, refusal
+from sim_vehicle.conformance.identity import ReceivedFrame, VehicleIdentity
+from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
+
+Condition = Callable[[Any], bool]
+HEARTBEAT_S = 1.0
+REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers within a fraction of it
+RESTORE_S = 60.0  # for undoing a change, however little time the check has left
+SYSTEMS = 250  # the highest system id of a vehicle
+EPSILON_S = 1e-6  # tolerance for sums of times
+STATION, SECOND_STATION = (255, 190), (254, 191)
+
+
+class WireError(OSError):
+    """The link cannot be opened or has failed; the text says what to do."""
+
+
+class Wire(Protocol):
+    """A link to one vehicle, or to several of which one is followed."""
+
+    def send(self, data: bytes) -> None:
+        """Send to the vehicle, or to all known senders before `follow`."""
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return the next bytes, after at most `timeout_s` [s of vehicle time]; None without any."""
+
+    def now_s(self) -> float:
+        """Return the vehicle time [s]; it never decreases."""
+
+    def follow(self, sysid: int) -> None:
+        """Direct every later `send` to this vehicle, at its latest address."""
+
+    def close(self) -> None: ...
+
+
+def is_autopilot(heartbeat: Any) -> bool:
+    """Return True for the HEARTBEAT of an autopilot; a camera on board has the same system id."""
+    return bool(heartbeat.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
+
+
+class Traffic:
+    """The messages between the suite's ground stations and one vehicle.
+
+    Each wait lets time pass on the wire; the station's heartbeat is sent once a second. `received` has the
+    frames since the check began, `last` the latest of each kind, `texts` each STATUSTEXT of the run.
+    `seen_sysids` has all system ids on the link, `saved_plans` the MAV_MISSION_TYPE of the plans that may be
+    overwritten because a copy exists.
+    """
+
+    def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
+        """`permissions`: the actions that are allowed on the vehicle, see `guard.PERMISSIONS`."""
+        self._wire = wire
+        self.permissions: set[str] = set(permissions)
+        self.identity = VehicleIdentity(0, 1, mavlink.MAV_AUTOPILOT_INVALID, 0)
+        self.received: list[ReceivedFrame] = []
+        self.last: dict[str, ReceivedFrame] = {}
+        self.texts: list[tuple[float, int, str]] = []
+        self.noise = bytearray()  # bytes outside of frames since the check began
+        self.quiet = False  # True: no heartbeats of the station
+        self.deadline_s = math.inf
+        self.seen_sysids: set[int] = set()
+        self.saved_plans: set[int] = set()
+        self._codecs: dict[tuple[int, int], mavlink.MAVLink] = {}
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._next_heartbeat_s = 0.0
+        self._sent_tail = b""  # the last bytes sent, because a frame may be sent in pieces
+
+    @property
+    def now(self) -> float:
+        return self._wire.now_s()
+
+    @property
+    def target(self) -> tuple[int, int]:
+        return self.identity.sysid, self.identity.component
+
+    def codec(self, source: tuple[int, int] = STATION) -> mavlink.MAVLink:
+        """Return the packer of one of the suite's stations."""
+        if source not in self._codecs:
+            self._codecs[source] = mavlink.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
+        return self._codecs[source]
+
+    def pack(self, message: Any, source: tuple[int, int] = STATION) -> bytes:
+        codec = self.codec(source)
+        data = bytes(message.pack(codec))
+        codec.seq = (codec.seq + 1) % 256
+        return data
+
+    def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
+        """Send a message as one of the suite's stations; `Skip` if it is not permitted."""
+        self.send_raw(self.pack(message, source))
+
+    def send_raw(self, data: bytes) -> None:
+        """Send any bytes; all output passes here, and each frame in it is checked."""
+        objection = self.objection(data)
+        if objection is not None:
+            raise objection
+        self._sent_tail = (self._sent_tail + data)[-LONGEST_FRAME:]
+        self._wire.send(data)
+
+    def objection(self, data: bytes) -> Skip | Forbidden | None:
+        """Return the reason against sending these bytes, or None.
+
+        A frame that could change another vehicle is `Forbidden`; no option allows it.
+        """
+        for sent in frames_in(self._sent_tail + data, len(self._sent_tail)):
+            if not is_for(sent, self.identity.sysid) and not is_read_only(sent):
+                return Forbidden(f"{sent.kind} is for system {sent.target}, not for {self.identity.sysid}")
+            reason = refusal(sent, self.permissions, self.saved_plans)
+            if reason is not None:
+                return Skip(reason)
+        return None
+
+    def unused_sysid(self) -> int:
+        """Return a system id that is unused on the link."""
+        for step in range(1, SYSTEMS):
+            sysid = (self.identity.sysid + step - 1) % SYSTEMS + 1
+            if sysid not in self.seen_sysids:
+                return sysid
+        raise Skip("every system id is in use")
+
+    def begin_check(self, limit_s: float = math.inf) -> None:
+        """Forget the received frames and give the next check `limit_s` [s]."""
+        self.deadline_s = math.inf
+        self._pump(0.0)
+        self.received.clear()
+        self.noise.clear()
+        self.quiet = False
+        self.deadline_s = self.now + limit_s
+
+    @contextmanager
+    def extra_time(self) -> Iterator[None]:
+        """Extend the deadline, so that a restoring message can be repeated on a lossy link."""
+        before_s = self.deadline_s
+        self.deadline_s = max(before_s, self.now + RESTORE_S)
+        try:
+            yield
+        finally:
+            self.deadline_s = before_s
+
+    def _pump(self, timeout_s: float) -> None:
+        """Process the received bytes, after at most `timeout_s` [s]."""
+        if self.now > self.deadline_s:
+            raise CheckFailed("the time limit of the check has passed [time-limit]")
+        if self.now >= self._next_heartbeat_s - EPSILON_S:
+            self._next_heartbeat_s = self.now + HEARTBEAT_S
+            if not self.quiet:
+                self.send(
+                    mavlink.MAVLink_heartbeat_message(
+                        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+                    )
+                )
+        data = self._wire.receive(min(timeout_s, max(0.0, self._next_heartbeat_s - self.now)))
+        while data is not None:
+            self._receive(data)
+            data = self._wire.receive(0.0)
+
+    def _receive(self, data: bytes) -> None:
+        for message in self._parser.parse_buffer(data) or ():
+            kind, raw = message.get_type(), bytes(message.get_msgbuf())
+            if kind == "BAD_DATA":
+                self.noise += raw
+                continue
+            v2 = raw[0] == 0xFD
+            sysid, component, seq = (raw[5], raw[6], raw[4]) if v2 else (raw[3], raw[4], raw[2])
+            self.seen_sysids.add(sysid)
+            if self.identity.sysid not in (0, sysid):
+                continue
+            entry = ReceivedFrame(self.now, kind, message, sysid, component, seq, raw)
+            self.received.append(entry)
+            if kind == "HEARTBEAT" and not is_autopilot(message):
+                continue
+            self.last[kind] = entry
+            if kind == "STATUSTEXT":
+                self.texts.append((self.now, message.severity, message.text))
+
+    def mark(self) -> int:
+        """Return a mark: the index in `received` of the next frame."""
+        return len(self.received)
+
+    def since(self, mark: int, kind: str | None = None) -> list[Any]:
+        """Return the messages after a mark, of one kind or all."""
+        return [entry.message for entry in self.received[mark:] if kind in (None, entry.kind)]
+
+    def wait(self, seconds: float) -> int:
+        """Let time pass; return the mark of its start."""
+        begin, end_s = self.mark(), self.now + seconds
+        while self.now < end_s - EPSILON_S:
+            self._pump(end_s - self.now)
+        return begin
+
+    def wait_until(self, condition: Callable[[], bool], what: str, within_s: float) -> float:
+        """Wait for a condition and return the time taken [s]; `what` describes it in a failure."""
+        began_s = self.now
+        while not condition():
+            if self.now - began_s > within_s:
+                raise CheckFailed(f"expected {what} within {within_s:g} s")
+            self._pump(0.1)
+        return self.now - began_s
+
+    def seek(
+        self, kinds: Collection[str], where: Condition | None = None, *, within_s: float, mark: int
+    ) -> int | None:
+        """Wait for a message of these kinds after a mark; return its index in `received`, or None."""
+        end_s = self.now + within_s
+        while True:
+            for place in range(mark, len(self.received)):
+                entry = self.received[place]
+                if entry.kind in kinds and (where is None or where(entry.message)):
+                    return place
+            if self.now >= end_s - EPSILON_S:
+                return None
+            mark = self.mark()
+            self._pump(end_s - self.now)
+
+    def wait_for(
+        self, kind: str, where: Condition | None = None, *, within_s: float = REPLY_S, mark: int | None = None
+    ) -> Any | None:
+        """Wait for a message and return it, or None; with `mark`, earlier messages count too."""
+        place = self.seek((kind,), where, within_s=within_s, mark=self.mark() if mark is None else mark)
+        return None if place is None else self.received[place].message
+
+    def expect(
+        self,
+        kind: str,
+        where: Condition | None = None,
+        *,
+        within_s: float = REPLY_S,
+        mark: int | None = None,
+        what: str = "",
+    ) -> Any:
+        """Wait for a message; CheckFailed without one."""
+        message = self.wait_for(kind, where, within_s=within_s, mark=mark)
+        if message is None:
+            raise CheckFailed(f"expected {what or kind} within {within_s:g} s, saw none")
+        return message
+
+    def expect_none(
+        self, kind: str, where: Condition | None = None, *, during_s: float, mark: int | None = None
+    ) -> None:
+        """Wait; CheckFailed if such a message arrives."""
+        message = self.wait_for(kind, where, within_s=during_s, mark=mark)
+        if message is not None:
+            raise CheckFailed(f"expected no {kind}, saw {message}")
+
+    def ask(
+        self,
+        message: Any,
+        kind: str,
+        where: Condition | None = None,
+        *,
+        within_s: float = REPLY_S,
+        attempts: int = 3,
+        source: tuple[int, int] = STATION,
+    ) -> Any:
+        """Send a message and return the answer; repeat it without one."""
+        for _ in range(attempts):
+            mark = self.mark()
+            self.send(message, source)
+            answer = self.wait_for(kind, where, within_s=within_s, mark=mark)
+            if answer is not None:
+                return answer
+        raise CheckFailed(f"expected {kind} for {message.get_type()}, saw none in {attempts} attempts")

@@ -1,0 +1,211 @@
+"""The vehicle under test, as a ground station sees and commands it."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, command_name, equal, id_of, result_name
+from sim_vehicle.conformance.dialects import GENERIC, Dialect, dialect_of
+from sim_vehicle.conformance.identity import ReceivedFrame, VehicleIdentity
+from sim_vehicle.conformance.traffic import REPLY_S, STATION, Traffic, Wire, WireError, is_autopilot
+
+IN_PROGRESS_S = 60.0
+CONNECT_S = 30.0
+ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+class VehicleUnderTest(Traffic):
+    """One vehicle: its identity and state, commands to it, and changes that are undone afterwards."""
+
+    def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
+        super().__init__(wire, permissions=permissions)
+        self.dialect: Dialect = GENERIC
+        self.pending_restores: dict[
+            str, Callable[[], None]
+        ] = {}  # changed part of the vehicle -> its undoing
+        self.catalogue: dict[str, Any] = {}  # the parameter list, once it has been fetched
+
+    def connect(self, sysid: int | None = None) -> VehicleIdentity:
+        """Wait for an autopilot (`sysid`, or the first one) and request its identity."""
+        end_s = self.now + CONNECT_S
+        seen: set[int] = set()
+        while self.now < end_s:
+            self._pump(0.2)
+            for entry in self.received:
+                if entry.kind == "HEARTBEAT" and is_autopilot(entry.message):
+                    seen.add(entry.sysid)
+                    if sysid in (None, entry.sysid):
+                        return self._connected(entry)
+        others = f"; system ids on the link: {sorted(seen)}" if seen else ""
+        wanted = "an autopilot" if sysid is None else f"system {sysid}"
+        raise WireError(
+            f"no heartbeat of {wanted} within {CONNECT_S:g} s{others}; check the URL [no-heartbeat]"
+        )
+
+    def _connected(self, entry: ReceivedFrame) -> VehicleIdentity:
+        beat = entry.message
+        self.identity = VehicleIdentity(entry.sysid, entry.component, beat.autopilot, beat.type)
+        self.dialect = dialect_of(beat.autopilot, beat.type)
+        self._wire.follow(entry.sysid)
+        self.received = [e for e in self.received if e.sysid == entry.sysid]
+        self.last = {e.kind: e for e in self.received}
+        for command in (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES):
+            params = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,) if command == 512 else (1,)
+            for _ in range(3):
+                self.send(self.command_long(command, *params))
+                version = self.wait_for("AUTOPILOT_VERSION", within_s=REPLY_S)
+                if version is not None:
+                    self.identity = VehicleIdentity(
+                        entry.sysid,
+                        entry.component,
+                        beat.autopilot,
+                        beat.type,
+                        version.capabilities,
+                        version.flight_sw_version,
+                        bytes(version.uid2),
+                    )
+                    return self.identity
+        return self.identity
+
+    @property
+    def heartbeat(self) -> Any:
+        """Return the latest HEARTBEAT of the autopilot."""
+        return self.last["HEARTBEAT"].message
+
+    @property
+    def armed(self) -> bool:
+        return bool(self.heartbeat.base_mode & ARMED)
+
+    @property
+    def mode(self) -> int:
+        return int(self.heartbeat.custom_mode)
+
+    @contextmanager
+    def restoring(self, what: str, undo: Callable[[], None]) -> Iterator[None]:
+        """Note a change of the vehicle and undo it at the end; a failure leaves it to `restore_all`."""
+        outer = what in self.pending_restores
+        self.pending_restores.setdefault(what, undo)
+        try:
+            yield
+        finally:
+            with self.extra_time():
+                undo()
+            if not outer:
+                del self.pending_restores[what]
+
+    def restore_all(self) -> list[str]:
+        """Undo the remaining changes; return a text for each failure."""
+        trouble = []
+        for what, undo in reversed(list(self.pending_restores.items())):
+            try:
+                undo()
+            except (CheckFailed, Skip) as error:
+                trouble.append(f"{what} could not be restored: {error} [not-restored]")
+            else:
+                del self.pending_restores[what]
+        return trouble
+
+    def command_long(self, command: int, *params: float, confirmation: int = 0, to: Any = None) -> Any:
+        padded = [*params, *[0.0] * (7 - len(params))]
+        return mavlink.MAVLink_command_long_message(*(to or self.target), command, confirmation, *padded)
+
+    def command_int(
+        self,
+        command: int,
+        *params: float,
+        frame: int = mavlink.MAV_FRAME_GLOBAL,
+        x: int = 0,
+        y: int = 0,
+        z: float = 0.0,
+    ) -> Any:
+        padded = [*params, *[0.0] * (4 - len(params))]
+        return mavlink.MAVLink_command_int_message(*self.target, frame, command, 0, 0, *padded, x, y, z)
+
+    def result(self, message: Any, *, source: tuple[int, int] = STATION, attempts: int = 3) -> int:
+        """Send a COMMAND_LONG or COMMAND_INT and return its final MAV_RESULT."""
+        command = message.command
+        for attempt in range(attempts):
+            if message.get_type() == "COMMAND_LONG":
+                message.confirmation = attempt
+            mark = self.mark()
+            self.send(message, source)
+            ack = self._ack(command, source, mark, REPLY_S)
+            if ack is not None and ack.result == mavlink.MAV_RESULT_IN_PROGRESS:
+                ack = self.wait_for(
+                    "COMMAND_ACK",
+                    lambda m: m.command == command and m.result != mavlink.MAV_RESULT_IN_PROGRESS,
+                    within_s=IN_PROGRESS_S,
+                    mark=mark,
+                )
+            if ack is not None:
+                return int(ack.result)
+        raise CheckFailed(
+            f"expected a COMMAND_ACK for {command_name(command)}, saw none in {attempts} attempts"
+        )
+
+    def _ack(self, command: int, source: tuple[int, int], mark: int, within_s: float) -> Any | None:
+        return self.wait_for(
+            "COMMAND_ACK",
+            lambda m: m.command == command and m.target_system in (0, source[0]),
+            within_s=within_s,
+            mark=mark,
+        )
+
+    def command(self, command: int, *params: float) -> int:
+        """Send COMMAND_LONG and return its final MAV_RESULT."""
+        return self.result(self.command_long(command, *params))
+
+    def accepted(self, command: int, *params: float) -> None:
+        """Send COMMAND_LONG; CheckFailed unless it is accepted."""
+        equal(result_name(self.command(command, *params)), "ACCEPTED", command_name(command))
+
+    def request(self, kind: str, *params: float) -> Any:
+        """Request a message by REQUEST_MESSAGE; Skip if the vehicle does not send it."""
+        message_id = id_of(kind)
+        mark = self.mark()
+        result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
+        if result != mavlink.MAV_RESULT_ACCEPTED:
+            raise Skip(f"does not send {kind} on request ({result_name(result)})")
+        return self.expect(kind, mark=mark, what=f"{kind} after its request was accepted")
+
+    def set_interval(self, kind: str, rate_hz: float) -> int:
+        """Send SET_MESSAGE_INTERVAL (-1: stop, 0: default rate) and return the MAV_RESULT."""
+        interval_us = rate_hz if rate_hz <= 0 else 1e6 / rate_hz
+        return self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of(kind), interval_us)
+
+    @contextmanager
+    def streaming(self, rates_hz: Mapping[str, float]) -> Iterator[None]:
+        """Stream messages at these rates, then at the default rates; Skip if one is refused."""
+        try:
+            for kind, rate_hz in rates_hz.items():
+                result = self.set_interval(kind, rate_hz)
+                if result != mavlink.MAV_RESULT_ACCEPTED:
+                    raise Skip(f"does not stream {kind} ({result_name(result)})")
+            yield
+        finally:
+            with self.extra_time():
+                for kind in rates_hz:
+                    self.set_interval(kind, 0)
+
+    def sample(self, rates_hz: Mapping[str, float], seconds: float) -> dict[str, list[Any]]:
+        """Return the messages of these streams during `seconds`, at least one of each."""
+        with self.streaming(rates_hz):
+            mark = self.wait(seconds)
+            found = {kind: self.since(mark, kind) for kind in rates_hz}
+        for kind, messages in found.items():
+            if not messages:
+                raise CheckFailed(f"expected {kind} at {rates_hz[kind]:g} Hz, saw none in {seconds:g} s")
+        return found
+
+
+_UNSAID = object()
+
+
+def known_behaviour(vehicle: VehicleUnderTest, *, ardupilot: Any = _UNSAID, px4: Any = _UNSAID) -> Any:
+    """Return the known behaviour of this autopilot; Skip if it is unknown."""
+    value = {"ardupilot": ardupilot, "px4": px4}.get(vehicle.dialect.name, _UNSAID)
+    if value is _UNSAID:
+        raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")
+    return value
