@@ -29,8 +29,8 @@ from swarmctl.flight.network import network_of, speedup_of
 from swarmctl.flight.operator_orders import operator_service_for
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.runner import Observer
+from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.task_tree import run_tasks, show
-from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.flight.wiring import (
     Clock,
     FlightResources,

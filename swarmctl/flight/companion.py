@@ -24,8 +24,8 @@ from swarmctl.flight import app
 from swarmctl.flight.app import FlightOptions
 from swarmctl.flight.director import Launch, Permission
 from swarmctl.flight.member import Member
+from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.supervise import cancelled
-from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.flight.wiring import Clock
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver

@@ -8,7 +8,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
 from swarmctl.config.vehicles import Autopilot
 from swarmctl.flight.supervise import cancelled
+from swarmctl.links.transports.base import Address
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.declared import simulated_parameters
 
@@ -30,6 +31,13 @@ _FIRMWARE: dict[Autopilot, Firmware] = {
     "px4plane": Firmware("PX4 plane", (1, 15)),
 }
 """the simulator's autopilots by their names in configurations"""
+
+AddressOf = Callable[[int, float], Address | None]
+"""(sysid, now) -> the sender address of a vehicle, or None while its link is cut"""
+
+
+def undisturbed(sysid: int, _now: float) -> Address | None:
+    return ("simulated", sysid)
 
 
 class SimulatorFailed(Exception):

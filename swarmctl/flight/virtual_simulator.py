@@ -7,24 +7,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario as FleetScenario
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight.simulator import scenario_json
+from swarmctl.flight.simulator import AddressOf, scenario_json, undisturbed
 from swarmctl.flight.supervise import cancelled
 from swarmctl.links.transports.base import Address
 from swarmctl.links.transports.memory import MemoryWire
 
 STEP_S = 0.05
-
-AddressOf = Callable[[int, float], Address | None]
-"""(sysid, now) -> the sender address of a vehicle, or None while its link is cut"""
-
-
-def undisturbed(sysid: int, _now: float) -> Address | None:
-    return ("simulated", sysid)
 
 
 @contextlib.asynccontextmanager

@@ -31,7 +31,6 @@ from swarmctl.flight.runner import Runner
 from swarmctl.flight.sensors import SOURCES
 from swarmctl.flight.sensors.external import External
 from swarmctl.flight.sensors.footprint import Footprint
-from swarmctl.flight.virtual_simulator import AddressOf, fleet_on
 from swarmctl.links import LINKS
 from swarmctl.links.base import LinkError, Streaming
 from swarmctl.links.frontend import FrontEnd
@@ -66,7 +65,7 @@ async def open_resources(
     scenario: Scenario,
     folder: Path,
     clock: Clock,
-    address_of: AddressOf,
+    address_of: simulator.AddressOf,
     bus: Transport | None,
     say: Callable[[str], None],
     evidence: Evidence,
@@ -99,6 +98,9 @@ async def open_resources(
             await front_end.forward(parse_url(watcher), commands=links.forward_commands)
         if any(spec.simulated for spec in scenario.specs):
             if clock == "virtual":
+                # The simulator is another package, and only the virtual clock needs it here.
+                from swarmctl.flight.virtual_simulator import fleet_on  # noqa: PLC0415
+
                 simulator_task = await stack.enter_async_context(fleet_on(wire, scenario, address_of))
             else:
                 # The port is open before the simulator sends, and a port in use is reported first.

@@ -28,7 +28,7 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.inference.survival import ProbabilityEstimate
 from swarmctl.planners import Problem, Route, Unreachable
 from swarmctl.planners.front import Front, pareto_front
-from swarmctl.report.pictures import FrontBound, FrontPanel, FrontPoint, draw_fronts
+from swarmctl.report.pictures.panel import FrontBound, FrontPanel, FrontPoint
 from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
 
 ROWS = 12
@@ -272,6 +272,9 @@ def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]
     }
     text = json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
     (folder / "front.json").write_text(text, encoding="utf-8")
+    # matplotlib takes a second to import, and only this needs it.
+    from swarmctl.report.pictures.front import draw_fronts  # noqa: PLC0415
+
     for first in range(0, len(found), PANELS_A_SHEET):
         sheet = 1 + first // PANELS_A_SHEET
         name = "front.png" if sheet == 1 else f"front-{sheet}.png"

@@ -22,7 +22,7 @@ from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
 from swarmctl.report import foxglove
 from swarmctl.report.final_state import is_lost_in_air
 from swarmctl.report.outcome import Report
-from swarmctl.report.pictures import MapPicture, PlannedTrack, VehicleTrack, draw_map
+from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrack
 from swarmctl.report.plan_files import plan_json
 from swarmctl.report.summary import known_to_any
 
@@ -39,7 +39,7 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
         accepted = report.states[spec.sysid].accepted
         if accepted is not None:
             _write_plan(folder / f"{spec.name}.plan", scenario, spec, accepted.plan)
-    draw_map(folder / "map.png", _flown_picture(scenario, report))
+    _draw(folder, _flown_picture(scenario, report))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstR
         title=f"{scenario.config.name}: first routes",
         subtitle=_facts(scenario, ", ".join(routes)),
     )
-    draw_map(folder / "map.png", picture)
+    _draw(folder, picture)
 
 
 def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
@@ -167,6 +167,13 @@ def _facts(scenario: Scenario, routes: str = "") -> str:
         f"{n} vehicle{'s' if n != 1 else ''} · {len(scenario.hostiles)} hostiles · {routes} · "
         f"seed {config.seed}"
     )
+
+
+def _draw(folder: Path, picture: MapPicture) -> None:
+    # matplotlib takes a second to import, and only this needs it.
+    from swarmctl.report.pictures.sheet import draw_map  # noqa: PLC0415
+
+    draw_map(folder / "map.png", picture)
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

@@ -22,7 +22,7 @@ from swarmctl.flight.app import FlightOptions
 from swarmctl.report import outputs
 from swarmctl.report.flight_table import flight_table
 from swarmctl.report.live_rows import live_table, plain_line
-from swarmctl.report.pictures import MapPicture
+from swarmctl.report.pictures.scene import MapPicture
 
 pytestmark = pytest.mark.virtual
 

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from swarmctl.core.grid import Grid
-from swarmctl.report.pictures import FrontBound, FrontPanel, FrontPoint, draw_fronts
-from swarmctl.report.pictures.front import colours, front_figure
+from swarmctl.report.pictures.front import colours, draw_fronts, front_figure
+from swarmctl.report.pictures.panel import FrontBound, FrontPanel, FrontPoint
 
 GRID = Grid(20, 20, 50.0, 46.0, 14.4)
 

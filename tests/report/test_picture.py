@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.report.pictures import MapPicture, PlannedTrack, VehicleTrack, draw_map, figure_of
+from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrack
+from swarmctl.report.pictures.sheet import draw_map, figure_of
 
 
 def picture(n_vehicles: int = 2, rows: int = 20, cols: int = 20, **changes: object) -> MapPicture:

@@ -11,8 +11,8 @@ from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
 from swarmctl.flight.app import DEFAULT_OPTIONS, FlightOptions
+from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.report import outputs
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import Report

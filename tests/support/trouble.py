@@ -16,7 +16,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.truth import Truth
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
-from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
+from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.report.outcome import Report
 
 OTHER_STATION = 200

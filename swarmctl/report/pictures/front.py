@@ -6,7 +6,6 @@ Colours run along the front from the shortest route to the least exposed, in the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,12 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarmctl.core.belief import CLEAR
-from swarmctl.core.geo import LatLon
-from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.grid import Grid
 from swarmctl.report.pictures.chart import draw_area
+from swarmctl.report.pictures.panel import FrontPanel
 from swarmctl.report.pictures.scene import MapPicture, VehicleTrack, local_m, view_of
 from swarmctl.report.pictures.sheet import DPI, LEFT_IN, WIDTH_IN, Sheet
 from swarmctl.report.pictures.style import FORBIDDEN, GRID_LINE, INK, OUTSIDE, QUIET
@@ -44,52 +43,6 @@ WIDEST_PT, NARROWEST_PT, WIDEST_CELLS = 5.0, 1.2, 0.6
 
 CHOSEN_DASHES = (0, (3, 1.5))
 """dashes on the map of a configured route that is not on the front"""
-
-
-@dataclass(frozen=True, slots=True)
-class FrontPoint:
-    """One route of the front."""
-
-    length_m: float
-    exposure_sum: float
-    supported: bool
-    """on the convex hull: some w finds it"""
-    track: Sequence[LatLon] | None = None
-    """its line on the map; None: it is left off the map"""
-
-
-@dataclass(frozen=True, slots=True)
-class FrontBound:
-    """A length that a time bound allows at most, or demands at least."""
-
-    length_m: float
-    text: str
-    is_latest: bool
-    """True: longer routes arrive too late; False: shorter routes arrive too early"""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrontPanel:
-    """The front of one vehicle."""
-
-    name: str
-    about: str
-    """a few words beside the name"""
-    points: Sequence[FrontPoint]
-    """by length; at least one"""
-    exposure: NDArray[np.float64]
-    """P_s (rows, cols); infinite in walls"""
-    start: LatLon
-    goal_cells: Sequence[Cell]
-    before_s: float
-    """time from the take-off to the point from which the length counts"""
-    speed_m_s: float
-    chosen: tuple[float, float] | None = None
-    """(length [m], ΣP_s) of the configured route"""
-    chosen_by: str = ""
-    chosen_track: Sequence[LatLon] | None = None
-    """its line on the map, if it is none of `points`"""
-    bounds: Sequence[FrontBound] = ()
 
 
 def draw_fronts(path: Path, grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> None:

@@ -1,0 +1,58 @@
+"""The content of a picture of fronts: a panel a vehicle, its routes and its bounds. Nothing here draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell
+
+
+@dataclass(frozen=True, slots=True)
+class FrontPoint:
+    """One route of the front."""
+
+    length_m: float
+    exposure_sum: float
+    supported: bool
+    """on the convex hull: some w finds it"""
+    track: Sequence[LatLon] | None = None
+    """its line on the map; None: it is left off the map"""
+
+
+@dataclass(frozen=True, slots=True)
+class FrontBound:
+    """A length that a time bound allows at most, or demands at least."""
+
+    length_m: float
+    text: str
+    is_latest: bool
+    """True: longer routes arrive too late; False: shorter routes arrive too early"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontPanel:
+    """The front of one vehicle."""
+
+    name: str
+    about: str
+    """a few words beside the name"""
+    points: Sequence[FrontPoint]
+    """by length; at least one"""
+    exposure: NDArray[np.float64]
+    """P_s (rows, cols); infinite in walls"""
+    start: LatLon
+    goal_cells: Sequence[Cell]
+    before_s: float
+    """time from the take-off to the point from which the length counts"""
+    speed_m_s: float
+    chosen: tuple[float, float] | None = None
+    """(length [m], ΣP_s) of the configured route"""
+    chosen_by: str = ""
+    chosen_track: Sequence[LatLon] | None = None
+    """its line on the map, if it is none of `points`"""
+    bounds: Sequence[FrontBound] = ()
