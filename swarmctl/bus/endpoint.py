@@ -28,12 +28,12 @@ class BusEndpoint:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine can reach it."""
+        """True if only this machine can reach it."""
         return texts.is_loopback(self.host)
 
     @property
     def is_certified(self) -> bool:
-        """Whether its protocol uses certificates on both sides."""
+        """True if its protocol uses certificates on both sides."""
         return self.protocol in CERTIFICATE_PROTOCOLS
 
     @property

@@ -1,4 +1,4 @@
-"""`swarmctl audit`: whether a run's evidence is whole, and what it tells."""
+"""`swarmctl audit`: a check of a run's evidence, and its summary."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from swarmctl.security.evidence_keys import is_key_of, is_valid_signature
 from swarmctl.security.files import KeyringError
 
 UNSIGNED = (
-    "it is not signed: the chain shows that no line was changed, added or taken out since the final hash was "
-    "noted elsewhere. Who can write the file can also make a whole new chain, so note the final hash now, or "
+    "it is not signed: the chain shows that no line was changed, added or removed since the final hash was "
+    "noted elsewhere. A program that can write the file can make a new chain, so note the final hash now, or "
     "fly with `communication.keys`"
 )
 
@@ -41,11 +41,11 @@ def audit(
     keys: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="The swarm's keys; the evidence has to be signed by one of them, then."
+            metavar="FOLDER", help="The swarm's keys; the evidence must be signed by one of them."
         ),
     ] = None,
     every: Annotated[
-        bool, typer.Option("--all", help="Show every entry, not only what they sum up to.")
+        bool, typer.Option("--all", help="Show every entry besides the summary.")
     ] = False,
 ) -> None:
     """Check the evidence of a run line by line, and summarise it.
@@ -118,10 +118,10 @@ def _signed_by(checked: CheckedChain, keys: Path | None) -> str:
     signature = (checked.closing or {}).get("signature")
     if signature is None:
         return UNSIGNED
-    who = printable(f"signed by {signature['by']} with the key {signature['key']}")
+    signer = printable(f"signed by {signature['by']} with the key {signature['key']}")
     if keys is None:
-        return f"{who}; give --keys FOLDER to see whether that is theirs: anybody can make a key"
-    return f"{who}, as {keys} has it; who has that key could have written the chain anew"
+        return f"{signer}; give --keys FOLDER to check that this is its key"
+    return f"{signer}, as {keys} lists it; the owner of that key could have written a new chain"
 
 
 def _show(checked: CheckedChain, *, every: bool) -> None:

@@ -48,7 +48,7 @@ _STYLE: dict[str, Any] = {
 cli = typer.Typer(
     name="swarmctl",
     cls=_LoadedByName,
-    help="Fly a swarm of MAVLink vehicles across an area whose threats nobody knows beforehand.\n\n"
+    help="Fly a swarm of MAVLink vehicles across an area with unknown threats.\n\n"
     "Start here: `swarmctl fly --config configs/swarm.yaml` flies five simulated copters; "
     "its run folder has a map, a summary and all logs. `swarmctl plan` shows first routes without a flight, "
     "`swarmctl check` lists the problems of a configuration.",

@@ -1,4 +1,4 @@
-"""`swarmctl watch`: the ground station of a swarm whose agents run elsewhere."""
+"""`swarmctl watch`: the ground station of a swarm with agents on other machines."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ class ZenohBus:
 
     @property
     def connected(self) -> bool:
-        """Whether messages have a receiver: there is a link, or the bus serves this process only."""
+        """True if messages have a receiver: there is a link, or the bus serves this process only."""
         return bool(self._links) or not self._configuration.has_others
 
     def put(self, key: str, payload: bytes) -> None:
