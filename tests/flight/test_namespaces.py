@@ -142,7 +142,7 @@ def test_a_star_network_survives_its_router_a_cut_link_and_an_agent(swarm: Swarm
     station = swarm.start(STATION, "watch")
     launch, again = swarm.load(STATION, "order", "launch", "--all"), swarm.load(ROUTER, "router")
     swarm.wait_until_ready()
-    station.says(": reached", within_s=STARTED_S)
+    station.says(": connected", within_s=STARTED_S)
     again.says("loaded", within_s=STARTED_S)
     assert swarm.order(launch, "launch"), launch.said
     for name in swarm.names:
@@ -168,12 +168,12 @@ def _router_killed_and_started_again(swarm: Swarm, router: Process, again: Proce
     router.kill()
     for agent in swarm.agents.values():
         agent.says(MISSING, since=before[agent])
-    station.says("not reached", since=before[station])
+    station.says("not connected", since=before[station])
     before = marks([station, *swarm.agents.values()])
     again.enter()
     for agent in swarm.agents.values():
         agent.says(REACHED, since=before[agent])
-    station.says(": reached", since=before[station])
+    station.says(": connected", since=before[station])
 
 
 def _one_dies_and_one_is_cut_off(
@@ -185,7 +185,7 @@ def _one_dies_and_one_is_cut_off(
     swarm.net.cut(cut)
     dead.kill()
     agent.says(MISSING, since=before[agent])
-    router.says(f"{cut} at ", " has gone", since=before[router])
+    router.says(f"{cut} at ", " has disconnected", since=before[router])
     for silent in (cut, "uav6"):
         station.says(f"{silent}: flying", " ago", since=before[station])
     missed_s = time.time()
