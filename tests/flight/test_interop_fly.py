@@ -62,7 +62,6 @@ def test_the_shipped_configuration_flies(tmp_path: Path) -> None:
     assert names >= {f"uav{n}.{kind}" for n in range(1, 6) for kind in ("tlog", "plan")}
     again = run("replay", folder, cwd=tmp_path)
     assert again.returncode == 0, again.stderr
-    assert again.returncode == 0
 
 
 def test_ctrl_c_once_lands_the_vehicles(tmp_path: Path) -> None:

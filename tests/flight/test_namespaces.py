@@ -187,12 +187,12 @@ def _one_dies_and_one_is_cut_off(
     agent.says(MISSING, since=before[agent])
     router.says(f"{cut} at ", " has disconnected", since=before[router])
     for silent in (cut, "uav6"):
-        station.says(f"{silent}: flying", " ago", since=before[station])
+        station.says(f"{silent}: flying", " s old", since=before[station])
     missed_s = time.time()
     before = marks([station, agent])
     swarm.net.heal(cut)
     agent.says(REACHED, since=before[agent])
-    station.says(f"{cut}: flying", since=before[station], but_not=" ago")
+    station.says(f"{cut}: flying", since=before[station], but_not=" s old")
     return missed_s
 
 
@@ -236,13 +236,13 @@ def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
     before = station.mark()
     swarm.net.cut("east")
     for name in ("uav3", "uav4"):
-        station.says(f"{name}: flying", " ago", since=before)
+        station.says(f"{name}: flying", " s old", since=before)
     missed_s = time.time()
     assert not re.search(r"uav[12]: .* ago", station.said[before:])
     before = station.mark()
     swarm.net.heal("east")
     for name in ("uav3", "uav4"):
-        station.says(f"{name}: flying", since=before, but_not=" ago")
+        station.says(f"{name}: flying", since=before, but_not=" s old")
 
     # A request before all routes are back may be lost; the operator sees that and orders again.
     _until_all_follow(swarm, hold, "hold")
