@@ -230,10 +230,10 @@ class Link(Protocol):
     async def read_instruments(self) -> Instruments:
         """GPS receiver and clock; the vehicle's home and battery in `state` are young afterwards."""
 
-    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
+    async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE.
 
-        `in_the_way`: who is in the way of its take-off just now, in words; asked right before it is armed and
+        `blocked_by`: who is in the way of its take-off just now, in words; asked right before it is armed and
         right before it takes off. Raises LaunchPutOff where somebody is.
         Nothing is commanded any more once somebody else has chosen a mode or armed it.
         """

@@ -192,10 +192,10 @@ class DirectLink:
         told: Instruments = await self._read("instruments", instruments.read_instruments)
         return told
 
-    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
+    async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         if why_not := await self._front_end.why_not_arm():
             raise LaunchFailed(f"{self._who}: not armed: {why_not}")
-        done: Done = await self._perform("launch", partial(basic.launch, in_the_way=in_the_way))
+        done: Done = await self._perform("launch", partial(basic.launch, blocked_by=blocked_by))
         if isinstance(done, LaunchBlocked):
             why = done.failure or ""
             raise LaunchBlockedError(f"{self._who}: put off: {why}", why=why, was_armed=done.was_armed)

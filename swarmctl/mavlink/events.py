@@ -1,4 +1,4 @@
-"""What a vehicle's session tells the outside: a closed list, and who the vehicle is."""
+"""Events of a vehicle's session, a closed list, and the vehicle's identity."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from swarmctl.core.vehicle import VehicleState
 
 SIMULATOR_MARK = b"sim_vehicle\0"
-"""How `AUTOPILOT_VERSION.uid2` begins where no aircraft is behind the vehicle, only our simulator."""
+"""first bytes of `AUTOPILOT_VERSION.uid2` of a vehicle of the built-in simulator"""
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who answers: the first heartbeat and AUTOPILOT_VERSION together."""
+    """Identity of a vehicle, from its heartbeat and AUTOPILOT_VERSION."""
 
     sysid: int
     autopilot: int
@@ -20,13 +20,13 @@ class Identity:
     vehicle_type: int
     """MAV_TYPE"""
     firmware: str
-    """name and version for people, e.g. "ArduPilot 4.6.2" """
+    """name and version, e.g. "ArduPilot 4.6.2" """
     uid2: bytes
     """18 bytes"""
 
     @property
     def simulated(self) -> bool:
-        """True only for the built-in simulator; an autopilot's own SITL counts as an aircraft."""
+        """Return whether this is the built-in simulator; an autopilot's own SITL counts as an aircraft."""
         return self.uid2.startswith(SIMULATOR_MARK)
 
 
@@ -40,7 +40,7 @@ class FirstHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """It has told its position, mode or arming changed, or about a second went by without a position."""
+    """A position came, mode or arming changed, or about a second passed without a position."""
 
     state: VehicleState
 
@@ -54,14 +54,14 @@ class VehicleLost:
 
 @dataclass(frozen=True, slots=True)
 class VehicleRestored:
-    """It is heard again after it was lost."""
+    """The first heartbeat after a loss."""
 
     silent_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleRebooted:
-    """Its clock went back: whatever was set on it may be gone."""
+    """The vehicle's clock began anew: settings made over the link may be gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +75,12 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True)
 class ProcedureDone:
-    """A procedure (launch, swap ...) ended; `failure` is None when it did what it is named after."""
+    """A procedure (launch, swap ...) ended; `failure` is None if it succeeded."""
 
     name: str
     failure: str | None
     stood_still_s: float | None = None
-    """of a swap: for how long the vehicle held or stood still in the air for it, by its own clock"""
+    """of a swap: time in hold or without motion in the air, by the vehicle's clock"""
 
 
 SessionEvent = (

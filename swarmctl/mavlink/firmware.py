@@ -1,4 +1,4 @@
-"""Which firmware a vehicle runs, as its parameters go by it."""
+"""Firmware of a vehicle, which decides the names of its parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _VERSION = re.compile(r"(\d+)\.(\d+)")
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """ArduCopter, ArduPlane, PX4 or PX4 plane, and major and minor version; empty and (0, 0): not known."""
+    """ArduCopter, ArduPlane, PX4 or PX4 plane, with major and minor version; empty and (0, 0): unknown."""
 
     name: str
     version: tuple[int, int]
@@ -32,11 +32,12 @@ class Firmware:
 
 
 def airframe_of(identity: Identity) -> Airframe:
-    """As it says; what is no fixed wing is taken for what hovers."""
+    """Return the airframe by MAV_TYPE; everything but a fixed wing counts as a copter."""
     return "plane" if identity.vehicle_type in _PLANES else "copter"
 
 
 def firmware_of(identity: Identity) -> Firmware:
+    """Return the firmware and its version from a vehicle's identity."""
     name = _NAMES.get((identity.autopilot, identity.vehicle_type in _PLANES), "")
     found = _VERSION.search(identity.firmware)
     return Firmware(name, (int(found[1]), int(found[2])) if found else (0, 0))

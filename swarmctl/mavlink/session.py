@@ -1,4 +1,4 @@
-"""Everything of one vehicle without I/O: presence, telemetry, streams, and one procedure at a time."""
+"""Session of one vehicle without I/O: presence, telemetry, streams, and one procedure at a time."""
 
 from __future__ import annotations
 
@@ -53,27 +53,27 @@ WANTED = frozenset(
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
     }
 )
-"""ids of the messages a session looks at; everything else need not be decoded"""
+"""ids of the messages that a session reads; other messages need no decoding"""
 
 
 class SessionStep(NamedTuple):
-    """What one input led to."""
+    """Messages to send and events to report after one input."""
 
     messages: list[Message]
     events: list[SessionEvent]
 
 
 class Session:
-    """One vehicle. Every input returns the messages to send and what there is to report."""
+    """Session of one vehicle. Every input returns the messages to send and the events to report."""
 
     def __init__(
         self, peer: MavlinkPeer, lost_after_s: float = 5.0, streaming: Streaming | None = None
     ) -> None:
         self.peer = peer
         self.unsupported: str | None = None
-        """why this vehicle cannot be flown, once its heartbeat has told what it is"""
+        """reason why this type of vehicle cannot be flown, known from its first heartbeat"""
         self.result: Any = None
-        """what the last procedure returned; read it on ProcedureDone"""
+        """return value of the last procedure, to be read on ProcedureDone"""
         self._presence = Presence(lost_after_s)
         self._streaming = streaming or Streaming()
         self._context: Context | None = None
@@ -81,15 +81,15 @@ class Session:
         self._heartbeat: FirstHeartbeat | None = None
         self._mission: MissionWatch | None = None
         self._other_mission = False
-        """somebody else has put a mission on it"""
+        """True if another station has uploaded a mission"""
         self._driver: Driver[Any] | None = None
         self._procedure_name = ""
 
-    # What is known
+    # State
 
     @property
     def wanted(self) -> frozenset[int]:
-        """The ids of the messages that it is to be told."""
+        """Return the ids of the messages that the session reads."""
         return WANTED | NEEDLESS if self._streaming.stops_others else WANTED
 
     @property
@@ -110,25 +110,25 @@ class Session:
 
     @property
     def autopilot(self) -> int:
-        """MAV_AUTOPILOT, by its last heartbeat. Raises IllegalEvent before the first."""
+        """Return MAV_AUTOPILOT from the last heartbeat. Raises IllegalEvent before the first."""
         if self._heartbeat is None:
             raise IllegalEvent("autopilot before the first heartbeat")
         return self._heartbeat.autopilot
 
     @property
     def dialect(self) -> Dialect:
-        """Raises IllegalEvent before the first heartbeat."""
+        """Return the vehicle's dialect. Raises IllegalEvent before the first heartbeat."""
         return self._require_context().dialect
 
     def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
-        """The plan as this vehicle's mission. Raises ValueError for one that cannot be flown."""
+        """Return a plan as this vehicle's mission. Raises ValueError for a plan that cannot be flown."""
         return self.dialect.mission_items(plan, self.state.takeoff_lat_lon)
 
     def age_s(self, now: float) -> float:
         return self._presence.age_s(now)
 
     def identity(self, version: Message) -> Identity:
-        """Who it is, by its heartbeat and this AUTOPILOT_VERSION."""
+        """Return the vehicle's identity from its heartbeat and an AUTOPILOT_VERSION."""
         if self._heartbeat is None:
             raise IllegalEvent("identity before the first heartbeat")
         number = int(version.flight_sw_version)
@@ -147,7 +147,7 @@ class Session:
         due = [p.next_deadline for p in parts if p is not None and p.next_deadline is not None]
         return min(due, default=None)
 
-    # What happens
+    # Inputs
 
     def receive(self, message: Message, now: float) -> SessionStep:
         step = SessionStep([], [])
@@ -155,7 +155,7 @@ class Session:
             return step
         is_heartbeat = message.get_type() == "HEARTBEAT"
         if is_heartbeat and not is_vehicle_heartbeat(message):
-            return step  # a companion's, set up as if it were the autopilot
+            return step  # from a companion with the autopilot's component id
         silent_s = self._on_heartbeat(message, now, step) if is_heartbeat else None
         if self._context is None:
             if silent_s is not None:
@@ -192,7 +192,7 @@ class Session:
         return step
 
     def cancel(self, now: float) -> SessionStep:
-        """Stop the running procedure, if any, telling the vehicle where it has to know."""
+        """Stop the running procedure, if any, with the messages that the vehicle needs for that."""
         step = SessionStep([], [])
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
@@ -203,7 +203,7 @@ class Session:
         return step
 
     def keep_streams(self, now: float) -> SessionStep:
-        """Ask for telemetry from now on, again whenever it stays away."""
+        """Request telemetry streams from now on, again whenever they stop."""
         self._require_context()
         if self._streams is not None and self._streams.next_deadline is None:
             self._streams.demand(now)
@@ -211,7 +211,7 @@ class Session:
         return SessionStep([], [])
 
     def _on_heartbeat(self, message: Message, now: float, step: SessionStep) -> float | None:
-        """How long it had been lost, if it was [s]."""
+        """Note a heartbeat; return the time since the last one if the vehicle was lost [s]."""
         silent_s = self._presence.age_s(now)
         before = self._presence.on_heartbeat(now)
         heartbeat = FirstHeartbeat(int(message.autopilot), int(message.type))
@@ -255,13 +255,13 @@ class Session:
         if self._streams is not None:
             self._streams.on_message(message.get_msgId(), now)
         if silent_s is not None:
-            # Whoever hears of it decides by the state that follows: it must be that of this heartbeat.
+            # The agent decides by the state that follows, so it has to be this heartbeat's.
             step.events.append(VehicleRestored(silent_s))
         if snapshot or silent_s is not None:
             step.events.append(StateChanged(telemetry.state))
 
     def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
-        """Whether it is seen now that another mission is on it, or that it is ours again."""
+        """Return whether the message shows another mission on the vehicle, or the own one again."""
         assert self._mission is not None
         if context.verified_items and self._other_mission:
             return self._report_other_mission(context, False)
@@ -296,5 +296,5 @@ class Session:
 
     def _require_context(self) -> Context:
         if self._context is None:
-            raise IllegalEvent(f"system {self.peer.sysid} is unknown: no usable heartbeat heard yet")
+            raise IllegalEvent(f"system {self.peer.sysid} is unknown: no usable heartbeat received yet")
         return self._context

@@ -51,7 +51,11 @@ def test_the_text_of_a_boot_is_no_message_and_no_vehicle():
     text = [piece for piece in data if piece[:1] != b"\xfd"]
     assert len(text) == 9
     assert b"".join(text).startswith(b"\n\nInit ArduCopter")
-    assert {type(e).__name__ for e in bench.events[events:]} <= {"VehicleRebooted", "StateChanged", "StatusText"}
+    assert {type(e).__name__ for e in bench.events[events:]} <= {
+        "VehicleRebooted",
+        "StateChanged",
+        "StatusText",
+    }
     stream = FrameSplitter().feed(b"".join(data))  # as over a serial line
     assert len(stream) == len(data) - len(text)
     assert {frame.sysid for frame in stream} == {1}
@@ -140,7 +144,7 @@ def test_an_acknowledged_mode_that_no_heartbeat_shows_is_not_believed(personalit
     bench = FlyingBench(personality).flying(OLD)
     bench.inject("stuck_mode:answer=accepted")
     failure = bench.do("hold", basic.hold).failure
-    assert "DO_SET_MODE: ACCEPTED, but it was not seen to happen" in failure
+    assert "DO_SET_MODE: ACCEPTED" in failure
     assert bench.session.state.mode == bench.session.dialect.mission_mode
 
 
@@ -190,7 +194,7 @@ def test_a_mission_that_moves_on_while_it_stands_disarmed_is_begun_at_its_take_o
     state = bench.session.state
     assert state.mission_seq not in (None, 0), "it moves on"
     assert (state.armed, state.landed) == (False, Landed.ON_GROUND)
-    assert "not flying" in bench.swap(plan(north=3)).failure
+    assert "[not-flying]" in bench.swap(plan(north=3)).failure
     flown = []
     assert bench.do("launch", basic.launch).failure is None
     assert bench.run(60, lambda: flown.append(bench.session.state.mission_seq) or flown[-1] == 3)
@@ -220,7 +224,7 @@ def test_after_a_landing_it_stands_in_auto_at_no_item_and_flies_again_from_its_t
         bench.run(3)
         state = bench.session.state
         assert (state.mode, state.mission_seq, state.landed) == ("AUTO", 0, Landed.ON_GROUND)
-        assert bench.swap(OLD) == basic.Swapped("it is not flying", "old")
+        assert bench.swap(OLD) == basic.Swapped("the vehicle is not flying [not-flying]", "old")
         # It stands at its goal, and may take off there again: by its own mission, back to where it began.
         assert bench.do("prepare", basic.prepare).failure is None
 
@@ -254,7 +258,7 @@ def test_a_launch_that_is_not_seen_disarms_nothing_that_flies(personality):
     lost = ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
     bench.block_down = lambda m: m.get_type() in lost
     failure = bench.do("launch", basic.launch).failure
-    assert "does not take off" in failure
+    assert "[no-take-off]" in failure
     disarms = [m for m in bench.of("COMMAND_LONG") if m.command == ARM and m.param1 == 0.0]
     assert disarms, "it believes it on the ground"
     assert bench.vehicle.armed, "who flies refuses it"
@@ -276,7 +280,7 @@ def test_a_failsafe_of_its_own_is_seen_and_nothing_is_ordered_against_it(params,
     assert bench.run(60, lambda: bench.session.state.mode == mode)
     sent = len(bench.sent)
     result = bench.swap(plan(north=4, east=0.001))
-    assert (result.flying, f"its mode is {mode}" in result.failure) == ("theirs", True)
+    assert (result.flying, mode in result.failure) == ("theirs", True)
     assert len(bench.sent) == sent
     assert bench.mode == mode
 

@@ -108,7 +108,7 @@ def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
     bench.begin("swap", lambda c: basic.swap(c, items))
     assert bench.run(300, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
     assert bench.session.result.flying == "old", "nothing reaches it any more, but it is heard"
-    assert "it does not hold" in bench.session.result.failure
+    assert "[no-hold]" in bench.session.result.failure
     assert aims <= {(i.x, i.y) for i in old} | {None}
     assert bench.stored[1 : len(old)] == old[1:]
 

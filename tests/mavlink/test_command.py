@@ -68,7 +68,7 @@ def test_temporarily_rejected_is_not_now_after_a_pause():
 @pytest.mark.parametrize("code", [21196.0, 2989.0])
 @pytest.mark.parametrize("arm", [0.0, 1.0])
 def test_forced_arming_and_disarming_cannot_be_written(arm, code):
-    with pytest.raises(ValueError, match="never sent"):
+    with pytest.raises(ValueError, match="param2 = "):
         Command(PEER, 400, arm, code)
-    with pytest.raises(ValueError, match="never sent"):
+    with pytest.raises(ValueError, match="param2 = "):
         command_long(PEER, 400, (arm, code))

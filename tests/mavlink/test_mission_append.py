@@ -169,7 +169,7 @@ def test_who_does_not_know_partial_lists_is_found_out_by_what_it_holds():
     assert announced(append.receive(count(7), 0.6)) == [(seq, seq) for seq in (7, 7, 8, 8, 9, 9)]
     append.tick(append.next_deadline)
     append.receive(count(7), 2.0)
-    assert "it does not take partial lists" in append.result.failure
+    assert "[no-append]" in append.result.failure
 
 
 def test_who_does_not_answer_is_given_up():
@@ -180,7 +180,7 @@ def test_who_does_not_answer_is_given_up():
         now = append.next_deadline
         append.tick(now)
     assert now == 5.0
-    assert "no answer within 5 s" in append.result.failure
+    assert "[no-answer]" in append.result.failure
 
 
 @pytest.mark.parametrize("held", [6, 11])
@@ -189,7 +189,7 @@ def test_a_list_of_another_length_than_was_known_ends_it(held):
     append.start(0.0)
     append.tick(0.5)
     append.receive(count(held), 0.6)
-    assert f"it holds {held} items where 7 were known" in append.result.failure
+    assert f"{held} items, expected 7 [mission-changed]" in append.result.failure
 
 
 @pytest.mark.parametrize(("code", "goes_on"), [(1, True), (13, True), (15, True), (5, False), (4, False)])
@@ -208,5 +208,5 @@ def test_a_link_that_brings_too_little_ends_it_with_how_far_it_came():
     while append.result is None:
         now = append.next_deadline
         append.tick(now)
-    assert "1 of 3 items, none more for 30 s" in append.result.failure
+    assert "1 of 3 items" in append.result.failure and "[append-stuck]" in append.result.failure
     assert now == 30.2

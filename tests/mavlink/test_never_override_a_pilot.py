@@ -173,7 +173,7 @@ def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
     bench.copter.armed = True
     bench.run(2)
     sent = len(bench.sent)
-    assert "armed already" in bench.do("launch", basic.launch).failure
+    assert "[armed]" in bench.do("launch", basic.launch).failure
     assert len(bench.sent) == sent
 
 
@@ -183,7 +183,7 @@ def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat()
     bench.copter.armed = True
     sent = len(bench.sent)
     assert not bench.session.state.armed
-    assert "armed" in bench.do("launch", basic.launch).failure
+    assert "[taken-over]" in bench.do("launch", basic.launch).failure
     assert orders(bench, sent) == []
 
 
@@ -207,7 +207,7 @@ def test_launch_goes_no_further_where_a_pilot_does_its_next_step(look, pilot, or
 
     bench.block = interfere
     begun = len(bench.sent)
-    assert "set by its pilot" in bench.do("launch", basic.launch).failure
+    assert "[taken-over]" in bench.do("launch", basic.launch).failure
     assert [command for _, command in orders(bench, begun)] == orders_before
 
 
@@ -238,7 +238,7 @@ def test_prepare_leaves_a_vehicle_alone_that_a_pilot_armed_since_its_last_heartb
     bench.run(3)
     bench.copter.mode, bench.copter.armed = LOITER, True
     sent = len(bench.sent)
-    assert "armed already" in bench.do("prepare", basic.prepare).failure
+    assert "[armed]" in bench.do("prepare", basic.prepare).failure
     assert orders(bench, sent) == []
 
 
@@ -268,7 +268,7 @@ def test_what_no_person_has_ordered_goes_out_only_after_a_look(job, mode):
     assert bench.copter.mode == mode
     if job is not basic.hold or mode != GUIDED:
         assert orders(bench, sent) == []
-        assert "set by its pilot" in result.failure
+        assert "[taken-over]" in result.failure
 
 
 def test_an_order_of_a_rule_that_interrupts_a_swap_may_find_the_hold_of_that_swap():

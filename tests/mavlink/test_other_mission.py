@@ -164,7 +164,7 @@ def test_ours_put_there_again_after_another_may_have_another_id(heard: tuple[int
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
     for mission_id in heard:
-        watch.hear(accepted(mission_id))
+        watch.receive_own_transfer(accepted(mission_id))
     watch.own_procedure_ended(SEVEN, 10.0)
     assert not any(watch.shows_other_mission(current(7, 8), 13.0 + second) for second in range(9))
     assert not watch.shows_other_mission(current(7, 9), 23.0)

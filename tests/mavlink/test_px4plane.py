@@ -70,7 +70,7 @@ def test_its_last_waypoint_lies_behind_the_goal_which_it_is_to_fly_over() -> Non
 
 
 def test_a_plan_for_what_hovers_is_no_mission() -> None:
-    with pytest.raises(ValueError, match="airframe: plane"):
+    with pytest.raises(ValueError, match="`airframe: plane`"):
         PLANE.mission_items(FlightPlan(40.0, FIRST.track, FIRST.landing), HOME)
 
 
@@ -185,7 +185,7 @@ def test_who_gets_to_its_landing_while_a_new_mission_is_sent_lands_at_its_goal_a
     items = flown.session.mission_items(longer)
     done = flown.do("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     assert done.flying == "old"
-    assert done.failure == "it had got to its landing before the new mission was complete"
+    assert "[landing-reached]" in done.failure
     assert landed(flown)
     assert away_m(flown, GOAL) < 60.0
 
@@ -258,7 +258,7 @@ def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
 
 def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() -> None:
     flown = in_flight()
-    flown.session._known().verified_items = ()
+    flown.session._require_context().verified_items = ()
     assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START in flown.commands
     assert landed(flown)
@@ -272,7 +272,7 @@ def test_what_may_arm_it_is_not_sent_to_one_that_has_disarmed_meanwhile() -> Non
     flown.run(400.0, lambda: not flown.vehicle.armed)
     flown.block_down = lambda message: message.get_type() == "EXTENDED_SYS_STATE"
     for known in (flown.session.items, ()):
-        flown.session._known().verified_items = known
+        flown.session._require_context().verified_items = known
         assert flown.do("land", basic.land).failure is not None
         assert not flown.vehicle.armed
 

@@ -143,7 +143,7 @@ def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, af
     if bench.session.items:
         assert bench.holds(bench.session.items)
     again = bench.swap(NEW)
-    assert "not flying" in again.failure or "its mode is" in again.failure
+    assert "[not-flying]" in again.failure or "[taken-over]" in again.failure
     assert not bench.vehicle.armed
 
 

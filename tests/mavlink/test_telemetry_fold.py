@@ -206,9 +206,8 @@ def test_ready_is_guided_and_prearm_and_a_position_estimate(readiness, reasons):
 
 def test_nothing_is_ready_before_everything_was_heard():
     telemetry = folded(heartbeat(4), sys_status(), position())
-    assert telemetry.state.not_ready == (
-        "no EKF_STATUS_REPORT, EXTENDED_SYS_STATE, MISSION_CURRENT heard yet",
-    )
+    (reason,) = telemetry.state.not_ready
+    assert "EKF_STATUS_REPORT, EXTENDED_SYS_STATE, MISSION_CURRENT" in reason
     telemetry.receive(M.MAVLink_ekf_status_report_message(16, 0, 0, 0, 0, 0), 0.0)
     telemetry.receive(M.MAVLink_extended_sys_state_message(0, 1), 0.0)
     telemetry.receive(M.MAVLink_mission_current_message(0, 0), 0.0)
@@ -218,10 +217,10 @@ def test_nothing_is_ready_before_everything_was_heard():
 @pytest.mark.parametrize(
     ("autopilot", "kind", "says"),
     [
-        (12, 20, "a VTOL quadrotor of PX4 cannot be flown"),
-        (3, 10, "a ground rover of ArduPilot"),
-        (0, 2, r"a quadrotor of another autopilot \(generic\)"),
-        (3, 199, "a kind of number 199 of ArduPilot"),
+        (12, 20, "VTOL quadrotor of PX4"),
+        (3, 10, "ground rover of ArduPilot"),
+        (0, 2, r"quadrotor of another autopilot \(generic\)"),
+        (3, 199, "199 of ArduPilot"),
     ],
 )
 def test_other_vehicles_are_refused_by_name(autopilot, kind, says):
@@ -393,11 +392,11 @@ def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_veh
     def endless(ctx):
         yield wait(1e9)
 
-    with pytest.raises(IllegalEvent, match="no usable heartbeat"):
+    with pytest.raises(IllegalEvent):
         session.begin("first", endless, 0.0)
     told(session, 0.0, heartbeat())
     session.begin("first", endless, 0.0)
-    with pytest.raises(IllegalEvent, match="second while first runs"):
+    with pytest.raises(IllegalEvent, match="second .*first"):
         session.begin("second", endless, 0.0)
 
 

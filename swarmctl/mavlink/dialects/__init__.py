@@ -1,4 +1,4 @@
-"""What differs between autopilots: one module each, fitting `Dialect`. Pure."""
+"""Differences between autopilots: one module each, fitting `Dialect`. Pure."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _DIALECTS: dict[tuple[int, int], Dialect] = {
 
 
 def dialect_for(autopilot: int, vehicle_type: int) -> Dialect:
-    """The dialect for a MAV_AUTOPILOT and MAV_TYPE. Raises Unsupported, naming what it is."""
+    """Return the dialect for a MAV_AUTOPILOT and MAV_TYPE. Raises Unsupported, naming both."""
     dialect = _DIALECTS.get((autopilot, vehicle_type))
     if dialect is None:
-        made_by = _AUTOPILOTS.get(autopilot) or f"another autopilot ({_words('MAV_AUTOPILOT', autopilot)})"
+        made_by = _AUTOPILOTS.get(autopilot) or f"another autopilot ({_entry('MAV_AUTOPILOT', autopilot)})"
         raise Unsupported(
-            f"a {_words('MAV_TYPE', vehicle_type)} of {made_by} cannot be flown; expected a multicopter or a "
+            f"a {_entry('MAV_TYPE', vehicle_type)} of {made_by} cannot be flown; expected a multicopter or a "
             "fixed wing of ArduPilot or PX4"
         )
     return dialect
@@ -48,8 +48,8 @@ _AUTOPILOTS = {
 }
 
 
-def _words(enum: str, value: int) -> str:
-    """An enum's entry as people say it; by its number where MAVLink has no name for it here."""
+def _entry(enum: str, value: int) -> str:
+    """Return an enum's entry in lower-case words; its number if this dialect has no name for it."""
     name = name_of(enum, value)
     if name.startswith(enum):
         return f"kind of number {value}"

@@ -1,5 +1,7 @@
-"""ArduPilot 4.x: what ArduCopter and ArduPlane have in common, and ArduCopter. Facts observed on ArduCopter
-4.6.2 in software-in-the-loop."""
+"""ArduPilot 4.x: the common part of ArduCopter and ArduPlane, and ArduCopter.
+
+Facts observed on ArduCopter 4.6.2 in software-in-the-loop.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
-"""Item 0, overwritten by the vehicle; whoever sends a plan without it loses the take-off."""
+"""Item 0, overwritten by the vehicle; in a mission without it the take-off would be lost."""
 _STORED_FRAME = MappingProxyType(
     {
         mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -34,7 +36,7 @@ _CENTIMETRE_M = 0.01
 
 
 def modes(enum: str) -> Mapping[int, str]:
-    """The names of a firmware's modes by their numbers (custom_mode)."""
+    """Return the names of a firmware's modes by number (custom_mode)."""
     prefix = f"{enum}_"
     return MappingProxyType(
         {
@@ -46,7 +48,7 @@ def modes(enum: str) -> Mapping[int, str]:
 
 
 class ArduPilot:
-    """What `Dialect` asks, as far as its firmwares do not differ."""
+    """The part of `Dialect` that all firmwares of ArduPilot share."""
 
     name = "ArduPilot"
     hold_mode = "GUIDED"
@@ -71,14 +73,14 @@ class ArduPilot:
     """after home and the take-off"""
     uncounted_items = 1
     upload_timeout_s = 9.0
-    """it gives a transfer up after 8 s without an item"""
+    """ArduPilot ends a transfer after 8 s without an item"""
     uploads_atomically = False
     brakes_m_s2: float | None = None
     serves_single_items = True
     lands_at_nearest = True
     may_lack_rally = True
     start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
-    """armed in AUTO alone it sits and disarms itself after 10 s"""
+    """armed in AUTO alone, the vehicle stays on the ground and disarms itself after 10 s"""
 
     def mode_name(self, custom_mode: int) -> str:
         return self.mode_names.get(custom_mode, f"MODE {custom_mode}")
@@ -88,7 +90,10 @@ class ArduPilot:
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number)
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
-        """The pre-arm bit tells of a position only in modes that need one; in STABILIZE it comes earlier."""
+        """Return the reasons against arming.
+
+        The pre-arm bit includes the position only in modes that need one; in STABILIZE it comes earlier.
+        """
         return tuple(self._reasons(readiness))
 
     def _reasons(self, readiness: Readiness) -> Iterator[str]:
@@ -102,7 +107,7 @@ class ArduPilot:
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        # Item 0 is home: the vehicle's, wherever that is. Another command sent there was lost for it.
+        # Item 0 is home, set by the vehicle. If another command was sent there, that item is lost.
         return differences(
             sent, found, first, lambda seq, a, b: a.command == b.command if seq == 0 else self._same(a, b)
         )
@@ -111,15 +116,18 @@ class ArduPilot:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
     def _same(self, sent: MissionItem, found: MissionItem) -> bool:
-        """Equal but for its storage: whole centimetres cut toward zero, and what `as_stored` says."""
+        """Return whether items are equal as stored: altitude in whole centimetres, else `as_stored`."""
         kept = self.as_stored(sent)
-        # The cut is done in float32 there: of 20.3 a whole centimetre goes (20.29).
+        # ArduPilot cuts in float32, so that 20.3 loses a whole centimetre (20.29).
         z_gap_m = abs(kept.z) - abs(found.z)
         z_fits = -1e-3 <= z_gap_m <= _CENTIMETRE_M + 1e-3 and kept.z * found.z >= 0
         return z_fits and replace(kept, z=0.0) == replace(self.as_stored(found), z=0.0)
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """`_INT` frames go by their old numbers, or 0 where there is no place. A landing's param4 reads 1."""
+        """Return an item as ArduPilot stores it: frames without `_INT`, or 0 for items without a position.
+
+        A landing's param4 reads back as 1, so it does not count.
+        """
         frame = _STORED_FRAME.get(item.frame, item.frame) if item.command not in _WITHOUT_PLACE else 0
         item = replace(item, frame=int(frame))
         return replace(item, param4=0.0) if item.command == mavlink.MAV_CMD_NAV_LAND else item
@@ -128,23 +136,24 @@ class ArduPilot:
 class ArduCopter(ArduPilot):
     """Fits `Dialect`."""
 
-    # Holds in GUIDED, not LOITER: without a radio control LOITER reads the throttle stick as "down" and lands
-    # hard. Not BRAKE either: it holds as well, but a launch needs GUIDED anyway; one mode fewer to know.
+    # Hold mode is GUIDED: without radio control LOITER reads the stick as "down" and lands hard. BRAKE
+    # holds as well, but a launch needs GUIDED anyway.
     mode_names = modes("COPTER_MODE")
     land_command = None
-    # A leg begins where the last one ends, else at rest where it can stop (`AC_WPNav::set_wp_destination`).
-    brakes_m_s2 = 2.5  # WPNAV_ACCEL as it comes
+    # A leg begins at the end of the last one, otherwise at rest at the stopping point
+    # (`AC_WPNav::set_wp_destination`).
+    brakes_m_s2 = 2.5  # default of WPNAV_ACCEL
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Home placeholder, take-off where it stands, waypoints, landing."""
+        """Return home placeholder, take-off at the vehicle's place, waypoints, landing."""
         track = copter_track(plan)
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
         return (HOME, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Of the parameters of a waypoint only a whole param1 is kept."""
+        """Return an item as stored: of a waypoint's parameters only param1, cut to an integer."""
         item = super().as_stored(item)
         if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
             return item

@@ -23,39 +23,40 @@ from swarmctl.mavlink.dialects.plan import (
 )
 
 CLIMB_PITCH_DEG = 15.0
-"""of the take-off; without it 4 degrees are taken (`Plane::do_takeoff`)"""
+"""pitch of the take-off; without it ArduPlane takes 4 degrees (`Plane::do_takeoff`)"""
 BY_TANGENT = 1.0
-"""param4 of LOITER_TO_ALT: the next leg begins where the circle is left"""
+"""param4 of LOITER_TO_ALT: the next leg begins where the vehicle leaves the circle"""
 FIRST_TURN = math.tan(math.pi / 8.0)
-"""of a turn by 45 degrees: from where it comes to its first waypoint is not known"""
-LEAST_TURN_M, MOST_TURN_M = 1.0, 255.0
-"""how far before a waypoint it may be told to turn off: a byte, of which 0 is WP_RADIUS"""
+"""tangent length per radius of a turn by 45 degrees: the direction of the first leg is unknown"""
+MIN_TURN_M, MAX_TURN_M = 1.0, 255.0
+"""limits of the distance before a waypoint at which the turn begins: a byte, in which 0 means WP_RADIUS"""
 
 
 class ArduPlane(ArduPilot):
     """Fits `Dialect`."""
 
-    # GUIDED circles where it was entered, at that altitude, with nobody at a stick (`ModeGuided::_enter`).
-    # LOITER does so too, but is left for RTL when the radio control is lost, which GUIDED is not by default.
+    # GUIDED circles at the place and altitude of its entry, without a pilot's stick (`ModeGuided::_enter`).
+    # LOITER does so too, but changes to RTL after a loss of radio control; GUIDED does not by default.
     mode_names = modes("PLANE_MODE")
-    # There is no mode that lands anywhere: a mission has to say how, and AUTO flies that.
+    # No mode lands at any place: AUTO flies the landing of a mission.
     land_mode = "AUTO"
     land_command = int(mavlink.MAV_CMD_DO_LAND_START)
-    # SPEED_TYPE_GROUNDSPEED would set the least speed over ground (`Plane::do_change_speed`).
+    # SPEED_TYPE_GROUNDSPEED would set the minimum ground speed (`Plane::do_change_speed`).
     speed_type = int(mavlink.SPEED_TYPE_AIRSPEED)
     first_seq = 1
-    """AUTO goes on where the mission was left"""
+    """AUTO resumes the mission at its last item"""
     arms_anywhere = False
-    """Disarmed in AUTO it stays in its landing ("In landing sequence", `AP_Arming_Plane::pre_arm_checks`)."""
+    """disarmed in AUTO, the vehicle stays in its landing ("In landing sequence",
+    `AP_Arming_Plane::pre_arm_checks`)"""
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Home placeholder, take-off, waypoints, the landing at the goal, and that at home.
+        """Return home placeholder, take-off, waypoints, landing at the goal, and landing at home.
 
-        The last is flown only when it returns: RTL looks for the DO_LAND_START that is nearest to home. As
-        each landing begins with one, an order to land leads to that which is nearest to the vehicle.
+        Each landing begins with a DO_LAND_START. RTL goes to the one nearest to home, so the last landing is
+        flown on a return only. A command to land goes to the one nearest to the vehicle.
         """
         at_goal, at_home = plane_approaches(plan)
-        # It climbs straight on whatever the place says (`Plane::do_takeoff`).
+        # The vehicle climbs straight on, whatever position the item has (`Plane::do_takeoff`).
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m, param1=CLIMB_PITCH_DEG)
         return (
             HOME,
@@ -66,7 +67,7 @@ class ArduPlane(ArduPilot):
         )
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Of the parameters of a waypoint bytes of param2 and param3 are kept, its radii."""
+        """Return an item as stored: of a waypoint only param2 and param3, its radii, as bytes."""
         item = super().as_stored(item)
         if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
             return item
@@ -75,23 +76,23 @@ class ArduPlane(ArduPilot):
 
 
 def _waypoints(plan: FlightPlan) -> Iterator[MissionItem]:
-    """Each with how far before it the turn begins (param2), so that it is an arc inside the corner."""
+    """Yield the waypoints; param2 is the distance at which the turn begins, for an arc inside the corner."""
     frame = LocalFrame(plan.track[0].lat_deg, plan.track[0].lon_deg)
     points = [frame.to_local(p.lat_deg, p.lon_deg) for p in plan.track]
     last = len(points) - 1
     for i, waypoint in enumerate(plan.track):
-        turn_m = LEAST_TURN_M
+        turn_m = MIN_TURN_M
         if 0 < i < last:
             turn_m = tangent(points[i - 1], points[i], points[i + 1], plan.turn_radius_m)
         elif i < last:
             turn_m = FIRST_TURN * plan.turn_radius_m
         item = item_at(WAYPOINT, RELATIVE, waypoint, waypoint.alt_rel_m)
-        yield replace(item, param2=float(math.ceil(min(max(turn_m, LEAST_TURN_M), MOST_TURN_M))))
+        yield replace(item, param2=float(math.ceil(min(max(turn_m, MIN_TURN_M), MAX_TURN_M))))
 
 
 def _landing(there: Approach) -> Iterator[MissionItem]:
     yield item_at(LAND_START, RELATIVE, there.centre, there.centre.alt_rel_m)
     circle = item_at(LOITER_TO_ALT, RELATIVE, there.centre, there.centre.alt_rel_m)
     yield replace(circle, param2=float(round(there.radius_m)), param4=BY_TANGENT)
-    yield replace(item_at(WAYPOINT, RELATIVE, there.final, there.final.alt_rel_m), param2=LEAST_TURN_M)
+    yield replace(item_at(WAYPOINT, RELATIVE, there.final, there.final.alt_rel_m), param2=MIN_TURN_M)
     yield item_at(LAND, RELATIVE, there.touchdown, 0.0)

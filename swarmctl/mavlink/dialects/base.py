@@ -1,4 +1,4 @@
-"""The questions that every autopilot answers differently."""
+"""`Dialect`: the protocol that every autopilot's dialect fits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """What readiness is judged by; None: not heard yet."""
+    """Telemetry that decides whether a vehicle is ready; None: not received yet."""
 
     mode: str
     prearm_ok: bool | None
@@ -26,17 +26,19 @@ class Readiness:
     ekf_flags: int | None
     """EKF_STATUS_REPORT.flags"""
     complaints: tuple[str, ...]
-    """its newest "PreArm: ..." texts"""
+    """the newest "PreArm: ..." texts"""
 
 
 class Dialect(Protocol):
+    """Facts about one autopilot and airframe, and conversions for it."""
+
     @property
     def name(self) -> str:
-        """For people, e.g. ArduPilot."""
+        """Name for messages, e.g. ArduPilot."""
 
     @property
     def hold_mode(self) -> str:
-        """Stays in the air where it is, without a pilot's stick, and takes a new mission there."""
+        """Mode that keeps the vehicle at its place in the air without a pilot, ready for a mission."""
 
     @property
     def mission_mode(self) -> str: ...
@@ -46,80 +48,81 @@ class Dialect(Protocol):
 
     @property
     def land_mode(self) -> str:
-        """Comes down without a pilot; the mission's mode where a mission has to say how."""
+        """Mode that lands without a pilot; the mission mode if landing needs a mission."""
 
     @property
     def land_command(self) -> int | None:
-        """MAV_CMD by which it goes to the landing of its mission; None where its mode lands."""
+        """MAV_CMD that leads to the landing of the mission; None if a mode lands."""
 
     @property
     def lands_at_nearest(self) -> bool:
-        """That is the nearest of several; else the only one that it knows as such (and it may arm for it)."""
+        """Return whether that command leads to the nearest of several landings.
+
+        Otherwise it leads to the only landing that the autopilot knows, and may arm the vehicle.
+        """
 
     @property
     def speed_type(self) -> int:
-        """Of MAV_CMD_DO_CHANGE_SPEED: what sets how fast it flies."""
+        """SPEED_TYPE for MAV_CMD_DO_CHANGE_SPEED."""
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
-        """Message id -> rate to ask for."""
+        """Rates to request, by message id."""
 
     @property
     def required(self) -> tuple[int, ...]:
-        """Ids of the messages without which the vehicle is not ready."""
+        """Ids of the messages that readiness needs."""
 
     @property
     def first_seq(self) -> int | None:
-        """The item to be current before a launch; None where starting the mission sees to that."""
+        """Item that has to be current before a launch; None if the start of the mission sets it."""
 
     @property
     def may_lack_rally(self) -> bool:
-        """It may be built without rally points; then it says that a list of them is unsupported."""
+        """Return whether a build may lack rally points and answers that a list of them is unsupported."""
 
     @property
     def arms_anywhere(self) -> bool:
-        """Whichever item is current; else not while that is one of a landing: `first_seq` has to be."""
+        """Return whether it arms at any current item; else `first_seq` has to be current after a landing."""
 
     @property
     def first_waypoint_seq(self) -> int:
-        """Where a vehicle that flies already starts a mission."""
+        """Item at which a flying vehicle starts a mission."""
 
     @property
     def uncounted_items(self) -> int:
-        """of a mission, which MISSION_CURRENT.total leaves out: home"""
+        """Number of items that MISSION_CURRENT.total leaves out: home."""
 
     @property
     def upload_timeout_s(self) -> float:
-        """How long after the last message of a broken upload the vehicle has surely given it up."""
+        """Time after the last message of a broken upload until the vehicle has certainly ended it [s]."""
 
     @property
     def uploads_atomically(self) -> bool:
-        """A new mission takes the old one's place when it is complete; else item by item, and the flight
-        follows at once."""
+        """Return whether a new mission replaces the old one when complete; else each item counts at once."""
 
     @property
     def brakes_m_s2(self) -> float | None:
-        """How hard it brakes, down to a stop, before it flies to another item that is made current; None: it
-        turns to that at once."""
+        """Deceleration before it flies to another item made current; None: it turns without a stop."""
 
     @property
     def serves_single_items(self) -> bool:
-        """Items of its mission to whoever asks, outside of a transfer too."""
+        """Return whether it answers requests for single mission items outside of a transfer."""
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:
-        """Command (MAV_CMD, parameters) by which a vehicle, armed and on the ground, takes off."""
+        """Command (MAV_CMD, parameters) that makes an armed vehicle on the ground take off."""
 
     def mode_name(self, custom_mode: int) -> str: ...
 
     def mode_params(self, name: str) -> tuple[float, ...]:
-        """Parameters of MAV_CMD_DO_SET_MODE."""
+        """Return the parameters of MAV_CMD_DO_SET_MODE."""
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
-        """Why it would not arm and fly a mission now; empty when it would."""
+        """Return the reasons against arming and flying a mission now; empty if there are none."""
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """The plan as this autopilot's mission; `start` is where it takes off.
+        """Return a plan as this autopilot's mission; `start` is the take-off place.
 
         Raises ValueError for a plan that cannot be flown.
         """
@@ -127,10 +130,10 @@ class Dialect(Protocol):
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        """How a mission read back differs from the one sent, its own roundings aside; empty when equal.
+        """Return the differences of a read-back from the items sent, except the autopilot's roundings.
 
-        `first`: the place of the first of them in the vehicle's list.
+        `first`: index of the first item in the vehicle's list.
         """
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """One try (`attempt` 0 is the first) to make an item the one that is flown."""
+        """Return one try (`attempt`: number of earlier tries) to make an item current."""

@@ -1,4 +1,4 @@
-"""What all dialects make of a plan: its points checked, and items at them."""
+"""Steps from a plan to a mission that dialects share: checked points, and items at them."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ JUMP = int(mavlink.MAV_CMD_DO_JUMP)
 
 
 def copter_track(plan: FlightPlan) -> tuple[Waypoint, ...]:
-    """The waypoints of a plan; the last is at the altitude from which it comes down.
+    """Return the waypoints of a copter's plan; the last has the altitude at which the descent begins.
 
-    NAV_LAND flies to its place at the altitude the vehicle has, so a waypoint sets that altitude where the
-    track does not end on it. Raises ValueError for a plan that cannot be flown.
+    NAV_LAND flies to its place at the vehicle's present altitude. So a waypoint sets that altitude if the
+    track does not end at it. Raises ValueError for a plan that cannot be flown.
     """
     if plan.approach is not None:
-        raise ValueError("planned for a fixed wing, and it hovers: say `airframe: copter` of it")
+        raise ValueError("the plan is for a fixed wing, but the vehicle hovers: set `airframe: copter`")
     track = plan.track
     if not track or track[-1].alt_rel_m != plan.landing.alt_rel_m:
         track = (*track, plan.landing)
@@ -36,16 +36,18 @@ def copter_track(plan: FlightPlan) -> tuple[Waypoint, ...]:
 
 
 def plane_approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
-    """Of a fixed wing's plan those to its goal and to where it took off. Raises ValueError for a plan that
-    cannot be flown."""
+    """Return a fixed wing's approaches to its goal and to its take-off place.
+
+    Raises ValueError for a plan that cannot be flown.
+    """
     if plan.approach is None or plan.home_approach is None:
-        raise ValueError("planned for what hovers, and it is a fixed wing: say `airframe: plane` of it")
+        raise ValueError("the plan is for a copter, but the vehicle is a fixed wing: set `airframe: plane`")
     check_points(plan.track, plan)
     return plan.approach, plan.home_approach
 
 
 def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
-    """Raises ValueError where one of a plan's is no place."""
+    """Raise ValueError if a point of a plan is no valid position."""
     for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
         _check(what, point)
     if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
@@ -53,14 +55,14 @@ def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
 
 
 def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionItem:
+    """Return a mission item at a point."""
     return MissionItem(command, frame, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
 
 
 def append_items(
     flown: Sequence[MissionItem], items: Sequence[MissionItem], first: int
 ) -> tuple[MissionItem, ...]:
-    """A list of `flown`, and behind it those of another list from `first` on, whose jumps lead where they led
-    to there."""
+    """Return `flown` followed by `items` from `first` on; their jumps are renumbered."""
     shift = len(flown) - first
     moved = (
         replace(item, param1=item.param1 + shift) if item.command == JUMP else item for item in items[first:]
@@ -74,7 +76,7 @@ def differences(
     first: int,
     same: Callable[[int, MissionItem, MissionItem], bool],
 ) -> tuple[str, ...]:
-    """As of `Dialect.differences`; `same` is told which item of the vehicle's list it is."""
+    """Return the differences, as `Dialect.differences`; `same` also gets the index in the vehicle's list."""
     if len(sent) != len(found):
         return (f"{len(found)} items instead of {len(sent)}",)
     return tuple(

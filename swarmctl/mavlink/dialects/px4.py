@@ -1,5 +1,7 @@
-"""PX4 1.15: what multicopters and fixed wings have in common, and multicopters. Facts observed in
-software-in-the-loop and read in its sources."""
+"""PX4 1.15: the common part of multicopters and fixed wings, and multicopters.
+
+Facts observed in software-in-the-loop and read in its sources.
+"""
 
 from __future__ import annotations
 
@@ -54,14 +56,14 @@ _READ_BACK_FRAME = MappingProxyType(
 
 
 class Px4:
-    """What `Dialect` asks, as far as its airframes do not differ."""
+    """The part of `Dialect` that all airframes of PX4 share."""
 
     name = "PX4"
-    # AUTO.LOITER, not POSCTL or ALTCTL: those need a pilot's stick and are refused in the air without one.
+    # POSCTL and ALTCTL need a pilot's stick and are refused in the air without one.
     hold_mode = "AUTO.LOITER"
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
-    # All of them flow by themselves, some more slowly.
+    # All of them flow without a request, some more slowly.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
@@ -73,7 +75,7 @@ class Px4:
     )
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq = 0
-    """it begins wherever its index is, and that outlives landings and uploads"""
+    """PX4 begins at its current index, which outlives landings and uploads"""
     arms_anywhere = True
     brakes_m_s2 = None
     may_lack_rally = False
@@ -81,14 +83,14 @@ class Px4:
     """after the take-off; there is no home placeholder"""
     uncounted_items = 0
     upload_timeout_s = 6.0
-    """it gives a transfer up after 5 s without an item, without a word of the protocol"""
+    """PX4 ends a transfer after 5 s without an item, without a message of the protocol"""
     uploads_atomically = True
     serves_single_items = False
-    """it complains to all who listen"""
+    """PX4 sends an error text to all stations instead"""
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:
-        # Armed and in its mission's mode it takes off.
+        # An armed vehicle takes off in mission mode.
         return int(mavlink.MAV_CMD_DO_SET_MODE), self.mode_params(self.mission_mode)
 
     def mode_name(self, custom_mode: int) -> str:
@@ -103,7 +105,7 @@ class Px4:
         return tuple(self._reasons(readiness))
 
     def _reasons(self, readiness: Readiness) -> Iterator[str]:
-        # The bit tells of the mode it is in, and a mode that a pilot flies needs less.
+        # The pre-arm bit is about the present mode, and a pilot's mode needs less.
         if readiness.mode not in (self.hold_mode, self.mission_mode):
             yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
         if readiness.prearm_ok is False:
@@ -112,11 +114,11 @@ class Px4:
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        """Everything is kept as sent, but for frames, which are read back by their `_INT` numbers."""
+        """Return the differences; PX4 stores items as sent, except that frames read back as `_INT` ones."""
         return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """By message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
+        """Return a try by message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
         return SetCurrent(peer, seq)
 
 
@@ -129,17 +131,19 @@ class Px4Copter(Px4):
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Take-off, waypoints, landing.
+        """Return take-off, waypoints, landing.
 
-        The take-off needs its place, for the vehicle moves there once it is up. Its altitude is above home
-        because its frame is; that of the take-off command, which is not used, is above mean sea level.
+        The take-off item needs its position, because the vehicle moves there after its climb. Its altitude is
+        relative to home by its frame.
 
-        None says a heading (param4): with 0 it would fly its whole mission facing north, and would not be at
-        a waypoint before it does (`MissionBlock::is_mission_item_reached_or_completed`).
+        No item sets a heading (param4 is NaN). With 0 the vehicle would face north on its whole mission, and
+        would not reach a waypoint before (`MissionBlock::is_mission_item_reached_or_completed`).
         """
         track = copter_track(plan)
         if start is None:
-            raise ValueError("take-off: expected the place where the vehicle stands, which it has not told")
+            raise ValueError(
+                "the take-off needs the vehicle's position, which it has not reported [no-position]"
+            )
         up = Waypoint(*start, plan.takeoff_alt_m)
         takeoff = item_at(TAKEOFF, RELATIVE, up, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
@@ -148,7 +152,7 @@ class Px4Copter(Px4):
 
 
 _FLOAT32_M = 1e-3
-"""altitudes go over the wire as float32"""
+"""tolerance of altitudes, which travel as float32"""
 
 
 def _same(sent: MissionItem, found: MissionItem) -> bool:
@@ -157,7 +161,7 @@ def _same(sent: MissionItem, found: MissionItem) -> bool:
 
 
 def _params(item: MissionItem) -> tuple[bytes | None, ...]:
-    """As they go over the wire; None for what is no number, which is kept, but may have other bits."""
+    """Return param1 to param4 as sent; None for a NaN, which is stored but may have other bits."""
     params = (item.param1, item.param2, item.param3, item.param4)
     return tuple(None if math.isnan(value) else struct.pack("<f", value) for value in params)
 

@@ -1,7 +1,7 @@
-"""The jobs of a ground station, each from top to bottom: identify, prepare, upload, launch, swap, hold ...
+"""Procedures of a ground station: identify, prepare, upload, hold, return, land.
 
-Acknowledgements are not believed: every step is done when the telemetry shows it. The longer ones have a
-file each: `launching`, `swapping`.
+An acknowledgement is no proof: a step is done when telemetry shows it. Longer procedures have modules of
+their own, such as `launch` and `swap`.
 """
 
 from __future__ import annotations
@@ -35,47 +35,47 @@ __all__ = [
 ]
 
 MODE_AGAIN_S = 3.0
-"""how often a mode that did not stay is set again before the flight"""
+"""period for setting the hold mode again before the flight"""
 MODE_TRIES = 3
 
 
 def identify(ctx: Context) -> Procedure[Message]:
-    """AUTOPILOT_VERSION, asked for until it comes."""
+    """Return AUTOPILOT_VERSION, requested until it comes."""
     version = yield RequestMessage(ctx.peer, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     return version
 
 
 def prepare(ctx: Context) -> Procedure[Done]:
-    """Until it would arm: set the mode that its readiness is judged in, again and again, and wait.
+    """Set hold mode, again if it does not stay, and wait until the vehicle is ready to arm.
 
-    The streams are kept coming by the session. Has no time limit of its own: booting takes what it takes.
+    The session keeps the telemetry streams. The caller sets the time limit, because a boot may take long.
     """
     while True:
         heard = yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)
         if ctx.state.armed:
-            return Done("it is armed already; prepare it on the ground, disarmed")
-        # A mode set in the first seconds after boot is acknowledged and silently undone.
+            return Done("the vehicle is armed already; prepare it on the ground, disarmed [armed]")
+        # ArduPilot acknowledges a mode set in the first seconds after boot, then undoes it silently.
         if heard and ctx.state.mode != ctx.dialect.hold_mode:
             yield command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(ctx.dialect.hold_mode))(0)
         ready = yield WaitUntil(ctx.after_heartbeat(lambda s: s.ready), MODE_AGAIN_S)
         if ready and ctx.state.ready:
             return Done()
-        if heard and _is_left_amid_a_mission(ctx):
+        if heard and _is_stopped_midway(ctx):
             yield ctx.dialect.set_current(ctx.peer, ctx.dialect.first_seq or 0, 0)
 
 
-def _is_left_amid_a_mission(ctx: Context) -> bool:
-    """Whether it stands there where it would not arm for the item that it flew last."""
+def _is_stopped_midway(ctx: Context) -> bool:
+    """Return whether the vehicle holds disarmed at a mission item that keeps it from arming."""
     state, first = ctx.state, ctx.dialect.first_seq
-    stands = state.mode == ctx.dialect.hold_mode and not state.armed
-    return stands and not ctx.dialect.arms_anywhere and state.mission_seq not in (None, 0, first)
+    is_waiting = state.mode == ctx.dialect.hold_mode and not state.armed
+    return is_waiting and not ctx.dialect.arms_anywhere and state.mission_seq not in (None, 0, first)
 
 
 def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
-    """Put a mission on a vehicle that stands on the ground, verified."""
+    """Upload a mission to a disarmed vehicle and verify it."""
     if ctx.state.armed:
-        # It might fly the mission that we write over, item by item.
-        return Uploaded("it is armed; the mission of a flying vehicle is swapped")
+        # The vehicle may be flying the mission that the upload would overwrite item by item.
+        return Uploaded("the vehicle is armed; in flight a mission is changed by a swap [armed]")
     begin_s, n_texts = ctx.state.time_boot_s, ctx.telemetry.n_texts
     uploaded = yield from upload_mission(ctx, items, ctx.dialect.first_seq)
     took_s = max(ctx.state.time_boot_s - begin_s, 0.0)
@@ -85,15 +85,21 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
 
 
 def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
-    """`check_mode_first`, as of `return_home` and `land`: sent only where a new heartbeat shows a mode of ours."""
+    """Set hold mode.
+
+    `check_mode_first`, here and in `return_home` and `land`: the first command, too, waits for a new
+    heartbeat that shows one of this program's own modes.
+    """
     return Done((yield from _insist(ctx, ctx.dialect.hold_mode, check_mode_first=check_mode_first)))
 
 
 def return_home(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
+    """Set return mode."""
     return Done((yield from _insist(ctx, ctx.dialect.return_mode, check_mode_first=check_mode_first)))
 
 
 def land(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
+    """Land by the mission's landing or by land mode, whichever the dialect knows."""
     if ctx.dialect.land_command is not None:
         return Done(
             (yield from land_by_mission(ctx, ctx.dialect.land_command, check_mode_first=check_mode_first))
@@ -102,22 +108,23 @@ def land(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
 
 
 def _insist(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str | None]:
-    """What the operator wants now: at once and more than once, also against one that has just booted.
+    """Set a mode that the operator needs now, at once and several times; return the failure.
 
-    But only the first time unseen: once the vehicle has told of a mode that was neither there before nor is
-    one of ours, somebody else has chosen it since. What no person has ordered never goes out unseen.
+    Only the first command goes out without a new heartbeat. The procedure ends when a heartbeat shows a mode
+    that is neither the earlier one nor one of this program's own: somebody else has chosen it. A command that
+    no operator has ordered always waits for a new heartbeat (`check_mode_first`).
     """
     dialect, failure = ctx.dialect, None
-    ours = {mode, ctx.state.mode}
+    own_modes = {mode, ctx.state.mode}
     if ctx.interrupted or not check_mode_first:
-        # What was interrupted may just have changed the mode.
-        ours |= {dialect.hold_mode, dialect.mission_mode}
+        # The interrupted procedure may just have changed the mode.
+        own_modes |= {dialect.hold_mode, dialect.mission_mode}
     if not check_mode_first:
-        ours |= {dialect.return_mode, dialect.land_mode}
+        own_modes |= {dialect.return_mode, dialect.land_mode}
     try:
         for attempt in range(MODE_TRIES):
-            at_once = attempt == 0 and not check_mode_first
-            failure = yield from set_mode(ctx, mode, in_modes(ours), at_once=at_once)
+            skip_first_check = attempt == 0 and not check_mode_first
+            failure = yield from set_mode(ctx, mode, in_modes(own_modes), skip_first_check=skip_first_check)
             if failure is None:
                 break
     except NotInControl as why:

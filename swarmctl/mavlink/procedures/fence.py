@@ -1,8 +1,8 @@
-"""The geofence on a vehicle: one polygon to stay inside of, as a mission of type fence.
+"""Geofence of a vehicle: one inclusion polygon, as a mission of type fence.
 
 https://mavlink.io/en/services/mission.html#mission_types and MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION:
-every vertex says how many there are. What is read back has another frame than was sent (a fence has no
-altitude), and otherwise the same numbers.
+every vertex carries the number of vertices. A read-back has another frame (a fence has no altitude) and
+otherwise the same numbers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 
 
 def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
-    """Its vertices [deg], in order. Raises ValueError where no vehicle would keep it."""
+    """Return the mission items of a polygon [deg]. Raises ValueError if vehicles would refuse it."""
     if not 3 <= len(polygon) <= MAX_VERTICES:
         raise ValueError(f"a fence of {len(polygon)} vertices: expected 3 to {MAX_VERTICES}")
     frame = int(mavlink.MAV_FRAME_GLOBAL)
@@ -41,11 +41,11 @@ def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
 
 
 def fence_differences(sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
-    """How a fence read back differs from the one sent; empty when it keeps the vehicle inside the same."""
+    """Return the differences between a fence and its read-back; empty if both enclose the same polygon."""
     if len(sent) != len(found):
         return (f"{len(found)} items instead of {len(sent)}",)
     return tuple(
-        f"vertex {seq}: sent {_words(a)}, found {_words(b)}"
+        f"vertex {seq}: sent {_vertex_text(a)}, found {_vertex_text(b)}"
         for seq, (a, b) in enumerate(zip(sent, found, strict=True))
         if _kept(a) != _kept(b)
     )
@@ -55,15 +55,15 @@ def _kept(item: MissionItem) -> tuple[int, float, int, int]:
     return item.command, item.param1, item.x, item.y
 
 
-def _words(item: MissionItem) -> str:
+def _vertex_text(item: MissionItem) -> str:
     of = "" if item.command == _VERTEX else f" of command {item.command}"
     return f"({item.x / 1e7:.7f}, {item.y / 1e7:.7f}){of}, {item.param1:g} in all"
 
 
 def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
-    """Upload to a vehicle that stands disarmed, read back, compare; tried again where that may cure it."""
+    """Upload a fence to a disarmed vehicle, read it back and compare; try again after curable failures."""
     if ctx.state.armed:
-        return Done("it is armed; a fence is changed on the ground, disarmed")
+        return Done("the vehicle is armed; its fence can be changed on the ground, disarmed [armed]")
 
     def upload() -> Upload:
         return Upload(ctx.peer, items, FENCE)
@@ -76,17 +76,17 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
 
 
 def enforce_fence(ctx: Context) -> Procedure[Done]:
-    """Have an ArduPilot that stands disarmed keep to the limits that its parameters name.
+    """Enable on a disarmed ArduPilot the fences that its parameters name.
 
-    Since 4.6 it takes up FENCE_TYPE when it boots and when FENCE_ENABLE changes, and what a command switches
-    off is off: parameters do not tell what is in force (`AC_Fence::update`, `AC_Fence::enable`). It answers
-    when that is done.
+    Since 4.6 ArduPilot reads FENCE_TYPE at boot and when FENCE_ENABLE changes. A fence that a command has
+    switched off stays off, so parameters do not show the fences in force (`AC_Fence::update`,
+    `AC_Fence::enable`). The acknowledgement comes after the change.
     """
     if ctx.state.armed:
-        return Done("it is armed; its fence is enabled on the ground, disarmed")
+        return Done("the vehicle is armed; its fence can be enabled on the ground, disarmed [armed]")
     return Done((yield from send_acknowledged(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:
-    """The fence that is on the vehicle now."""
+    """Return the fence that is stored on the vehicle."""
     return (yield from read_back(ctx, mission_type=FENCE))

@@ -1,7 +1,7 @@
-"""Commands that change a vehicle's mode or start something, never against whoever else flies it.
+"""Commands that change a vehicle's mode or start something, but never override a pilot or another station.
 
-A pilot takes over by radio control without asking anybody, and the regular heartbeat tells of it up to a
-second later. So every such command, the repeated one too, is preceded by a heartbeat that was asked for.
+A pilot takes over by radio control at any moment, and the regular heartbeat shows it up to a second later. So
+a requested heartbeat precedes every such command and every repetition.
 """
 
 from __future__ import annotations
@@ -17,56 +17,70 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import RequestUntil, wait
 
 HEARTBEAT_WAIT_S = 5.0
-"""a heartbeat a second and one for every request, and several may be lost"""
+"""longest wait: heartbeats come every second and on request, and several may be lost"""
 TEXT_WAIT_S = 0.5
 TRIES = 5
-"""of a command that is not answered"""
+"""number of times that an unanswered command is sent"""
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
 StateCondition = Callable[[VehicleState], bool]
 CommandFactory = Callable[[int], Conversation[CommandResult]]
-"""One try to have something done; called with how often it was tried before."""
+"""returns the conversation for one try; its argument is the number of earlier tries"""
 
 
 class NotInControl(Exception):
-    """The vehicle is not as this procedure left it, or does not say: nothing more may be commanded."""
+    """The vehicle is not in the state that this procedure left it in, or is silent: no command may follow."""
 
 
 class TakenOver(NotInControl):
-    """A heartbeat shows a mode, or an arming, that somebody else has chosen."""
+    """A heartbeat shows a mode or an arming that another party has chosen."""
 
 
 def in_modes(modes: Set[str], *, armed: bool | None = None) -> StateCondition:
-    """Its mode is one of `modes`, and it is armed or disarmed where that is said."""
+    """Return the condition that the mode is one of `modes`, and that arming is as `armed` (None: any)."""
     return lambda s: s.mode in modes and armed in (None, s.armed)
 
 
 def describe_takeover(state: VehicleState) -> str:
-    """For people: what the vehicle does that was not asked of it."""
+    """Return a message about a mode or an arming that this program has not commanded."""
     arming = "armed" if state.armed else "disarmed"
-    return f"its mode is {state.mode}, {arming}: set by its pilot, its failsafe or another station"
+    return (
+        f"the mode is {state.mode}, {arming}: set by the pilot, a failsafe or another station; "
+        "no command is sent [taken-over]"
+    )
 
 
 def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
-    """See in a heartbeat younger than this call that the vehicle is as `expected`. Raises NotInControl."""
+    """Check by a heartbeat younger than this call that the vehicle is as `expected`. Raises NotInControl."""
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
-        raise NotInControl(f"no heartbeat for {HEARTBEAT_WAIT_S:g} s that would tell who flies it")
+        raise NotInControl(
+            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so its mode is unknown; no command is sent [silent]"
+        )
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
 
 
 def command(ctx: Context, number: int, params: Sequence[float] = ()) -> CommandFactory:
-    """A MAV_CMD as an order."""
+    """Return a factory for tries of a MAV_CMD."""
     return lambda attempt: Command(ctx.peer, number, *params, confirmation=attempt)
 
 
 def set_mode(
-    ctx: Context, mode: str, before: StateCondition, *, armed: bool | None = None, at_once: bool = False
+    ctx: Context,
+    mode: str,
+    before: StateCondition,
+    *,
+    armed: bool | None = None,
+    skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """`send_guarded` for a change of mode; nothing is sent where it is in `mode` already."""
+    """Change the mode by `send_guarded`, unless it is `mode` already; return the failure."""
     order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
     after = in_modes({mode}, armed=armed)
-    return (yield from send_guarded(ctx, order, before, after, skip_if_done=True, at_once=at_once))
+    return (
+        yield from send_guarded(
+            ctx, order, before, after, skip_if_done=True, skip_first_check=skip_first_check
+        )
+    )
 
 
 def send_guarded(
@@ -78,24 +92,27 @@ def send_guarded(
     seen: StateCondition | None = None,
     wait_s: float = HEARTBEAT_WAIT_S,
     skip_if_done: bool = False,
-    at_once: bool = False,
+    skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """Give an order and see it happen; returns the failure, with the vehicle's own words.
+    """Send a command and see its effect; return the failure, with the vehicle's own texts.
 
-    It goes out, and out again while unanswered, only where a new heartbeat shows the vehicle as `before`.
-    `after` is how the command leaves it, `seen` what is waited for in the end (default: `after`).
-    `skip_if_done`: where it is as `after` already nothing is sent. `at_once`: the first time it goes out
-    unseen. Raises NotInControl where a heartbeat shows neither `before` nor `after`, or none comes.
+    before: condition that a new heartbeat has to show before each try
+    after: condition that the command leads to
+    seen: condition to wait for at the end (default: `after`)
+    skip_if_done: nothing is sent if `after` holds already
+    skip_first_check: the first try goes out without a new heartbeat
+
+    Raises NotInControl if a heartbeat shows neither `before` nor `after`, or none comes.
     """
     texts_before = ctx.telemetry.n_texts
-    ours = _either(before, after)
+    expected = _either(before, after)
     result: CommandResult | None = None
     done = False
     for attempt in range(TRIES):
-        if attempt or not at_once:
-            sent_or_needless = attempt > 0 or skip_if_done
-            yield from confirm_state(ctx, ours if sent_or_needless else before)
-            done = sent_or_needless and after(ctx.state)
+        if attempt or not skip_first_check:
+            may_be_done = attempt > 0 or skip_if_done
+            yield from confirm_state(ctx, expected if may_be_done else before)
+            done = may_be_done and after(ctx.state)
             if done:
                 break
         result = yield order(attempt)
@@ -104,9 +121,9 @@ def send_guarded(
     if result is None:
         return None
     if not (done or result.may_have_happened):
-        # The reasons for refusals come as STATUSTEXT, before or after the acknowledgement.
+        # The reason for a refusal comes as STATUSTEXT, before or after the acknowledgement.
         yield wait(TEXT_WAIT_S)
-    elif (yield from _see(ctx, ours, seen or after, wait_s)):
+    elif (yield from _await_effect(ctx, expected, seen or after, wait_s)):
         return None
     return _failure(ctx, result, texts_before)
 
@@ -114,8 +131,10 @@ def send_guarded(
 def send_acknowledged(
     ctx: Context, order: CommandFactory, before: StateCondition | None = None
 ) -> Procedure[str | None]:
-    """Give an order of which only its acknowledgement tells; returns the failure. Where `before` is given, it
-    goes out only while a new heartbeat shows the vehicle so, as of `send_guarded`. Raises NotInControl."""
+    """Send a command that only its acknowledgement confirms; return the failure.
+
+    `before`, if given, is checked by a new heartbeat before each try. Raises NotInControl.
+    """
     failure: str | None = "not tried"
     for attempt in range(TRIES):
         if before is not None:
@@ -127,11 +146,13 @@ def send_acknowledged(
     return failure
 
 
-def _see(ctx: Context, ours: StateCondition, seen: StateCondition, wait_s: float) -> Procedure[bool]:
-    yield RequestUntil(ctx.peer, lambda: seen(ctx.state) or not ours(ctx.state), wait_s)
+def _await_effect(
+    ctx: Context, expected: StateCondition, seen: StateCondition, wait_s: float
+) -> Procedure[bool]:
+    yield RequestUntil(ctx.peer, lambda: seen(ctx.state) or not expected(ctx.state), wait_s)
     if seen(ctx.state):
         return True
-    if not ours(ctx.state):
+    if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
     return False
 
@@ -141,7 +162,7 @@ def _either(one: StateCondition, other: StateCondition) -> StateCondition:
 
 
 def _failure(ctx: Context, result: CommandResult, texts_before: int) -> str:
-    said = [text for severity, text in ctx.telemetry.texts_since(texts_before) if severity <= WARNING]
-    suffix = f" (the vehicle says: {'; '.join(said[-3:])})" if said else ""
-    not_seen = ", but it was not seen to happen" if result.outcome is CommandOutcome.ACCEPTED else ""
-    return f"{result.text}{not_seen}{suffix}"
+    texts = [text for severity, text in ctx.telemetry.texts_since(texts_before) if severity <= WARNING]
+    suffix = f" (the vehicle reports: {'; '.join(texts[-3:])})" if texts else ""
+    no_effect = ", but telemetry shows no effect" if result.outcome is CommandOutcome.ACCEPTED else ""
+    return f"{result.text}{no_effect}{suffix}"

@@ -1,4 +1,4 @@
-"""Land what no mode lands: a fixed wing flies the landing of its mission."""
+"""Landing without a landing mode: a fixed wing flies the landing of its mission."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 def land_by_mission(
     ctx: Context, land_command: int, *, check_mode_first: bool = False
 ) -> Procedure[str | None]:
-    """Have it fly to its nearest landing and land there, unless it does so; returns the failure.
+    """Have the vehicle fly to its nearest landing and land, unless it does so already; return the failure.
 
-    On the ground it is disarmed, for a landing begins with a flight to it.
+    On the ground it is disarmed instead, because a landing begins with a flight.
     """
     dialect = ctx.dialect
     may_hold = {dialect.hold_mode} if ctx.interrupted or not check_mode_first else set()
@@ -43,10 +43,10 @@ def land_by_mission(
             disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
             return (yield from send_guarded(ctx, disarm, ours, lambda s: not s.armed, skip_if_done=True))
         if items and lands(ctx.state):
-            return None  # told once more, it would go around again
+            return None  # a second command would make it go around
         if dialect.lands_at_nearest:
             order = command(ctx, land_command)
-            return (yield from send_guarded(ctx, order, ours, lands, at_once=not check_mode_first))
+            return (yield from send_guarded(ctx, order, ours, lands, skip_first_check=not check_mode_first))
         begins = nearest_landing(ctx.verified_items, ctx.state)
         if begins is not None:
             return (
@@ -54,7 +54,7 @@ def land_by_mission(
                     ctx, begins, in_modes(modes, armed=True), check_mode_first=check_mode_first
                 )
             )
-        # That may arm it: never unseen.
+        # This command may arm the vehicle, so a new heartbeat always precedes it.
         flies = in_modes(modes, armed=True)
         return (yield from send_guarded(ctx, command(ctx, land_command), flies, lands))
     except NotInControl as why:
@@ -64,19 +64,19 @@ def land_by_mission(
 def _from_item(
     ctx: Context, seq: int, ours: StateCondition, *, check_mode_first: bool
 ) -> Procedure[str | None]:
-    """Have it fly its mission from an item on."""
+    """Have the vehicle fly its mission from item `seq` on; return the failure."""
     failure = yield from send_guarded(
         ctx,
         lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt),
         ours,
         lambda s: ours(s) and s.mission_seq == seq,
-        at_once=not check_mode_first,
+        skip_first_check=not check_mode_first,
     )
     return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, ours, armed=True))
 
 
 def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
-    """Which items of a list belong to landings: from a DO_LAND_START, or a circle, to the NAV_LAND."""
+    """Return the indices of items that belong to landings: from DO_LAND_START or a circle to NAV_LAND."""
     found, inside = set[int](), False
     for seq, item in enumerate(items):
         inside = inside or item.command in (LAND_START, LOITER_TO_ALT)
@@ -87,15 +87,19 @@ def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
 
 
 def is_other_landing(items: tuple[MissionItem, ...], seq: int) -> bool:
-    """Whether an item belongs to a landing and is not what the waypoints of the list lead to: the circle to
-    which its jump leads."""
+    """Return whether an item belongs to a landing that the list's waypoints do not lead to.
+
+    Its first jump leads from the waypoints to their landing's circle.
+    """
     leads_to = next((int(item.param1) for item in items if item.command == JUMP), None)
     return seq in landing_items(items) and seq != leads_to
 
 
 def nearest_landing(items: tuple[MissionItem, ...], state: VehicleState) -> int | None:
-    """The circle of that landing of a list whose circle is nearest; the first where it has not told where it
-    is, None where there is no landing."""
+    """Return the index of the nearest landing circle; the first one while the position is unknown.
+
+    None if the list has no landing.
+    """
     here = None if state.lat_deg is None or state.lon_deg is None else (state.lat_deg, state.lon_deg)
 
     def away_m(seq: int) -> float:

@@ -22,38 +22,41 @@ from swarmctl.mavlink.protocol.outcome import Done, LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 CLIMB_WAIT_S = 20.0
-"""until it has left the ground"""
+"""longest wait until the vehicle has left the ground"""
 BlockedBy = Callable[[], str]
-"""Who is in the way of the take-off just now, in words; empty where nobody is."""
+"""returns the present obstacle to a take-off as text; empty if there is none"""
 
 
 class _Blocked(Exception):
-    """Somebody is in the way; nothing was sent."""
+    """Another vehicle blocks the take-off; no command was sent."""
 
 
-def launch(ctx: Context, in_the_way: BlockedBy = lambda: "") -> Procedure[Done]:
-    """Arm and start the mission that is on the vehicle; done when it leaves the ground.
+def launch(ctx: Context, blocked_by: BlockedBy = lambda: "") -> Procedure[Done]:
+    """Arm the vehicle and start its mission; done when it leaves the ground.
 
-    `in_the_way` is asked right before it is armed and right before it takes off.
+    `blocked_by` is called right before arming and right before the take-off.
     """
     if not ctx.verified_items:
-        return Done("no verified mission is on the vehicle; upload one first")
+        return Done("the vehicle has no verified mission; upload one first [no-mission]")
     if ctx.state.armed:
-        return Done(f"it is armed already, in {ctx.state.mode}; nothing was sent")
+        return Done(f"the vehicle is armed already, in {ctx.state.mode}; no command was sent [armed]")
     try:
-        if failure := (yield from _armed(ctx, in_the_way)):
+        if failure := (yield from _armed(ctx, blocked_by)):
             return Done(failure)
-        return (yield from _take_off(ctx, in_the_way))
+        return (yield from _take_off(ctx, blocked_by))
     except _Blocked as why:
         return LaunchBlocked(str(why))
     except NotInControl as why:
         return Done(str(why))
 
 
-def _armed(ctx: Context, in_the_way: BlockedBy) -> Procedure[str | None]:
-    """At the beginning of its mission, in its hold mode. Raises NotInControl, and _Blocked before it arms it."""
+def _armed(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
+    """Arm the vehicle in hold mode at the beginning of its mission; return the failure.
+
+    Raises NotInControl, and _Blocked before it has armed the vehicle.
+    """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
-    # After a landing it stands there in its mission mode.
+    # After a landing the vehicle stays in mission mode.
     stands = in_modes({hold, mission}, armed=False)
     failure = yield from set_mode(ctx, hold, stands, armed=False)
     if failure:
@@ -62,20 +65,20 @@ def _armed(ctx: Context, in_the_way: BlockedBy) -> Procedure[str | None]:
     if ctx.dialect.first_seq is not None:
         failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds)
         if failure:
-            return f"it does not begin its mission at the beginning: {failure}"
+            return f"the first mission item cannot be made current [no-first-item]: {failure}"
     arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
-    # An order to arm that is not answered may have been taken: it is seen through.
-    arm = _unless(in_the_way, arm, tries=1)
+    # An unanswered command to arm may have been obeyed, so its repetitions are not blocked.
+    arm = _unless(blocked_by, arm, tries=1)
     failure = yield from send_guarded(ctx, arm, holds, in_modes({hold}, armed=True))
-    return f"it does not arm: {failure}" if failure else None
+    return f"the vehicle does not arm [no-arming]: {failure}" if failure else None
 
 
-def _take_off(ctx: Context, in_the_way: BlockedBy) -> Procedure[Done]:
-    """Of one that is armed. Raises NotInControl."""
+def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
+    """Start the mission of an armed vehicle, and disarm it if it does not take off. Raises NotInControl."""
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     ground_m = ctx.state.alt_rel_m or 0.0
     started = in_modes({mission}, armed=True)
-    start = _unless(in_the_way, command(ctx, *ctx.dialect.start_mission))
+    start = _unless(blocked_by, command(ctx, *ctx.dialect.start_mission))
     blocked = ""
     try:
         failure = yield from send_guarded(
@@ -91,21 +94,21 @@ def _take_off(ctx: Context, in_the_way: BlockedBy) -> Procedure[Done]:
     if failure is None:
         return Done()
     if ctx.state.landed is Landed.ON_GROUND:
-        # Armed, on the ground and not going anywhere: an ordinary disarm, which a flying vehicle refuses.
+        # The vehicle is armed on the ground. A flying vehicle would refuse this unforced disarming.
         still, stands = (in_modes({hold, mission}, armed=armed) for armed in (True, False))
         disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
         yield from send_guarded(ctx, disarm, still, stands, skip_if_done=True)
     if blocked and not ctx.state.armed:
         return LaunchBlocked(blocked, was_armed=True)
-    return Done(f"it does not take off: {failure}" + ("; and it does not disarm" if blocked else ""))
+    still_armed = "; the vehicle does not disarm either [no-disarming]" if blocked else ""
+    return Done(f"the vehicle does not take off [no-take-off]: {failure}{still_armed}")
 
 
-def _unless(in_the_way: BlockedBy, order: CommandFactory, tries: int | None = None) -> CommandFactory:
-    """An order that is not given while somebody is in the way: none of its first `tries`; None: never.
-    Raises _Blocked."""
+def _unless(blocked_by: BlockedBy, order: CommandFactory, tries: int | None = None) -> CommandFactory:
+    """Return a factory whose first `tries` (None: all) raise _Blocked while the take-off is blocked."""
 
     def given(attempt: int) -> Conversation[CommandResult]:
-        if (tries is None or attempt < tries) and (why := in_the_way()):
+        if (tries is None or attempt < tries) and (why := blocked_by()):
             raise _Blocked(why)
         return order(attempt)
 

@@ -1,10 +1,11 @@
-"""Rally points, to which a vehicle may return instead of to where it took off, or of landing by its mission.
+"""Rally points: places to which a vehicle may return instead of its take-off place or its mission's landing.
 
 https://mavlink.io/en/services/mission.html#mission_types
 
-Only their number is asked for. ArduPilot tells it from RALLY_TOTAL (`MissionItemProtocol_Rally::item_count`).
-Built without them (HAL_RALLY_ENABLED 0) it answers that such a list is unsupported, and returns to home
-(`GCS_MAVLINK::handle_mission_request_list`, `ModeRTL::compute_return_target`).
+Only their number is requested. ArduPilot takes it from RALLY_TOTAL
+(`MissionItemProtocol_Rally::item_count`). Without rally points in its build (HAL_RALLY_ENABLED 0) it answers
+that such a list is unsupported, and returns to home (`GCS_MAVLINK::handle_mission_request_list`,
+`ModeRTL::compute_return_target`).
 """
 
 from __future__ import annotations
@@ -23,14 +24,17 @@ RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 
 @dataclass(frozen=True, slots=True)
 class RallyPoints:
-    """How many a vehicle has; None: that is not known, and `text` says why."""
+    """Number of a vehicle's rally points; None: unknown, for the reason in `text`."""
 
     count: int | None
     text: str = ""
 
 
 class CountRallyPoints(Conversation[RallyPoints]):
-    """Asks until the number comes. `may_lack`: of what has no rally points it is 0."""
+    """Requests for the number of rally points until it comes.
+
+    `may_lack`: the answer "unsupported" counts as 0 points.
+    """
 
     REPEAT_S = 1.0
     TRIES = 12
@@ -40,7 +44,7 @@ class CountRallyPoints(Conversation[RallyPoints]):
         self._peer = peer
         self._may_lack = may_lack
         self._tries = 0
-        self._last_word = "no answer"
+        self._last_answer = "no answer"
 
     def _begin(self, now: float) -> list[Message]:
         return self._ask(now)
@@ -63,24 +67,24 @@ class CountRallyPoints(Conversation[RallyPoints]):
         if self._may_lack and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
             self._finish(RallyPoints(0))
             return []
-        # Anything else may be over soon: somebody puts some there.
-        self._last_word = name_of("MAV_MISSION_RESULT", int(message.type)).removeprefix("MAV_MISSION_")
+        # Another refusal may pass: another station may be uploading rally points.
+        self._last_answer = name_of("MAV_MISSION_RESULT", int(message.type)).removeprefix("MAV_MISSION_")
         return []
 
     def _on_deadline(self, now: float) -> list[Message]:
         if self._tries < self.TRIES:
             return self._ask(now)
-        self._finish(RallyPoints(None, f"asked {self._tries} times for their number: {self._last_word}"))
+        self._finish(RallyPoints(None, f"{self._tries} requests for their number: {self._last_answer}"))
         return self._closing_messages(now)
 
     def _closing_messages(self, now: float) -> list[Message]:
-        """PX4 would wait for the items to be asked for."""
+        """Return the message that ends the transfer: PX4 would wait for requests for the items."""
         to = (self._peer.sysid, self._peer.compid)
         code = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return [mavlink.MAVLink_mission_ack_message(*to, code, mission_type=RALLY)]
 
 
 def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
-    """How many are on the vehicle now."""
+    """Return the number of rally points on the vehicle."""
     counted: RallyPoints = yield CountRallyPoints(ctx.peer, may_lack=ctx.dialect.may_lack_rally)
     return counted

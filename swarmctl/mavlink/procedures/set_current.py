@@ -1,4 +1,4 @@
-"""The item that is flown: see which it is, and change it."""
+"""Set current item: confirm and change the mission item that a vehicle flies."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import RequestUntil
 
 CURRENT_WAIT_S = 3.0
-"""it is told once a second, and several may be lost"""
+"""longest wait: MISSION_CURRENT comes once a second, and several may be lost"""
 
 
 def await_current_item(ctx: Context, is_right: Callable[[int], bool]) -> Procedure[bool]:
-    """Whether the vehicle says, from now on, that its current item is a right one."""
+    """Return whether a new MISSION_CURRENT shows an item that fulfils `is_right`."""
 
-    def told() -> bool:
+    def is_known() -> bool:
         return ctx.state.mission_seq is not None
 
-    yield RequestUntil(ctx.peer, told, CURRENT_WAIT_S, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
+    yield RequestUntil(ctx.peer, is_known, CURRENT_WAIT_S, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
     return ctx.state.mission_seq is not None and is_right(ctx.state.mission_seq)
 
 
 def ensure_current_item(ctx: Context, seq: int, before: StateCondition) -> Procedure[str | None]:
-    """Have an item flown next, unless it is current already; returns the failure. `before` as of `send_guarded`.
+    """Make an item current unless it is already; return the failure.
 
-    Raises NotInControl.
+    `before`: as for `send_guarded`. Raises NotInControl.
     """
     if (yield from await_current_item(ctx, lambda now: now == seq)):
         return None
@@ -35,7 +35,7 @@ def ensure_current_item(ctx: Context, seq: int, before: StateCondition) -> Proce
 
 
 def set_current_item(ctx: Context, seq: int, before: StateCondition) -> Procedure[str | None]:
-    """Have an item flown next, now."""
+    """Make an item current; return the failure. Raises NotInControl."""
     return (
         yield from send_guarded(
             ctx,

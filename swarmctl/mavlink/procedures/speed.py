@@ -1,4 +1,4 @@
-"""How fast a vehicle flies its mission: MAV_CMD_DO_CHANGE_SPEED, which lasts until the mode changes."""
+"""Speed of a vehicle on its mission: MAV_CMD_DO_CHANGE_SPEED, which lasts until the mode changes."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 NO_CHANGE = -1.0
-"""of the throttle"""
+"""value of the throttle parameter that leaves the throttle as it is"""
 
 
 def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
-    """Give it another speed, over ground or through the air, for the rest of its mission; nothing where it
-    does not fly one."""
+    """Set the ground speed or airspeed for the rest of the mission; sends nothing outside mission mode."""
     flies = in_modes({ctx.dialect.mission_mode}, armed=True)
     params = float(ctx.dialect.speed_type), speed_m_s, NO_CHANGE
     order = command(ctx, mavlink.MAV_CMD_DO_CHANGE_SPEED, params)

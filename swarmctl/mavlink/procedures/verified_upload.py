@@ -1,4 +1,4 @@
-"""A whole mission onto a vehicle, verified: upload, read back, compare."""
+"""Verified upload: upload a list of mission items, read it back and compare."""
 
 from __future__ import annotations
 
@@ -15,10 +15,15 @@ from swarmctl.mavlink.protocol.wait import wait
 UPLOAD_TRIES = 3
 WINDOWS_ANY_ORDER = ((WINDOW, 1),) * 4
 WINDOWS_IN_ORDER = ((WINDOW, 1), (5, 3), (3, 8), (3, 8), (1, 2), (1, 1), (1, 1))
-"""Items asked for at a time, and by how many questions each, try by try. Where 5 % of all is lost, 50 items
-fail in the second way once in 20 times, where 30 % is, in the third way once in five times; one by one what
-is lost can be asked for again, but each takes as long as an answer. A question that is overtaken is none in
-order either: the last ways ask once."""
+"""(window, copies) of each try of a read-back: items requested at a time, and requests per item.
+
+| (window, copies) | loss | failure rate for 50 items |
+|---|---|---|
+| (5, 3) | 5 % | 1 in 20 |
+| (3, 8) | 30 % | 1 in 5 |
+
+With a window of 1 a lost item can be requested again, but each item takes a whole round trip. A request that
+overtakes another is out of order too, so the last tries send each request once."""
 
 
 def upload_mission(
@@ -30,11 +35,14 @@ def upload_mission(
     too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[VerifiedUpload]:
-    """Upload, read back, compare; tried again after what another try can cure.
+    """Upload a mission, read it back and compare; try again after curable failures.
 
-    Ends without failure only if exactly `items` are on the vehicle. `current` is marked as the one to fly;
-    `flown` is the one that the vehicle flies to now, and goes on to where none is marked. What comes
-    `too_late` is not put there; when the time for it `is_over` it is not tried again.
+    Ends without failure only if exactly `items` are on the vehicle.
+
+    current: item marked as the one to fly; None: none
+    flown: item that the vehicle flies now, and goes on to if none is marked
+    too_late: stops an upload that is of no use any more; called with the round-trip time [s]
+    is_over: stops further tries
     """
     ctx.verified_items, ctx.plan_first_seq = (), ctx.dialect.first_waypoint_seq
 
@@ -52,13 +60,13 @@ def upload_mission(
 
 @dataclass(frozen=True, slots=True)
 class VerifiedUpload(Done):
-    """How it ended, and what was read back where that is as sent."""
+    """Result of an upload with read-back, and the items read back if they are as sent."""
 
     found: tuple[MissionItem, ...] = ()
     uploaded_s: float = 0.0
-    """when the last upload ended, by the vehicle's clock; reading back comes after"""
+    """end of the last upload, before its read-back, by the vehicle's clock [s]"""
     is_late: bool = False
-    """it was broken off as of no use any more"""
+    """True if the upload was stopped by `too_late`"""
 
 
 def upload_verified(
@@ -68,11 +76,11 @@ def upload_verified(
     tries: int,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[VerifiedUpload]:
-    """A list of items of one kind onto a vehicle; `differences` of what is read back from what is sent."""
+    """Upload a list of items of one type; `differences` compares the items read back with those sent."""
     failure, uploaded_s = "not tried", 0.0
     for attempt in range(tries):
         if attempt:
-            # A vehicle still in the old transfer would take items of the new one into it.
+            # A vehicle still in the old transfer would store items of the new one there.
             yield wait(ctx.dialect.upload_timeout_s)
         if attempt and is_over():
             break
@@ -83,31 +91,31 @@ def upload_verified(
             return VerifiedUpload(failure, is_late=result.outcome is UploadOutcome.TOO_LATE)
         if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
             continue
-        # Also after a time-out: the items may all be there and only the last word lost.
-        there = yield from read_back(ctx, mission_type=conversation.mission_type, is_lossy=result.is_lossy)
-        if there.outcome is not DownloadOutcome.COMPLETE:
-            failure = f"{failure}; {there.text}"
+        # Also after a time-out: all items may be stored and only the last acknowledgement lost.
+        stored = yield from read_back(ctx, mission_type=conversation.mission_type, is_lossy=result.is_lossy)
+        if stored.outcome is not DownloadOutcome.COMPLETE:
+            failure = f"{failure}; {stored.text}"
             continue
-        gaps = differences(there.items)
-        if not gaps:
-            return VerifiedUpload(None, there.items, uploaded_s)
-        failure = f"{failure}; read back: {gaps[0]}"
+        mismatches = differences(stored.items)
+        if not mismatches:
+            return VerifiedUpload(None, stored.items, uploaded_s)
+        failure = f"{failure}; the read-back differs [read-back-differs]: {mismatches[0]}"
     return VerifiedUpload(failure, uploaded_s=uploaded_s)
 
 
 def read_back(
     ctx: Context, first: int = 0, mission_type: int = MISSION, *, is_lossy: bool = False
 ) -> Procedure[DownloadResult]:
-    """The items from `first` on, as the vehicle has them; asked for again after what another try can cure.
+    """Return the items from `first` on as the vehicle stores them; try again after curable failures.
 
-    Who tells them in order only is asked several times for each: on a link that `is_lossy`, and after the
-    first try.
+    PX4 serves items in order only, so it gets several requests for each: on a lossy link, and after the first
+    try.
     """
     in_order = not ctx.dialect.serves_single_items
-    ways = WINDOWS_ANY_ORDER if not in_order else WINDOWS_IN_ORDER[1:] if is_lossy else WINDOWS_IN_ORDER
-    for window, copies in ways:
-        asking = Download(ctx.peer, mission_type, first, window, copies, in_order=in_order)
-        result: DownloadResult = yield asking
+    windows = WINDOWS_ANY_ORDER if not in_order else WINDOWS_IN_ORDER[1:] if is_lossy else WINDOWS_IN_ORDER
+    for window, copies in windows:
+        download = Download(ctx.peer, mission_type, first, window, copies, in_order=in_order)
+        result: DownloadResult = yield download
         if result.outcome in (DownloadOutcome.COMPLETE, DownloadOutcome.NO_ANSWER):
             break
         if result.outcome is DownloadOutcome.REFUSED:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 Message = Any
-"""A pymavlink message object; pymavlink is untyped."""
+"""a pymavlink message object; pymavlink is untyped"""
 
 GCS_SYSID = 255
 GCS_COMPID = int(mavlink.MAV_COMP_ID_MISSIONPLANNER)
@@ -25,7 +25,7 @@ _CRC_EXTRA: dict[int, int] = {msgid: kind.crc_extra for msgid, kind in mavlink.m
 
 
 class Frame(NamedTuple):
-    """One frame with those header fields that decide whether its payload is worth decoding."""
+    """One frame with the header fields that decide whether its payload is decoded."""
 
     data: bytes
     sysid: int
@@ -34,21 +34,24 @@ class Frame(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Its checksum could be, and was, verified; of others not even the header is certain."""
+        """Return whether the dialect knows the message, so that its checksum was verified.
+
+        In other frames even the header is uncertain.
+        """
         return self.msgid in _CRC_EXTRA
 
 
 class FrameSplitter:
-    """Cuts one byte stream into frames; never raises, whatever the bytes are.
+    """Splitter of one byte stream into frames; it never raises.
 
-    What is no frame is skipped: plain text (autopilots print some while booting), line noise, remains.
+    It skips everything else: plain text that autopilots print at boot, line noise, parts of frames.
     """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Frames completed by `data`, in order. An incomplete one waits for more bytes."""
+        """Return the frames completed by `data`, in order. An incomplete frame waits for more bytes."""
         self._buffer += data
         frames: list[Frame] = []
         buffer, at = self._buffer, 0
@@ -59,7 +62,7 @@ class FrameSplitter:
                 break
             frame = self._accept(bytes(buffer[at : at + length]), _follows(buffer, at + length))
             if frame is None:
-                # The start byte may have been part of noise: a good frame can begin inside.
+                # The start byte may be noise, so a good frame may begin inside.
                 at += 1
             else:
                 frames.append(frame)
@@ -80,7 +83,7 @@ class FrameSplitter:
             end = len(data)
         extra = _CRC_EXTRA.get(frame.msgid)
         if extra is None:
-            # No checksum can be verified without the message's definition.
+            # The checksum needs the message's definition.
             return frame if plausible_end else None
         crc = mavlink.x25crc(data[1 : end - 2] + bytes((extra,))).crc
         if crc != data[end - 2] | data[end - 1] << 8:
@@ -94,7 +97,7 @@ def _next_magic(buffer: bytearray, at: int) -> int | None:
 
 
 def _frame_length(buffer: bytearray, at: int) -> int | None:
-    """Whole length of the frame that would begin at `at`; None while its header is incomplete."""
+    """Return the length of the frame that begins at `at`; None while its header is incomplete."""
     if len(buffer) < at + 3:
         return None
     if buffer[at] == _V1:
@@ -107,15 +110,15 @@ def _follows(buffer: bytearray, end: int) -> bool:
 
 
 class Decoder:
-    """Decodes verified frames; keeps no state between them."""
+    """Decoder of verified frames, without state between them."""
 
     def __init__(self) -> None:
         self._mav = mavlink.MAVLink(None)
 
     def decode(self, frame: Frame) -> Message | None:
-        """The message, or None where this dialect does not know it or its payload does not fit.
+        """Return the message; None if this dialect does not know it or its payload does not fit.
 
-        pymavlink would return messages it does not know with source system 0: a vehicle that does not exist.
+        pymavlink would return an unknown message with source system 0, a vehicle that does not exist.
         """
         if not frame.known:
             return None
@@ -126,8 +129,10 @@ class Decoder:
 
 
 def extension(message: Message, at: int) -> int:
-    """An unsigned field of four bytes that pymavlink's dialect does not know yet, by where it begins in the
-    payload; 0 where it was not sent: trailing zeros are not."""
+    """Return an unsigned field of four bytes that pymavlink's dialect lacks, from offset `at` of the payload.
+
+    0 if it was not sent: MAVLink 2 cuts trailing zeros.
+    """
     frame = bytes(message.get_msgbuf() or b"")
     if not frame or frame[0] != _V2:
         return 0
@@ -136,19 +141,19 @@ def extension(message: Message, at: int) -> int:
 
 
 class Signature(NamedTuple):
-    """What a frame is signed with: https://mavlink.io/en/guide/message_signing.html"""
+    """Key, link id and timestamp of a signature: https://mavlink.io/en/guide/message_signing.html"""
 
     key: bytes
     link_id: int
     timestamp: int
-    """units of 10 µs since 2015; greater than any other of this link"""
+    """units of 10 µs since 2015; greater than all earlier ones of this link"""
 
 
 class Encoder:
-    """Packs messages as one ground station; each channel counts its own sequence numbers.
+    """Encoder of one ground station; each channel has its own sequence numbers.
 
-    The receiver of a channel takes gaps in the sequence for packet loss, and we send unicast: so every
-    address is a channel.
+    A receiver counts gaps in the sequence as packet loss. Messages go to single addresses, so each address is
+    a channel.
     """
 
     def __init__(self, sysid: int = GCS_SYSID, compid: int = GCS_COMPID) -> None:
@@ -158,7 +163,7 @@ class Encoder:
         self._next_seq: dict[Hashable, int] = {}
 
     def pack(self, message: Message, channel: Hashable, signature: Signature | None = None) -> bytes:
-        """The frame; unsigned without a signature."""
+        """Return the frame of a message; unsigned if `signature` is None."""
         signing = self._mav.signing
         signing.sign_outgoing = signature is not None
         if signature is not None:

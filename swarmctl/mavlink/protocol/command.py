@@ -1,7 +1,6 @@
 """One command and its acknowledgement: https://mavlink.io/en/services/command.html
 
-An acknowledgement says that the vehicle took the command, not that anything happened; procedures look at
-the telemetry for that.
+An acknowledgement shows that the vehicle has accepted the command; only telemetry shows its effect.
 """
 
 from __future__ import annotations
@@ -26,64 +25,66 @@ class CommandOutcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
+    """Outcome of one try of a command."""
+
     outcome: CommandOutcome
     text: str
-    """for people: the command and the vehicle's MAV_RESULT by name"""
+    """names of the command and of the vehicle's MAV_RESULT"""
 
     @property
     def final(self) -> bool:
-        """Another try would bring no other answer."""
+        """Return whether another try would bring the same answer."""
         return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.REFUSED)
 
     @property
     def may_have_happened(self) -> bool:
-        """Also without an answer: it may have been the answer that was lost."""
+        """Return whether the command may have taken effect; without an answer, the answer may be lost."""
         return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.NO_ANSWER)
 
 
 def command_long(peer: MavlinkPeer, command: int, params: Sequence[float], confirmation: int = 0) -> Message:
-    """COMMAND_LONG with missing parameters 0. Raises ValueError for a forced arming or disarming."""
+    """Return a COMMAND_LONG with missing parameters 0. Raises ValueError for a forced arming or disarming."""
     p = (*params, *(0.0,) * (7 - len(params)))
     _refuse_force(command, p)
     return mavlink.MAVLink_command_long_message(peer.sysid, peer.compid, command, confirmation, *p)
 
 
 def forces(message: Message) -> bool:
-    """Whether it asks to arm without any check, or to disarm a flying vehicle, which falls."""
+    """Return whether a message commands arming without checks, or disarming in flight."""
     is_command = message.get_type() in ("COMMAND_LONG", "COMMAND_INT")
     return is_command and _forces(int(message.command), message.param2)
 
 
 def _forces(command: int, param2: float) -> bool:
-    # 21196, or 2989 for ArduPilot's arming. PX4 rounds, so whatever is not 0 is taken for one of them.
+    # 21196, or 2989 for ArduPilot's arming. PX4 rounds, so every value but 0 counts as one of them.
     return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param2 != 0.0
 
 
 def _refuse_force(command: int, params: Sequence[float]) -> None:
     if _forces(command, params[1]):
-        raise ValueError(f"forced arming and disarming (param2 = {params[1]:g}) is never sent")
+        raise ValueError(f"forced arming or disarming (param2 = {params[1]:g}) is never sent")
 
 
 class Command(Conversation[CommandResult]):
-    """One COMMAND_LONG and what comes of it; `confirmation` counts how often it was sent before.
+    """One try of a COMMAND_LONG and its acknowledgement; `confirmation` is the number of earlier tries.
 
-    It does not repeat itself: what has changed on the vehicle meanwhile has to be looked at first.
+    The procedure repeats it, because it has to check the vehicle's state before each try.
     """
 
     ANSWER_S = 1.0
     IN_PROGRESS_S = 10.0
-    """how long one IN_PROGRESS keeps us waiting"""
+    """wait after each IN_PROGRESS"""
     IN_PROGRESS_LIMIT = 6
 
     def __init__(self, peer: MavlinkPeer, command: int, *params: float, confirmation: int = 0) -> None:
         super().__init__()
         self._peer = peer
         self._command = command
-        # A forbidden command fails here, where it was written.
+        # A forbidden command fails here, at its caller.
         self._message = command_long(peer, command, params, confirmation)
         self._outcome = CommandOutcome.NO_ANSWER
         self._in_progress = 0
-        self._last_word = ""
+        self._last_answer = ""
 
     def _begin(self, now: float) -> list[Message]:
         self.next_deadline = now + self.ANSWER_S
@@ -95,7 +96,7 @@ class Command(Conversation[CommandResult]):
         if not self._peer.is_for_us(message):
             return []
         code = int(message.result)
-        self._last_word = name_of("MAV_RESULT", code)
+        self._last_answer = name_of("MAV_RESULT", code)
         if code == mavlink.MAV_RESULT_ACCEPTED:
             self._end(CommandOutcome.ACCEPTED)
         elif code == mavlink.MAV_RESULT_IN_PROGRESS and self._in_progress < self.IN_PROGRESS_LIMIT:
@@ -104,7 +105,7 @@ class Command(Conversation[CommandResult]):
                 self._enter(ConversationState.EXCHANGING)
             self.next_deadline = now + self.IN_PROGRESS_S
         elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
-            # Not at once: the next try would hear the same.
+            # An immediate try would get the same answer, so this one lasts until its deadline.
             self._outcome = CommandOutcome.NOT_NOW
             self.next_deadline = now + self.ANSWER_S
         else:
@@ -116,11 +117,11 @@ class Command(Conversation[CommandResult]):
         return []
 
     def _end(self, outcome: CommandOutcome) -> None:
-        text = f"{name_of('MAV_CMD', self._command)}: {self._last_word or 'no answer'}"
+        text = f"{name_of('MAV_CMD', self._command)}: {self._last_answer or 'no answer'}"
         self._finish(CommandResult(outcome, text))
 
 
 def name_of(enum: str, value: int) -> str:
-    """A MAVLink enum's entry without the enum's own prefix, e.g. MAV_RESULT 4 -> FAILED."""
+    """Return the name of an enum's entry without the enum's prefix, e.g. MAV_RESULT 4 -> FAILED."""
     entry = mavlink.enums[enum].get(value)
     return f"{enum} {value}" if entry is None else str(entry.name).removeprefix(f"{enum}_")

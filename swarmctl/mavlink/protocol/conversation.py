@@ -1,4 +1,4 @@
-"""What every conversation with a vehicle is: a machine fed with messages and times.
+"""Conversation with a vehicle: a state machine fed with messages and times.
 
 `start(now)`, `receive(message, now)` and `tick(now)` return the messages to send; `next_deadline` says when
 the next `tick` is due; `result` is None while it runs. Nothing here reads a clock.
@@ -17,6 +17,8 @@ R = TypeVar("R")
 
 
 class ConversationState(Enum):
+    """State of a conversation, for its guard and its error texts."""
+
     NEW = "new"
     WAITING = "waiting for the first answer"
     EXCHANGING = "exchanging"
@@ -32,12 +34,12 @@ TRANSITIONS: dict[ConversationState, frozenset[ConversationState]] = {
 
 
 class IllegalEvent(RuntimeError):
-    """A bug in the caller: the event does not belong into this state."""
+    """A bug in the caller: the event is illegal in this state."""
 
 
 @dataclass(frozen=True, slots=True)
 class MavlinkPeer:
-    """The vehicle a conversation is held with, and who holds it."""
+    """Ids of the vehicle in a conversation, and of this ground station."""
 
     sysid: int
     compid: int = 1
@@ -45,16 +47,16 @@ class MavlinkPeer:
     own_compid: int = GCS_COMPID
 
     def is_for_us(self, message: Message) -> bool:
-        """Addressed to this ground station. Old firmware leaves the target of some messages 0."""
+        """Return whether a message is for this ground station. Old firmware leaves some targets 0."""
         return getattr(message, "target_system", 0) in (0, self.own_sysid) and (
             getattr(message, "target_component", 0) in (0, self.own_compid)
         )
 
 
 class Conversation(ABC, Generic[R]):
-    """Bones of all conversations: the state, its guard, and what happens once it is over.
+    """Base of all conversations: the state and its guard.
 
-    Late messages after the end are normal on a radio and are ignored.
+    Messages after the end are normal on a radio and are ignored.
     """
 
     def __init__(self) -> None:
@@ -77,7 +79,7 @@ class Conversation(ABC, Generic[R]):
         return self._on_deadline(now)
 
     def cancel(self, now: float) -> list[Message]:
-        """Stop; returns what the vehicle has to be told of it. `result` stays None."""
+        """Stop; return the messages that the vehicle needs to end its part. `result` stays None."""
         if not self._is_running("cancel"):
             return []
         closing = self._closing_messages(now)

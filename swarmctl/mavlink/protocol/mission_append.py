@@ -1,17 +1,22 @@
-"""Adding items behind a mission: https://mavlink.io/en/messages/common.html#MISSION_WRITE_PARTIAL_LIST
+"""Appending items to a mission: https://mavlink.io/en/messages/common.html#MISSION_WRITE_PARTIAL_LIST
 
-ArduPilot takes a partial list that begins at most one behind the last item, and ends there as well: so each
-item is announced by itself. It goes along with its announcement, and several of them at a time: one after
-the other they would take as many answers of a slow link.
+ArduPilot accepts a partial list that begins at most one behind the last item and ends there too. So each item
+has an announcement of its own. Announcement and item go out together, several pairs at a time; otherwise each
+item would take a round trip.
 
-ArduPilot takes an item for the number that it expects, whether it has asked for it or not
-(GCS_Common.cpp handle_mission_item, MissionItemProtocol.cpp handle_mission_item). It asks at its next turn to
-send, and only if the item has not come until then (queued_request_send): most often there is the
-acknowledgement alone. What comes too early or without its announcement is refused by ERROR, an item with
-another number by INVALID_SEQUENCE. Neither says which it was: then it is asked how many items it holds.
+ArduPilot accepts an item with the expected number, requested or not (GCS_Common.cpp handle_mission_item,
+MissionItemProtocol.cpp handle_mission_item). It requests an item at its next turn to send, if the item has
+not come by then (queued_request_send). Most often only the acknowledgement comes.
 
-Nothing of what comes behind a loss is taken, so where something was lost announcements and items go out
-several times from then on: an announcement that comes twice begins anew, and a double of an item is refused.
+| message | answer of ArduPilot |
+|---|---|
+| item too early, or without its announcement | ERROR |
+| item with another number | INVALID_SEQUENCE |
+| second announcement of an item | the transfer of that item begins again |
+| second copy of an item | ERROR or INVALID_SEQUENCE |
+
+The refusals do not name the item, so the vehicle is then asked for its number of items. ArduPilot accepts
+nothing after a lost message. So after a loss announcements and items go out several times.
 """
 
 from __future__ import annotations
@@ -30,34 +35,34 @@ from swarmctl.mavlink.protocol.mission_upload import MISSION, WINDOW, item_messa
 
 @dataclass(frozen=True, slots=True)
 class AppendResult:
-    """`failure` is None when every item was acknowledged; only reading back tells what is there."""
+    """Result of an append; `failure` is None if every item was acknowledged. Only a read-back proves more."""
 
     failure: str | None
     round_trip_s: float = 0.0
-    """from a message to its answer, over this link [s]"""
+    """time from a message to its answer"""
     is_late: bool = False
-    """it was broken off as of no use any more"""
+    """True if it was stopped by `too_late`"""
     is_foreign: bool = False
-    """the vehicle holds another mission than the one that was verified on it"""
+    """True if the vehicle stores another mission than the verified one"""
 
 
 class Append(Conversation[AppendResult]):
-    """One attempt to put `items` behind the `count` items that a vehicle holds.
+    """One attempt to append `items` to the `count` items that a vehicle stores.
 
-    It is broken off where the vehicle is `too_late` for them, told how long an answer takes [s].
+    `too_late` stops it when it is of no use any more; its argument is the round-trip time [s].
     """
 
     QUIET_S = 0.5
-    """Where nothing comes for so long, or half as long again as answers take, it is asked what it holds."""
+    """silence (at least 1.5 round trips) after which the vehicle is asked for its number of items"""
     MAX_QUIET_S = 4.0
     STUCK_LIMIT_S = 30.0
-    """without one item more"""
+    """longest time without a further stored item"""
     NO_ANSWER_S = 5.0
-    """who has answered nothing by then is not reached"""
+    """longest time without any answer"""
     MAX_COPIES = 3
-    """of what is sent: one more after each loss"""
+    """copies of each message: one more after each loss"""
     MAX_BURSTS = 2
-    """after so many without effect it does not know partial lists"""
+    """bursts without effect after which the vehicle counts as not supporting partial lists"""
 
     def __init__(
         self,
@@ -72,22 +77,22 @@ class Append(Conversation[AppendResult]):
         self._n_before = count
         self._items = tuple(items)
         self._n_stored = 0
-        """so many are taken to be there"""
+        """items believed stored"""
         self._n_stored_max = 0
-        """were so at any time"""
+        """largest value of `_n_stored` so far"""
         self._n_sent = 0
-        """so many were sent"""
+        """items sent in this burst, counted from the first item"""
         self._copies = 1
         self._requested: set[int] = set()
-        """for which it has asked since they were sent"""
+        """items requested since they were sent"""
         self._last_nack = ""
         self._awaits_count = False
         self._n_count_requests = 0
-        """what it holds, asked and not answered"""
+        """unanswered requests for the number of items"""
         self._n_bursts = 0
         self._quiet_s = self.QUIET_S
         self._burst_s: float | None = None
-        """when what is not answered yet was sent"""
+        """time of the burst that awaits its first answer"""
         self._round_trip_s = 0.0
         self._stuck_s = self._no_answer_s = 0.0
 
@@ -96,7 +101,7 @@ class Append(Conversation[AppendResult]):
         return self._burst(now)
 
     def _burst(self, now: float) -> list[Message]:
-        """What is not there yet, from the first such item on."""
+        """Return the messages for the items that are not stored yet."""
         if self._n_bursts:
             self._copies = min(self._copies + 1, self.MAX_COPIES)
         self._n_bursts += 1
@@ -106,7 +111,7 @@ class Append(Conversation[AppendResult]):
 
     def _more(self, now: float) -> list[Message]:
         if self._too_late(self._round_trip_s):
-            return self._end(f"{self._n_stored} of {len(self._items)} items in time", is_late=True)
+            return self._end(f"only {self._n_stored} of {len(self._items)} items in time", is_late=True)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         window = WINDOW if self._copies == 1 else 2 * WINDOW // self._copies
         first, self._n_sent = self._n_sent, min(max(self._n_stored + window, self._n_sent), len(self._items))
@@ -132,7 +137,7 @@ class Append(Conversation[AppendResult]):
         return self._on_request(int(message.seq) - self._n_before, now)
 
     def _on_answer(self, now: float) -> None:
-        """It has answered what was sent."""
+        """Note the round-trip time and postpone the next deadline."""
         if self.state is ConversationState.WAITING:
             self._enter(ConversationState.EXCHANGING)
         if self._burst_s is not None:
@@ -151,32 +156,32 @@ class Append(Conversation[AppendResult]):
         self._on_answer(now)
         if index not in self._requested and not self._has_refused:
             self._requested.add(index)
-            return []  # it is on its way
+            return []  # the item is on its way
         return [item_message(self._peer, self._n_before + index, self._items[index])]
 
     def _on_ack(self, code: int, now: float) -> list[Message]:
         if code == mavlink.MAV_MISSION_ACCEPTED:
             if self._n_stored >= self._n_sent:
-                return []  # of an earlier transfer
+                return []  # from an earlier transfer
             self._on_answer(now)
             self._set_stored(self._n_stored + 1, now)
             if self._n_stored == len(self._items):
-                # Of doubles that overtake each other both may be acknowledged.
+                # Two copies may both be acknowledged after one has overtaken the other.
                 return self._end(None) if self._copies == 1 else self._request_count()
             return [] if self._has_refused else self._more(now)
         if code == mavlink.MAV_MISSION_DENIED and self._n_count_requests:
-            # It was still expecting an item; what was sent since may answer an earlier question.
+            # The vehicle still expected an item; later messages may answer an earlier request.
             self._n_count_requests -= 1
             self._on_answer(now)
             return self._burst(now) if self._awaits_count else []
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
         if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
-            # Also its answer to what comes twice, in this transfer or late of the one before.
+            # Also the answer to a second copy, of this transfer or of the one before.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
-            pass  # the end of an earlier transfer, or of one whose item was lost: it is asked what it holds
+            pass  # end of an earlier transfer, or a lost item: the next deadline asks for the count
         elif code == mavlink.MAV_MISSION_DENIED:
-            # Perhaps of what was asked before this began, and was overtaken: it is asked what it holds.
+            # Perhaps the late answer to an earlier request: the next deadline asks for the count.
             if self.state is not ConversationState.WAITING:
                 self._last_nack = name
         else:
@@ -190,22 +195,24 @@ class Append(Conversation[AppendResult]):
         self._on_answer(now)
         stored = count - self._n_before
         if not 0 <= stored <= len(self._items):
-            # Fewer are another's; more may be late copies of what was sent before.
-            why = f"it holds {count} items where {self._n_before} were known"
+            # Fewer items are another station's list; more may be late copies of an earlier append.
+            why = f"the vehicle stores {count} items, expected {self._n_before} [mission-changed]"
             return self._end(why, is_foreign=stored < 0)
         self._set_stored(stored, now)
         if stored == len(self._items):
             return self._end(None)
         if stored == 0 and self._n_bursts >= self.MAX_BURSTS:
-            return self._end(f"it does not take partial lists{self._last_nack_text}")
+            return self._end(f"the vehicle does not support partial lists [no-append]{self._last_nack_text}")
         return self._burst(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
         if self.state is ConversationState.WAITING and now >= self._no_answer_s:
-            return self._end(f"no answer within {self.NO_ANSWER_S:g} s")
+            return self._end(f"no answer for {self.NO_ANSWER_S:g} s [no-answer]")
         if now >= self._stuck_s:
-            how_far = f"{self._n_stored} of {len(self._items)} items, none more for {self.STUCK_LIMIT_S:g} s"
-            return self._end(how_far + self._last_nack_text)
+            progress = (
+                f"{self._n_stored} of {len(self._items)} items, no further one for {self.STUCK_LIMIT_S:g} s"
+            )
+            return self._end(f"{progress} [append-stuck]{self._last_nack_text}")
         self._quiet_s = min(2.0 * self._quiet_s, self.MAX_QUIET_S)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         if self.state is ConversationState.WAITING:
@@ -220,14 +227,14 @@ class Append(Conversation[AppendResult]):
 
     @property
     def _has_refused(self) -> bool:
-        """What it refuses where all goes out several times may be but a double."""
+        """Return whether the vehicle has refused an item; with several copies a refusal proves nothing."""
         return bool(self._last_nack) and self._copies == 1
 
     @property
     def _last_nack_text(self) -> str:
-        return f", last {self._last_nack}" if self._last_nack else ""
+        return f", last answer {self._last_nack}" if self._last_nack else ""
 
     def _end(self, why: str | None, *, is_late: bool = False, is_foreign: bool = False) -> list[Message]:
-        failure = None if why is None else f"the new route was not written behind the old one: {why}"
+        failure = None if why is None else f"the new route is not stored behind the old one: {why}"
         self._finish(AppendResult(failure, self._round_trip_s, is_late, is_foreign))
         return []

@@ -1,4 +1,4 @@
-"""Choosing the item that is flown: https://mavlink.io/en/services/mission.html#current_mission_item"""
+"""Set current item by message: https://mavlink.io/en/services/mission.html#current_mission_item"""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class SetCurrent(Conversation[CommandResult]):
-    """One MISSION_SET_CURRENT, which is not acknowledged: answered by a MISSION_CURRENT of that item.
+    """One try of MISSION_SET_CURRENT, answered by a MISSION_CURRENT with that item.
 
-    Does not repeat itself, as `Command` does not. For vehicles that do not know
-    MAV_CMD_DO_SET_MISSION_CURRENT.
+    For vehicles without MAV_CMD_DO_SET_MISSION_CURRENT. The procedure repeats it, as it repeats `Command`.
     """
 
     ANSWER_S = 1.0
@@ -36,5 +35,5 @@ class SetCurrent(Conversation[CommandResult]):
         self._end(CommandOutcome.NO_ANSWER, "no answer")
         return []
 
-    def _end(self, outcome: CommandOutcome, said: str) -> None:
-        self._finish(CommandResult(outcome, f"MISSION_SET_CURRENT {self._seq}: {said}"))
+    def _end(self, outcome: CommandOutcome, answer: str) -> None:
+        self._finish(CommandResult(outcome, f"MISSION_SET_CURRENT {self._seq}: {answer}"))

@@ -17,35 +17,36 @@ from swarmctl.mavlink.protocol.mission_upload import MISSION
 class DownloadOutcome(Enum):
     COMPLETE = "complete"
     REFUSED = "refused"
-    """the vehicle answered with an error; DENIED while it is still in an upload"""
+    """error answer of the vehicle; DENIED while it is still in an upload"""
     NO_ANSWER = "no answer"
-    """nor was there any"""
+    """no number of items came"""
     BROKEN_OFF = "broken off"
-    """It told the number of items, and then no more, or not in order. PX4 ends a transfer in which it is
-    asked nothing for 5 s: then it is to be begun anew."""
+    """The number of items came, then no further item. PX4 ends a transfer without a request for 5 s; the
+    download has to begin again then."""
 
 
 @dataclass(frozen=True, slots=True)
 class DownloadResult:
+    """Outcome of a download and its items."""
+
     outcome: DownloadOutcome
     items: tuple[MissionItem, ...]
-    """all of them, item 0 included, or those from the first one asked for; empty unless COMPLETE"""
+    """items from the first requested one on; empty unless COMPLETE"""
     text: str
 
 
 class Download(Conversation[DownloadResult]):
-    """One attempt to read the items from `first` on, each asked for until it comes.
+    """One attempt to read the items from `first` on.
 
-    `window` of them are asked for at a time: one by one they would take as many answers of a slow link. Of
-    who tells them `in_order` only (PX4 ends a transfer in which it is asked for another than the next or the
-    last one again) none of several can be asked for once more: then this ends with the first that is lost.
-    So each is asked for by `copies` of the question, which go one after the other.
+    window: items requested at a time; with 1 each item would take a round trip of a slow link
+    copies: requests sent for each item
+    in_order: PX4 serves items in order only, and ends a transfer after any request but the next or the last
+        again. A lost item in a window cannot be requested again, so the download fails and is restarted.
     """
 
     REPEAT_S, MAX_REPEAT_S = 1.0, 4.0
     TRIES = 12
-    """Where 30 % of all messages are lost, six times in a row a question or its answer is, for half of all
-    lists of 50 items."""
+    """With 30 % loss, half of all lists of 50 items have six losses of a request or its answer in a row."""
 
     def __init__(
         self,
@@ -89,7 +90,7 @@ class Download(Conversation[DownloadResult]):
         return self._ask_for_items()
 
     def _ask_for_items(self) -> list[Message]:
-        """Those within the window that have neither come nor been asked for."""
+        """Return requests for the items in the window that have neither come nor been requested."""
         end = min(self._next + self._window, self._count)
         wanted = [seq for seq in range(self._requested_to, end) if seq not in self._items]
         self._requested_to = max(self._requested_to, end)
@@ -109,8 +110,8 @@ class Download(Conversation[DownloadResult]):
         if kind == "MISSION_COUNT" and self.state is ConversationState.WAITING:
             self._enter(ConversationState.EXCHANGING)
             self._count = int(message.count)
-            if self._window > 1:  # of one by one an answer that is late is cheaper than one that is lost
-                round_trip_s = now - self._begin_s  # or less, where questions were lost
+            if self._window > 1:  # with a window of 1 a repeated request costs less than a long wait
+                round_trip_s = now - self._begin_s  # an upper limit, if requests were lost
                 self._repeat_s = min(max(self.REPEAT_S, 1.5 * round_trip_s), self.MAX_REPEAT_S)
             return self._proceed(now)
         if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._requested_to:
@@ -131,8 +132,8 @@ class Download(Conversation[DownloadResult]):
         return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
 
     def _on_ack(self, code: int) -> None:
-        # Positive ones, cancellations and complaints about duplicates belong to an upload before, and so does
-        # ArduPilot's error after a last item that came twice: it has none for who asks how many there are.
+        # Acceptance, cancellation and refusals of duplicates belong to an earlier upload. So does ArduPilot's
+        # ERROR after a repeated last item: it never answers a request for the number of items that way.
         stale = (
             mavlink.MAV_MISSION_ACCEPTED,
             mavlink.MAV_MISSION_OPERATION_CANCELLED,
@@ -149,10 +150,12 @@ class Download(Conversation[DownloadResult]):
             return self._ask(now)
         closing = self._closing_messages(now)
         if self.state is ConversationState.WAITING:
-            self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for the number of items")
+            self._end(
+                DownloadOutcome.NO_ANSWER, f"no answer to {self._tries} requests for the number of items"
+            )
         else:
-            times = "once" if self._tries == 1 else f"{self._tries} times"
-            self._end(DownloadOutcome.BROKEN_OFF, f"asked {times} for item {self._next}")
+            requests = "1 request" if self._tries == 1 else f"{self._tries} requests"
+            self._end(DownloadOutcome.BROKEN_OFF, f"no answer to {requests} for item {self._next}")
         return closing
 
     def _end(self, outcome: DownloadOutcome, reason: str) -> None:
@@ -168,7 +171,7 @@ class Download(Conversation[DownloadResult]):
 
 
 def item_of(message: Message) -> MissionItem:
-    """The item that a MISSION_ITEM_INT carries."""
+    """Return the item that a MISSION_ITEM_INT carries."""
     return MissionItem(
         command=int(message.command),
         frame=int(message.frame),

@@ -1,14 +1,15 @@
-"""Uploading a mission: https://mavlink.io/en/services/mission.html#uploading_mission
+"""Mission upload: https://mavlink.io/en/services/mission.html#uploading_mission
 
-The vehicle asks for the items, and we repeat the announcement until it asks. One after the other they would
-take as many answers of a slow link, so the items behind the one that it asks for go along. ArduPilot takes an
-item for the number that it expects whether it has asked for it or not (MissionItemProtocol.cpp
-handle_mission_item), and so does PX4 (mavlink_mission.cpp handle_mission_item_both); any other ArduPilot
-refuses by INVALID_SEQUENCE, and PX4 ignores it. The last item goes only to who asks for it: until then nobody
-has the whole mission.
+The ground station repeats the announcement until the vehicle requests the first item. With one item for each
+request, every item would take a round trip. So the items behind the requested one go along, except the last:
+it goes out on request only, and until then the vehicle cannot have the whole mission.
 
-What acknowledgements are worth differs between autopilots, so ACCEPTED is believed only after every item was
-sent in this transfer, and success is told for certain only by reading back.
+ArduPilot (MissionItemProtocol.cpp handle_mission_item) and PX4 (mavlink_mission.cpp handle_mission_item_both)
+accept an item with the expected number, requested or not. ArduPilot refuses another one by INVALID_SEQUENCE,
+PX4 ignores it.
+
+Acknowledgements differ between autopilots. ACCEPTED counts only after every item was sent in this transfer,
+and only a read-back proves success.
 """
 
 from __future__ import annotations
@@ -30,53 +31,56 @@ MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 class UploadOutcome(Enum):
     ACCEPTED = "accepted"
     REJECTED = "rejected"
-    """by the vehicle, for a reason that a repetition does not cure"""
+    """refused by the vehicle for a reason that a repetition does not cure"""
     DENIED = "denied"
-    """it is busy with another transfer"""
+    """refused because of another transfer"""
     CANCELLED = "cancelled by the vehicle"
     UNCONFIRMED = "unconfirmed"
-    """everything was sent, but the last word is missing: it may be on the vehicle"""
+    """all items were sent but not acknowledged: the mission may be stored"""
     INCOMPLETE = "incomplete"
-    """the vehicle stopped asking: a part may be on it"""
+    """requests stopped: a part of the mission may be stored"""
     NO_ANSWER = "no answer"
-    """it never asked for an item"""
+    """no item was requested"""
     TOO_LATE = "too late"
-    """it was broken off, because it is of no use any more"""
+    """stopped by `too_late`, as of no use any more"""
 
 
 @dataclass(frozen=True, slots=True)
 class UploadResult:
+    """Outcome of an upload."""
+
     outcome: UploadOutcome
     text: str
     is_lossy: bool = False
-    """something had to be sent again"""
+    """True if an item had to be sent again"""
 
 
 WINDOW = 8
-"""Items on their way at a time: some 400 bytes, which the receive buffer of a serial port holds. Where each
-goes twice it is double that, and what is dropped is sent again."""
+"""Items under way at a time: some 400 bytes, which fit into the receive buffer of a serial port. After a loss
+each item goes twice; the vehicle requests again the ones that overflow."""
 
 
 class Upload(Conversation[UploadResult]):
-    """One attempt to put `items` of a MAV_MISSION_TYPE on the vehicle.
+    """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
-    `current` is the one marked as the one to fly, if any; `flown` the one that is flown now, for whoever has
-    to mark one. Where the vehicle is `too_late` for them when it asks for the last, it does not get that;
-    `too_late` is told how long it takes from a message to its answer [s].
+    current: item marked as the one to fly, if any
+    flown: item that the vehicle flies now, for a link that has to mark one
+    too_late: called with the round-trip time [s] when the vehicle requests the last item; if it returns True,
+        that item is withheld
     """
 
     OVERDUE = 1.25
     MAX_OVERDUE_S = 2.5
-    """Times as long as an answer takes, and no longer, since how long that is is known once items were taken:
-    then what was sent is taken for lost, and from then on each goes twice."""
+    """An item counts as lost after OVERDUE round trips, at most MAX_OVERDUE_S [s]. From then on each
+    item goes twice."""
     REPEAT_S = 1.0
-    """so often goes the count until it asks, and an item on its way that it goes on asking for"""
+    """period for repeating the count until the first request, and an item that is requested again"""
     FIRST_LIMIT_S = 12.0
-    """until it asks: where 30 % of all is lost and an answer takes 2 s, one in twenty has not after six"""
+    """limit for the first request: with 30 % loss and 2 s per answer, 1 in 20 takes longer than 6 s"""
     IDLE_LIMIT_S = 6.0
     STUCK_LIMIT_S = 30.0
-    """Asked for the same items for so long it gives up. ArduPilot does so after 8 s without one, PX4 after 5;
-    how long all of them take is the link's matter."""
+    """Limit for progress to a further item. ArduPilot gives up after 8 s without an item, PX4 after 5 s. The
+    whole transfer has no limit."""
 
     def __init__(
         self,
@@ -94,22 +98,22 @@ class Upload(Conversation[UploadResult]):
         self._type = mission_type
         self._items = tuple(items)
         self._max_requested = -1
-        """the item that it has got to in asking"""
+        """highest item requested so far"""
         self._last_requested = 0
-        """what it asked for last"""
+        """item requested last"""
         self._next_to_send = 0
-        """the one to send after those on their way"""
+        """item to send after those under way"""
         self._sent_s: dict[int, float] = {}
-        """when each was sent last"""
+        """last time that each item was sent"""
         self._requested: set[int] = set()
-        """for which it has asked since they were sent"""
+        """items requested since they were sent"""
         self._resent: set[int] = set()
-        """those sent more than once: nobody knows which of them was answered"""
+        """items sent more than once: an answer does not show which copy it is for"""
         self._round_trip_s = 0.0
-        """from a message to its answer, over this link: no less than that"""
+        """shortest observed time from a message to its answer"""
         self._is_lossy = False
         self._repeated_s = 0.0
-        """when an item was sent once more by itself"""
+        """last time that a single item was repeated"""
         self._last_nack = ""
         self._begin_s = self._idle_at = self._stuck_at = 0.0
 
@@ -159,7 +163,7 @@ class Upload(Conversation[UploadResult]):
             return []  # from an earlier, longer transfer
         if self.state is ConversationState.WAITING:
             if seq != 0:
-                # It still asks for an earlier transfer: what we sent now would land in that one.
+                # The request belongs to an earlier transfer: an item sent now would go into that one.
                 return []
             self._enter(ConversationState.EXCHANGING)
             self._round_trip_s = now - self._begin_s
@@ -172,11 +176,11 @@ class Upload(Conversation[UploadResult]):
         return self._answer(seq, now)
 
     def _withhold_last(self, last: int, now: float) -> list[Message]:
-        """The last item; where it is on its way, it is seen whether it arrives."""
+        """Withhold the last item; if a copy is under way, wait for its effect first."""
         answered_s = self.OVERDUE * self._round_trip_s
         if last in self._sent_s and now - max(self._sent_s[last], self._repeated_s) < answered_s:
             return []
-        self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
+        self._end(UploadOutcome.TOO_LATE, "the last item was not sent")
         return self._closing_messages(now)
 
     def _advance_to(self, seq: int, now: float) -> None:
@@ -186,10 +190,10 @@ class Upload(Conversation[UploadResult]):
             self._round_trip_s = min(self._round_trip_s, now - self._sent_s[seq - 1])
 
     def _answer(self, seq: int, now: float) -> list[Message]:
-        """What it asks for, unless that is on its way, and of the items behind it those that are not."""
+        """Return the requested item and the next ones in the window, except those already under way."""
         if self._is_overdue(seq, now):
             self._is_lossy = self._is_lossy or seq in self._sent_s
-            self._next_to_send = seq  # and what was sent behind it was not taken
+            self._next_to_send = seq  # the items sent behind it were not accepted
             self._requested.clear()
         self._requested.add(seq)
         self._last_requested = seq
@@ -199,7 +203,7 @@ class Upload(Conversation[UploadResult]):
         self._next_to_send = max(self._next_to_send, end)
         self._resent.update(number for number in numbers if number in self._sent_s)
         self._sent_s |= dict.fromkeys(numbers, now)
-        # ArduPilot gives up 8 s after the last item that it took, PX4 after 5: there is time for few tries.
+        # ArduPilot gives up 8 s after the last accepted item, PX4 after 5 s: there is time for few tries.
         copies = 2 if self._is_lossy else 1
         if not numbers and now - max(self._sent_s[seq], self._repeated_s) >= self.REPEAT_S:
             numbers, self._repeated_s = range(seq, seq + 1), now
@@ -211,7 +215,8 @@ class Upload(Conversation[UploadResult]):
     def _is_overdue(self, seq: int, now: float) -> bool:
         if seq not in self._sent_s:
             return True
-        # For what went along it asks once when the one before has come; for one before that it begins anew.
+        # The vehicle requests an item once after accepting the one before. A request for an earlier item
+        # means that it begins again from there.
         asks_again = seq in self._requested or seq < self._last_requested
         overdue_s = min(self.OVERDUE * self._round_trip_s, self.MAX_OVERDUE_S)
         return asks_again and now - self._sent_s[seq] >= overdue_s
@@ -226,17 +231,16 @@ class Upload(Conversation[UploadResult]):
             if self._is_all_sent:
                 self._end(UploadOutcome.ACCEPTED, name)
         elif code == mavlink.MAV_MISSION_INVALID_SEQUENCE:
-            # ArduPilot says so for each duplicate and goes on asking.
+            # ArduPilot's answer to each duplicate; its requests go on.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_ERROR:
-            # ArduPilot's answer to a repeated last item, after it has accepted the first one: in this
-            # transfer, or late in the one before. PX4's to an announcement that came twice, or for good. Who
-            # means more stops asking.
+            # ArduPilot: a repeated last item after acceptance, in this transfer or the one before. PX4: a
+            # repeated announcement, or a final error. After a final error the requests stop.
             self._last_nack = name
             if self._is_all_sent and now - max(self._sent_s.values()) >= 0.9 * self._round_trip_s:
                 self._end(UploadOutcome.UNCONFIRMED, name)
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
-            if self.state is ConversationState.EXCHANGING:  # else the end of an earlier transfer
+            if self.state is ConversationState.EXCHANGING:  # otherwise it ends an earlier transfer
                 self._end(UploadOutcome.CANCELLED, name)
         elif code == mavlink.MAV_MISSION_DENIED:
             self._end(UploadOutcome.DENIED, name)
@@ -248,9 +252,9 @@ class Upload(Conversation[UploadResult]):
             return self._announce(now) if self.state is ConversationState.WAITING else []
         closing = self._closing_messages(now)
         if self.state is ConversationState.WAITING:
-            self._end(UploadOutcome.NO_ANSWER, "it did not ask for the first item")
+            self._end(UploadOutcome.NO_ANSWER, "the vehicle did not request the first item")
         elif not self._is_all_sent:
-            self._end(UploadOutcome.INCOMPLETE, f"it did not get past item {self._max_requested}")
+            self._end(UploadOutcome.INCOMPLETE, f"no request beyond item {self._max_requested}")
         else:
             self._end(UploadOutcome.UNCONFIRMED, "no acknowledgement after the last item")
         return closing
@@ -271,7 +275,7 @@ class Upload(Conversation[UploadResult]):
 def item_message(
     peer: MavlinkPeer, seq: int, item: MissionItem, mission_type: int = MISSION, *, current: bool = False
 ) -> Message:
-    """MISSION_ITEM_INT, the answer to both kinds of request."""
+    """Return a MISSION_ITEM_INT, the answer to both kinds of request."""
     return mavlink.MAVLink_mission_item_int_message(
         peer.sysid,
         peer.compid,

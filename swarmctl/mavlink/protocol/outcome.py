@@ -1,4 +1,4 @@
-"""How a procedure ended."""
+"""Results of procedures."""
 
 from __future__ import annotations
 
@@ -6,40 +6,40 @@ from dataclasses import dataclass
 from typing import Literal
 
 FlyingAfterSwap = Literal["new", "old", "hold", "theirs", "unknown"]
-"""theirs: what somebody else wants, who has chosen another mode"""
+"""mission or mode after a swap; theirs: another mode, set by the pilot, a failsafe or another station"""
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """`failure` is None when it did what it is named after."""
+    """Result of a procedure; `failure` is None if it succeeded."""
 
     failure: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class LaunchBlocked(Done):
-    """A launch that has not left the ground, for somebody came into its way; the vehicle is not armed."""
+    """Result of a launch that another vehicle blocked; the vehicle is on the ground, disarmed."""
 
     was_armed: bool = False
-    """and has been disarmed again"""
+    """True if it was armed and has been disarmed again"""
 
 
 @dataclass(frozen=True, slots=True)
 class Uploaded(Done):
-    """How an upload on the ground ended."""
+    """Result of an upload on the ground."""
 
     swap_takes_s: float = 0.0
-    """so long a change in flight will take over this link, by how long this took"""
+    """expected time of a swap over this link, from the time of this upload"""
 
 
 @dataclass(frozen=True, slots=True)
 class Swapped(Done):
-    """How a swap ended, and what the vehicle flies now."""
+    """Result of a swap, and the mission or mode that the vehicle flies now."""
 
     flying: FlyingAfterSwap = "unknown"
     stood_still_s: float = 0.0
-    """for how long it held or stood still in the air meanwhile, by its own clock"""
+    """time in hold or without motion in the air, by the vehicle's clock"""
     took_s: float | None = None
-    """until it flew the new plan, by its own clock; None where it does not"""
+    """time until the new plan was current, by the vehicle's clock; None if it is not flown"""
     is_late: bool = False
-    """it had flown past where the new plan leaves the old one: the next has to leave it farther ahead"""
+    """True if the vehicle had passed the splice point; the next plan has to leave farther ahead"""

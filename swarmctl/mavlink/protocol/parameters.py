@@ -1,7 +1,7 @@
 """Parameters by name: https://mavlink.io/en/services/parameter.html
 
 A number travels in a float field. ArduPilot converts an integer to the nearest float; PX4 puts the integer's
-four bytes there, which read as a float are nonsense. A vehicle that does not know a name does not answer.
+four bytes there, which are nonsense as a float. A vehicle does not answer to an unknown name.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.procedures.basic import Done
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
+from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 BYTE_WISE = frozenset({int(mavlink.MAV_AUTOPILOT_PX4)})
-"""the MAV_AUTOPILOTs that send integers as their bytes"""
+"""MAV_AUTOPILOTs that send integers as their bytes"""
 
 _REAL32 = int(mavlink.MAV_PARAM_TYPE_REAL32)
 _PACKED: Mapping[int, str] = {
@@ -43,7 +43,7 @@ class Parameter:
 
 
 def decoded(message: Message, *, byte_wise: bool) -> Parameter:
-    """What a PARAM_VALUE or PARAM_SET says."""
+    """Return the parameter in a PARAM_VALUE or PARAM_SET."""
     kind = int(message.param_type)
     if not byte_wise or kind == _REAL32 or kind not in _PACKED:
         return Parameter(float(message.param_value), kind)
@@ -51,8 +51,8 @@ def decoded(message: Message, *, byte_wise: bool) -> Parameter:
 
 
 def _value_bytes(message: Message) -> bytes:
-    # As they came: a float on the way would change those of some integers (signalling NaNs).
-    if not message.get_msgbuf():  # one of ours, on its way out
+    # The bytes as received: a conversion to float would change some integers (signalling NaNs).
+    if not message.get_msgbuf():  # an outgoing message
         return struct.pack("<f", message.param_value)
     frame = bytes(message.get_msgbuf())
     start = _V2_HEADER if frame[0] == _V2 else _V1_HEADER
@@ -60,7 +60,7 @@ def _value_bytes(message: Message) -> bytes:
 
 
 def encoded(parameter: Parameter, *, byte_wise: bool) -> float:
-    """The float field for a value. Raises ValueError for one that the field, or the type, cannot carry."""
+    """Return the float field for a value. Raises ValueError if the field or the type cannot carry it."""
     if not byte_wise or parameter.kind == _REAL32:
         return parameter.value
     code = _PACKED.get(parameter.kind)
@@ -78,12 +78,12 @@ def encoded(parameter: Parameter, *, byte_wise: bool) -> float:
 
 
 def same_value(a: float, b: float) -> bool:
-    """But for what a 32-bit float cannot keep."""
+    """Return whether two values are equal within the precision of a 32-bit float."""
     return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-6)
 
 
 class _ParameterExchange(Conversation[dict[str, Parameter]]):
-    """Bones of both: some names at once under way, each asked about until it is settled or given up.
+    """Base of reading and writing: several requests at a time, each repeated until settled or given up.
 
     ArduPilot queues about twenty requests and drops the others.
     """
@@ -98,7 +98,7 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
         self._byte_wise = byte_wise
         self._waiting = list(dict.fromkeys(names))
         self._tries: dict[str, int] = {}
-        """of those under way"""
+        """tries of each pending name"""
         self._values: dict[str, Parameter] = {}
 
     def _request(self, name: str) -> Message:
@@ -141,7 +141,7 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
 
 
 class ReadParameters(_ParameterExchange):
-    """The values of some names; one that never comes is missing from the result."""
+    """Read of some parameters; a name without an answer is missing from the result."""
 
     def _request(self, name: str) -> Message:
         return mavlink.MAVLink_param_request_read_message(
@@ -153,10 +153,10 @@ class ReadParameters(_ParameterExchange):
 
 
 class WriteParameters(_ParameterExchange):
-    """Set values and hear them back; the result is what the vehicle said last of each.
+    """Write of some parameters; the result is the last value that the vehicle has reported of each.
 
-    PX4 drops a value of another type than the parameter's without an answer, so that the type has to be read
-    first. Raises ValueError as `encoded` does.
+    PX4 drops a value of a wrong type without an answer, so the type has to be read first. Raises ValueError
+    as `encoded` does.
     """
 
     def __init__(self, peer: MavlinkPeer, wanted: Mapping[str, Parameter], *, byte_wise: bool) -> None:
@@ -171,34 +171,34 @@ class WriteParameters(_ParameterExchange):
         )
 
     def _settles(self, name: str, parameter: Parameter) -> bool:
-        # Another value may be the late answer to a question before.
+        # Another value may be the late answer to an earlier request.
         return same_value(parameter.value, self._wanted[name].value)
 
 
 def read_parameters(
     ctx: Context, names: Iterable[str], *, byte_wise: bool
 ) -> Procedure[dict[str, Parameter]]:
-    """Those of the names that the vehicle knows."""
+    """Return the parameters that the vehicle knows of these names."""
     current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
     return current
 
 
 def _refusal_if_armed(ctx: Context) -> Done | None:
-    """Why nothing is set; None where it stands disarmed."""
-    why = "it is armed; its parameters are changed on the ground, disarmed"
+    """Return the failure that the vehicle is armed; None if it is disarmed."""
+    why = "the vehicle is armed; its parameters can be changed on the ground, disarmed [armed]"
     return Done(why) if ctx.state.armed else None
 
 
 def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool) -> Procedure[Done]:
-    """Change what is not as wanted, on a vehicle that stands disarmed, and hear it back."""
+    """Change the parameters that differ from `wanted` on a disarmed vehicle, and confirm the new values."""
     if armed := _refusal_if_armed(ctx):
         return armed
     current = yield from read_parameters(ctx, wanted, byte_wise=byte_wise)
-    if armed := _refusal_if_armed(ctx):  # somebody else may have done so meanwhile
+    if armed := _refusal_if_armed(ctx):  # a pilot may have armed it meanwhile
         return armed
     unknown = [name for name in wanted if name not in current]
     if unknown:
-        return Done(f"it told no {', '.join(unknown)}; nothing was set")
+        return Done(f"the vehicle does not report {', '.join(unknown)}; nothing was set [parameter-unknown]")
     wrong = {
         name: Parameter(value, current[name].kind)
         for name, value in wanted.items()
@@ -212,7 +212,7 @@ def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool
     refused = [
         f"{name} is {written[name].value:g} instead of {parameter.value:g}"
         if name in written
-        else f"{name} was not heard back"
+        else f"{name} was not confirmed"
         for name, parameter in wrong.items()
         if name not in written or not same_value(written[name].value, parameter.value)
     ]

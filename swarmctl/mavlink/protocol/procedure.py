@@ -1,7 +1,7 @@
-"""Whole jobs as generators: `result = yield Upload(...)`, driven without I/O.
+"""Procedures as generators: `result = yield Upload(...)`, driven without I/O.
 
 A procedure yields conversations and is resumed with their results, so a take-off reads from top to bottom.
-The `Driver` that runs one is a conversation itself.
+Its `Driver` is a conversation itself.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Procedure = Generator[Conversation[Any], Any, R]
 
 @dataclass(slots=True)
 class Context:
-    """What the procedures of one vehicle know and share; written by them and by the session only."""
+    """State that the procedures of one vehicle share; only they and the session write it."""
 
     peer: MavlinkPeer
     dialect: Dialect
@@ -32,22 +32,22 @@ class Context:
     verified_items: tuple[MissionItem, ...] = field(default=())
     """the mission last verified on the vehicle; empty if none or in doubt"""
     plan_first_seq: int = 0
-    """where in `verified_items` the plan that it flies begins: what is before was flown earlier"""
+    """index in `verified_items` of the flown plan's first item; earlier items belong to earlier plans"""
     interrupted: bool = False
-    """the procedure before the running one did not end: the vehicle may follow its last command only now"""
+    """True if the previous procedure was cancelled: the vehicle may still follow its last command"""
 
     @property
     def state(self) -> VehicleState:
         return self.telemetry.state
 
     def after_heartbeat(self, seen: Callable[[VehicleState], bool]) -> Callable[[], bool]:
-        """`seen`, judged only once a heartbeat younger than this call has come: mode and arming lag."""
+        """Return the condition `seen`, false until a heartbeat newer than this call: mode and arming lag."""
         before = self.telemetry.heartbeats
         return lambda: self.telemetry.heartbeats > before and seen(self.state)
 
 
 class Driver(Conversation[R]):
-    """Runs a procedure; `result` is what it returns."""
+    """Driver of a procedure; `result` is the procedure's return value."""
 
     def __init__(self, procedure: Procedure[R], context: Context) -> None:
         super().__init__()
@@ -81,7 +81,7 @@ class Driver(Conversation[R]):
         return messages
 
     def _advance(self, result: Any, now: float) -> list[Message]:
-        """Resume the procedure until one of its conversations has to wait for the vehicle."""
+        """Resume the procedure until a conversation waits for the vehicle; return the messages to send."""
         self._context.now = now
         messages: list[Message] = []
         while True:

@@ -1,4 +1,4 @@
-"""Conversations that command nothing: wait, see it happen, look at it anew, ask for one message."""
+"""Conversations without commands: wait for a condition, with or without requests, or for one message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class WaitUntil(Conversation[bool]):
-    """See it happen: True as soon as `seen()` holds after any message, False after `timeout_s`.
+    """Wait for a condition: True as soon as `seen()` holds after any message, False after `timeout_s`.
 
     `seen` reads the vehicle's state, which the session updates before it passes the message on.
     """
@@ -24,32 +24,31 @@ class WaitUntil(Conversation[bool]):
 
     def _begin(self, now: float) -> list[Message]:
         self.next_deadline = now + self._timeout_s
-        return self._look()
+        return self._check()
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        return self._look()
+        return self._check()
 
     def _on_deadline(self, now: float) -> list[Message]:
         self._finish(self._seen())
         return []
 
-    def _look(self) -> list[Message]:
+    def _check(self) -> list[Message]:
         if self._seen():
             self._finish(True)
         return []
 
 
 def wait(seconds: float) -> WaitUntil:
-    """Let time pass."""
+    """Return a conversation that lets time pass."""
     return WaitUntil(lambda: False, seconds)
 
 
 class RequestUntil(Conversation[bool]):
-    """Ask for a message: True as soon as one has come since and `seen()` holds, False after `timeout_s`.
+    """Request a message: True once a new one has come and `seen()` holds, False after `timeout_s`.
 
-    Usually for a heartbeat, for mode and arming are told by no other. ArduPilot sends one for
-    MAV_CMD_REQUEST_MESSAGE at its next turn; whoever does not know that request sends one a second, and that
-    will do.
+    The message is usually a heartbeat, the only one with mode and arming. ArduPilot sends it soon after
+    MAV_CMD_REQUEST_MESSAGE. For an autopilot without that command its heartbeat of every second is enough.
     """
 
     REPEAT_S = 1.0
@@ -91,10 +90,7 @@ class RequestUntil(Conversation[bool]):
 
 
 class RequestMessage(Conversation[Message]):
-    """Ask for one message (MAV_CMD_REQUEST_MESSAGE) again and again until it comes.
-
-    It has no time limit of its own: whoever waits for it has.
-    """
+    """Request one message (MAV_CMD_REQUEST_MESSAGE) until it comes; the caller sets the time limit."""
 
     REPEAT_S = 1.0
 

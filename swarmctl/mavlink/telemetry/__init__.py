@@ -1,1 +1,1 @@
-"""What a vehicle says: presence, state, text, streams, its mission and its instruments."""
+"""Telemetry of a vehicle: presence, state, text, streams, mission and instruments."""

@@ -1,7 +1,7 @@
-"""What a vehicle's instruments say at one moment: asked for, not streamed, because it is looked at once.
+"""Instruments of a vehicle at one moment, by request, because the preflight check reads them once.
 
 https://mavlink.io/en/messages/common.html: GPS_RAW_INT, SYSTEM_TIME, HOME_POSITION, SYS_STATUS. The last two
-are in the vehicle's state too; they are asked for so that it is a young one.
+are part of the vehicle's state too; the request makes it recent.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ REQUESTED_IDS = (
     int(mavlink.MAVLINK_MSG_ID_SYS_STATUS),
 )
 POSITIONS_WAIT_S = 5.0
-"""for who has hardly begun to tell where it is"""
+"""wait for positions of a vehicle that has just begun to send them"""
 _NOT_TOLD = 0xFFFF
 _SATELLITES_NOT_TOLD = 0xFF
 
 
 @dataclass(frozen=True, slots=True)
 class GpsFix:
-    """GPS_RAW_INT; None where the receiver does not tell."""
+    """GPS_RAW_INT; None: not reported by the receiver."""
 
     fix_type: int
     """GPS_FIX_TYPE: 3 and more is a position in three dimensions"""
@@ -41,21 +41,21 @@ class GpsFix:
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """None: not told in time."""
+    """Readings of a vehicle's instruments; None: not received in time."""
 
     gps: GpsFix | None
     unix_s: float | None
-    """its clock (SYSTEM_TIME) since 1970 [s]; None also while it has none, before its first fix"""
+    """the vehicle's clock (SYSTEM_TIME) since 1970 [s]; None also before its first fix"""
     told_at_s: float | None
-    """the time of the running loop at which that clock was read [s]"""
+    """time of the running loop when that clock was read [s]"""
     position_every_s: float | None = None
-    """how long it takes from one of its positions to the next [s]"""
+    """mean time between positions [s]"""
 
 
 class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
-    """Ask for some messages (MAV_CMD_REQUEST_MESSAGE), each again until it comes or the time is up.
+    """Request some messages (MAV_CMD_REQUEST_MESSAGE), each until it comes or the tries are used up.
 
-    The result is message id -> (message, when it came); what never came is missing.
+    The result is message id -> (message, time of its arrival), without the missing ones.
     """
 
     REPEAT_S = 1.0
@@ -96,7 +96,7 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
 
 
 def read_instruments(ctx: Context) -> Procedure[Instruments]:
-    """All that can be had within some seconds."""
+    """Return the readings that come within some seconds."""
     came: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS)
     gps = came.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
     clock = came.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))

@@ -1,12 +1,12 @@
-"""Whether the mission on a vehicle is still the one that was put there: what it tells while nothing of own_items
-runs.
+"""Mission watch: check that the mission on a vehicle is still the verified one, while no own procedure runs.
 
-https://mavlink.io/en/messages/common.html#MISSION_CURRENT: `total` is 0 where it is not supported, and 65535
-where there is no mission; `mission_id` changes with what is in the mission, and is 0 where that is not
-supported. PX4 tells it from 1.15 on, and by the MISSION_ACK of an upload before (`MavlinkMissionManager`).
-ArduPilot tells none (`GCS_MAVLINK::send_mission_current`), but single items to whoever asks, outside of any
-transfer (`MissionItemProtocol::handle_mission_request_int`): of those it is asked for one now and then, and
-soon once it has said something that belongs to another's transfer.
+https://mavlink.io/en/messages/common.html#MISSION_CURRENT: `total` is 0 if unsupported, and 65535 without a
+mission; `mission_id` changes with the mission's content, and is 0 if unsupported.
+
+- PX4 sends `mission_id` from 1.15 on, and in the MISSION_ACK of an upload (`MavlinkMissionManager`).
+- ArduPilot sends no id (`GCS_MAVLINK::send_mission_current`), but serves single items outside of a transfer
+  (`MissionItemProtocol::handle_mission_request_int`). The watch requests one item now and then, and soon
+  after a message from another station's transfer.
 """
 
 from __future__ import annotations
@@ -23,26 +23,28 @@ from swarmctl.mavlink.protocol.mission_download import item_of
 from swarmctl.mavlink.protocol.mission_upload import MISSION
 
 SETTLING_S = 2.0
-"""What is said within this after a procedure of own_items may be of before."""
+"""a message this soon after an own procedure may be from before it"""
 OTHER_MISSION_LASTS_S = 1.0
-"""One message may have been overtaken; it comes twice a second."""
+"""how long a deviation has to last: a single MISSION_CURRENT, of two a second, may be late"""
 REQUEST_PERIOD_S = 5.0
-"""for an item; every other time for the one that is flown"""
+"""period of requests for an item; every second one is for the flown item"""
 REQUEST_SOON_S = 1.0
-"""once there is a reason to"""
+"""delay of a request after a sign of another station's transfer"""
 
 _MISSION_ID_AT = 6
-"""where it is in the payload of a MISSION_CURRENT"""
+"""offset of mission_id in the payload of a MISSION_CURRENT"""
 _OPAQUE_ID_AT = 4
-"""in that of a MISSION_ACK"""
+"""offset of opaque_id in the payload of a MISSION_ACK"""
 _TRANSFERS = ("MISSION_ACK", "MISSION_REQUEST", "MISSION_REQUEST_INT")
 _CHANGED = "Auto mission changed"
-"""what ArduPilot says to all when somebody writes into the mission that it flies"""
+"""begin of ArduPilot's text to all stations after a change of the flown mission"""
 
 
 class MissionWatch:
-    """Of one vehicle. `shows_other_mission` is told what comes while nothing of own_items runs, `hear` what comes while
-    something does."""
+    """Mission watch of one vehicle.
+
+    `shows_other_mission` gets the messages while no own procedure runs, `receive_own_transfer` the others.
+    """
 
     def __init__(self, peer: MavlinkPeer, dialect: Dialect) -> None:
         self._peer = peer
@@ -51,33 +53,31 @@ class MissionWatch:
         self._settled_at_s = 0.0
         self._other_since_s: float | None = None
         self._reports_count = False
-        """it has told how many items it holds: a count of none is no old firmware's"""
+        """True if the vehicle has reported its count: then a count of 0 is not an old firmware's"""
         self._own_id: int | None = None
-        """what it calls our mission"""
+        """the vehicle's id of the own mission"""
         self._acknowledged = 0
         self._reports_ids = False
         self._request_at_s = math.inf
         self._requested_seq: int | None = None
-        """which item it was asked for last, and has not told yet"""
+        """item requested last and not received yet"""
         self._suspect_seq: int | None = None
-        """which was another than own_items when it was told last"""
+        """item that differed from the own one when it came last"""
         self._n_requests = 0
 
     def receive_own_transfer(self, message: Message) -> None:
-        """While a procedure of own_items runs."""
+        """Note the mission's id in a MISSION_ACK while an own procedure runs."""
         if message.get_type() != "MISSION_ACK" or not self._is_for_us(message):
             return
         if message.type == mavlink.MAV_MISSION_ACCEPTED:
             self._acknowledged = extension(message, _OPAQUE_ID_AT)
 
     def own_procedure_ended(self, own_items: tuple[MissionItem, ...], now: float) -> None:
-        """`own_items`: what is verified on it now; empty where nothing is."""
+        """Start watching. `own_items`: the mission verified on the vehicle; empty if there is none."""
         if own_items != self._own_items:
             self._own_items, self._own_id = own_items, self._acknowledged or None
         elif self._acknowledged not in (0, self._own_id):
-            self._own_id = (
-                None  # put there again, perhaps after another, whose id may be the last that was heard
-            )
+            self._own_id = None  # uploaded again, perhaps after another mission with the last known id
         self._acknowledged = 0
         self._settled_at_s, self._other_since_s = now + SETTLING_S, None
         self._requested_seq = self._suspect_seq = None
@@ -85,7 +85,7 @@ class MissionWatch:
         self._request_at_s = now + REQUEST_PERIOD_S if asks else math.inf
 
     def shows_other_mission(self, message: Message, now: float) -> bool:
-        """Whether it has told twice, or for a while, that it holds another mission than own_items."""
+        """Return whether the vehicle has shown, twice or for a while, another mission than the own one."""
         if not self._own_items or now < self._settled_at_s:
             return False
         kind = message.get_type()
@@ -127,11 +127,11 @@ class MissionWatch:
 
     @property
     def next_deadline(self) -> float | None:
-        """When to ask; None: never."""
+        """Return the time of the next request; None: never."""
         return None if self._reports_ids or math.isinf(self._request_at_s) else self._request_at_s
 
     def tick(self, flown: int | None, now: float) -> list[Message]:
-        """`flown`: the item that it says it flies."""
+        """Return the request that is due, if any. `flown`: the vehicle's current item."""
         if self.next_deadline is None or now < self._request_at_s or now < self._settled_at_s:
             return []
         self._request_at_s = now + REQUEST_PERIOD_S
@@ -140,7 +140,7 @@ class MissionWatch:
         return [mavlink.MAVLink_mission_request_int_message(*to, self._requested_seq, mission_type=MISSION)]
 
     def _next_seq(self, flown: int | None) -> int:
-        """The first is home, which is the vehicle's own."""
+        """Return the next item to request, not item 0: the vehicle overwrites home."""
         last = len(self._own_items) - 1
         turn, others = divmod(self._n_requests, 2)
         self._n_requests += 1

@@ -1,4 +1,4 @@
-"""Who is there: heartbeats in, own heartbeats out. https://mavlink.io/en/services/heartbeat.html"""
+"""Presence of a vehicle: its heartbeats in, own heartbeats out. https://mavlink.io/en/services/heartbeat.html"""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NO_VEHICLE_TYPES = (
 
 
 def is_vehicle_heartbeat(message: Message) -> bool:
-    """The heartbeat of an autopilot, not of a ground station, camera or companion on the same system id."""
+    """Return whether a message is an autopilot's heartbeat, not a station's, camera's or companion's."""
     return (
         message.get_type() == "HEARTBEAT"
         and message.get_srcComponent() == AUTOPILOT_COMPID
@@ -37,7 +37,7 @@ class LinkState(Enum):
 
 
 class Presence:
-    """Alive or lost, by the age of the last heartbeat."""
+    """Presence of a vehicle by the age of its last heartbeat."""
 
     def __init__(self, lost_after_s: float = 5.0) -> None:
         self.state = LinkState.NEVER_HEARD
@@ -45,7 +45,7 @@ class Presence:
         self._last = -inf
 
     def age_s(self, now: float) -> float:
-        """Since the last heartbeat [s]; infinite before the first."""
+        """Return the time since the last heartbeat [s]; infinite before the first."""
         return now - self._last
 
     @property
@@ -53,12 +53,12 @@ class Presence:
         return self._last + self._lost_after_s if self.state is LinkState.ALIVE else None
 
     def on_heartbeat(self, now: float) -> LinkState:
-        """A heartbeat came; returns the state before it."""
+        """Note a heartbeat; return the state before it."""
         before, self.state, self._last = self.state, LinkState.ALIVE, now
         return before
 
     def tick(self, now: float) -> bool:
-        """True at the moment it is lost."""
+        """Return True at the moment when the vehicle counts as lost."""
         if self.next_deadline is None or now < self.next_deadline:
             return False
         self.state = LinkState.LOST
@@ -69,7 +69,7 @@ HEARTBEAT_PERIOD_S = 1.0
 
 
 def own_heartbeat() -> Message:
-    """The heartbeat of a ground station, due every `HEARTBEAT_PERIOD_S`."""
+    """Return the heartbeat of a ground station, due every `HEARTBEAT_PERIOD_S`."""
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
     )

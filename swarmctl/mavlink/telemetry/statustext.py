@@ -11,7 +11,7 @@ _STRIKE = re.compile(r"STRIKE (\d+) over -?\d+,-?\d+ from -?\d+,-?\d+\Z")
 
 
 class TextAssembler:
-    """Whole texts out of chunks; a text with a lost chunk is given with a gap, when the next one begins."""
+    """Assembler of texts from chunks; a text with a lost chunk comes, with a gap, when the next begins."""
 
     def __init__(self) -> None:
         self._id = 0
@@ -19,7 +19,7 @@ class TextAssembler:
         self._chunks: dict[int, str] = {}
 
     def receive(self, message: Message) -> list[tuple[int, str]]:
-        """(severity, text) of the texts that this STATUSTEXT completes."""
+        """Return (severity, text) of the texts that this STATUSTEXT completes."""
         if message.id == 0:
             return [(int(message.severity), str(message.text))]
         done = self._flush() if self._chunks and message.id != self._id else []
@@ -37,6 +37,6 @@ class TextAssembler:
 
 
 def strike_count(text: str) -> int | None:
-    """The running count in our simulator's `STRIKE {n} over r,c from r,c`, else None."""
+    """Return the running count in the simulator's `STRIKE {n} over r,c from r,c`; None for other texts."""
     match = _STRIKE.match(text)
     return int(match[1]) if match else None

@@ -1,4 +1,4 @@
-"""Asking for telemetry until it comes, and again when it stays away (after a reboot, or a lost request)."""
+"""Telemetry streams: requested until they come, and again when they stop, as after a reboot."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 _PATIENCE_S = 3.0
 _PATIENCE_LIMIT_S = 30.0
 AFTER_SILENCE_S = 1.5
-"""a vehicle that is heard again may have rebooted, or just go on"""
+"""delay of new requests after a silence: the vehicle may have rebooted, or just go on"""
 
 _POSITION = int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
 _STOPPED_US = -1.0
 """the interval of MAV_CMD_SET_MESSAGE_INTERVAL that ends a stream"""
 _STREAMS_WITHIN_S = 3.0
-"""what comes again within this flows, and was not asked for once"""
+"""a message that comes again within this time is a stream, not a single message"""
 _STOP_EVERY_S = 0.2
-"""so many orders at once would fill a slow link"""
+"""spacing of commands that end streams: all at once would fill a slow link"""
 _STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0
-"""Somebody else on the link may want it: then it is stopped ever more seldom."""
+"""growing pauses before a stream is ended again: another station on the link may want it"""
 
 
 @dataclass(frozen=True, slots=True)
 class Streaming:
-    """What is asked of a vehicle over its link."""
+    """Settings of a vehicle's streams."""
 
     position_hz: float | None = None
-    """positions a second, the other streams at most in proportion; None: as the dialect says"""
+    """rate of positions, with the other streams at most in proportion; None: the dialect's rates"""
     stops_others: bool = False
-    """whether streams that nobody here looks at are ended"""
+    """True if streams without a use here are ended"""
 
     def rates_hz(self, usual_hz: Mapping[int, float]) -> dict[int, float]:
-        """Of a dialect's streams (message id -> rate) what is asked for over this link."""
+        """Return the rates to request over this link (message id -> rate), from a dialect's rates."""
         if self.position_hz is None:
             return dict(usual_hz)
         share = min(self.position_hz / usual_hz[_POSITION], 1.0)
@@ -46,11 +46,10 @@ class Streaming:
 
 
 class StreamKeeper:
-    """Keeps the periodic messages `rates_hz` (message id -> rate) coming, and with `stops_others` ends those
-    of `NEEDLESS`.
+    """Keeper of the streams `rates_hz` (message id -> rate); with `stops_others` it ends those of `NEEDLESS`.
 
-    Requests are not followed up by their acknowledgements: what counts is whether the message comes.
-    A message that never comes is asked for ever more seldom, some firmwares do not have it.
+    Acknowledgements of requests do not matter, only the arrival of the message. The pauses between requests
+    for a missing message grow, because some firmwares do not have it.
     """
 
     def __init__(
@@ -62,9 +61,9 @@ class StreamKeeper:
         self._patience_s = dict.fromkeys(rates_hz, _PATIENCE_S)
         self._stops_others = stops_others
         self._came_s: dict[int, float] = {}
-        """of what is not needed: when it came last"""
+        """last arrival of each needless message"""
         self._stopped: dict[int, tuple[float, float]] = {}
-        """when it was told to end, and for how long after that it is not told again [s]"""
+        """time of the last command to end each stream, and pause before the next one [s]"""
         self._to_stop: deque[int] = deque()
         self._stop_at = 0.0
 
@@ -74,7 +73,7 @@ class StreamKeeper:
         return due if due is None or not self._to_stop else min(due, self._stop_at)
 
     def demand(self, due: float) -> None:
-        """Ask at `due` for everything that has not come by then: at the start, after a reboot or silence."""
+        """Request at `due` every stream that has not come by then, as at the start or after a reboot."""
         for msgid in self._rates_hz:
             self._due[msgid] = due
             self._patience_s[msgid] = _PATIENCE_S
@@ -172,5 +171,5 @@ NEEDLESS = frozenset(
         "WIND_COV",
     )
 )
-"""Ids of what autopilots stream for people's instruments, and nobody here looks at; GPS_RAW_INT is asked for
-when it is wanted. What one component tells another (trackers, remote identification) is not among them."""
+"""Ids of streams for a pilot's instruments, unused here; GPS_RAW_INT is requested when needed. Messages
+between components (trackers, remote identification) are not among them."""

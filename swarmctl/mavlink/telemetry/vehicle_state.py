@@ -1,4 +1,4 @@
-"""Folds a vehicle's messages into its `VehicleState`."""
+"""Fold of a vehicle's messages into its `VehicleState`."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
 
 STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
-"""a vehicle in the air that moves less stands still"""
+"""a vehicle in the air below both speeds stands still"""
 REBOOT_S = 3.0
-"""a clock that goes back further than this was restarted; less is a datagram overtaken by another"""
+"""a clock that goes back further was restarted; a smaller step back is a late datagram"""
 YOUNGER_S = 1.0
-"""So was one that has run less than it was not heard of, by more than this: a message may have been late."""
+"""A clock was also restarted if it has run less than the silence before it, by more than this margin for late
+messages."""
 
 CLOCK_BEGINS_ANEW_S = 2**32 / 1000.0
-"""after 49.7 days: time_boot_ms has 32 bits"""
+"""period of time_boot_ms, which has 32 bits: 49.7 days"""
 
 POSITION_KEPT_S = 3.0
-"""Where it was is forgotten after this, by our clock. An ArduPilot that does not know its place says so, PX4
-is silent of it."""
+"""A position older than this, by the local clock, is dropped. ArduPilot reports that it has no position; PX4
+just stops sending positions."""
 POSITIONS_COUNTED, FEWEST_POSITIONS = 10, 3
 SNAPSHOT_S = 0.9
-"""after a snapshot: without a position, the next heartbeat or SYS_STATUS makes one"""
+"""without a position, a heartbeat or SYS_STATUS this long after the last snapshot makes a new one"""
 MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
-"""above the sea or home; what is told beyond cannot be"""
+"""limits above the sea or home; altitudes beyond them count as invalid"""
 TEXTS_KEPT = 256
 
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
@@ -43,12 +44,13 @@ _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEX
 
 
 class Telemetry:
-    """What one vehicle has told since it booted.
+    """Telemetry of one vehicle since its boot.
 
     `receive` returns whether there is a new snapshot: with each position, and about once a second without.
-    The rest is read from the attributes: `texts` has the last STATUSTEXTs (severity, text), of `n_texts`,
-    `heartbeats` counts all heartbeats, `reboots` how often the vehicle's clock began anew, `stood_still_s`
-    how long it has held or stood still in the air by its own clock.
+
+    texts: last STATUSTEXTs (severity, text) of `n_texts` in all
+    heartbeats, reboots: number of heartbeats, and of times that the vehicle's clock began anew
+    stood_still_s: time in hold or without motion in the air, by the vehicle's clock
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -64,10 +66,10 @@ class Telemetry:
         self._clock_received_s: float | None = None
         self._clock_reported_s = 0.0
         self._clock_before_s = 0.0
-        """what it had counted when its clock began anew last"""
+        """total of the clock's earlier periods of 49.7 days"""
         self._snapshot_s = -math.inf
         self._positions_s: deque[float] = deque(maxlen=POSITIONS_COUNTED)
-        """when the last came"""
+        """arrival times of the last positions"""
         self._assembler = TextAssembler()
         self._prearm_ok: bool | None = None
         self._ekf_flags: int | None = None
@@ -75,7 +77,7 @@ class Telemetry:
         self._complaints: tuple[str, ...] = ()
         self._missing = set(dialect.required)
         self._roles: dict[str, ModeRole] = {
-            dialect.land_mode: "land",  # but for what lands in its mission's mode
+            dialect.land_mode: "land",  # overwritten below if the mission mode lands
             dialect.hold_mode: "hold",
             dialect.mission_mode: "mission",
             dialect.return_mode: "return",
@@ -101,7 +103,7 @@ class Telemetry:
         return self._state
 
     def receive(self, message: Message, now: float) -> bool:
-        """`now` is of our clock [s]."""
+        """Fold in a message; return whether there is a new snapshot. `now`: local clock [s]."""
         fold = self._fold.get(message.get_type())
         if fold is None:
             return False
@@ -118,23 +120,22 @@ class Telemetry:
         return snapshot
 
     def holds_another_mission(self, is_so: bool) -> None:
-        """Found by whoever knows what was put on it."""
+        """Set whether the vehicle stores another mission than the verified one."""
         self._changes["other_mission"] = is_so
 
     @property
     def position_age_s(self) -> float:
-        """How long before the last that was heard of it its last position came; 0 where none has."""
+        """Return the age of the last position at the last message [s]; 0 if none has come."""
         reported_s = self.state.position_s
         return 0.0 if reported_s is None else self._now - reported_s
 
     def position_every_s(self, now: float) -> float | None:
-        """How long it takes from one of its last positions to the next on the average [s]; None where hardly
-        any came."""
+        """Return the mean time between the last positions [s]; None after fewer than FEWEST_POSITIONS."""
         came_s = self._positions_s
         return (now - came_s[0]) / len(came_s) if len(came_s) >= FEWEST_POSITIONS else None
 
     def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
-        """Those that came after `n_texts` had, of the last."""
+        """Return the kept texts that came after the first `n_texts`."""
         new = self.n_texts - n_texts
         return list(self.texts)[-new:] if new else []
 
@@ -149,7 +150,7 @@ class Telemetry:
         return is_changed
 
     def _forget_old_position(self) -> None:
-        """An old place is no place: nobody is to look, fly or return by it."""
+        """Drop an old position, so that no sensing, planning or return uses it."""
         if self._position_is_old:
             self._changes |= _NO_POSITION
 
@@ -159,7 +160,7 @@ class Telemetry:
         return reported_s is None or self._now - reported_s > POSITION_KEPT_S
 
     def _system_time(self, message: Message) -> bool:
-        """Its clock goes on while it tells no position; else positions carry it."""
+        """Take the vehicle's clock from SYSTEM_TIME while no positions come; otherwise they carry it."""
         time_boot_s = self._clock_s(message)
         if (
             not self._notice_reboot(time_boot_s)
@@ -190,7 +191,10 @@ class Telemetry:
         return True
 
     def _count_standing(self, time_boot_s: float) -> None:
-        """Until `time_boot_s` it did what it told last; what brakes to hold counts as well."""
+        """Add the time since the last position to `stood_still_s` if the vehicle held or stood still.
+
+        Braking in hold mode counts as well.
+        """
         last = self.state
         still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
         still = still or last.mode_role == "hold"
@@ -198,10 +202,13 @@ class Telemetry:
             self.stood_still_s += time_boot_s - last.time_boot_s
 
     def _clock_s(self, message: Message) -> float:
-        """Since its boot, also where its clock began anew: when that is due, and not a moment else."""
+        """Return the time since boot, also across the clock's wrap after 49.7 days.
+
+        A wrap counts only when it is due by the local clock; otherwise a restart of the clock is a reboot.
+        """
         reported_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
         if self._clock_before_s and reported_s - self._clock_reported_s > CLOCK_BEGINS_ANEW_S / 2.0:
-            return reported_s - CLOCK_BEGINS_ANEW_S  # of before, and overtaken
+            return reported_s - CLOCK_BEGINS_ANEW_S  # late message from before the wrap
         if self._clock_received_s is not None:
             ran_s = reported_s + CLOCK_BEGINS_ANEW_S - self._clock_reported_s
             if abs(ran_s - (self._now - self._clock_received_s)) <= REBOOT_S:
@@ -217,11 +224,11 @@ class Telemetry:
             time_boot_s,
         )
         went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
-        ran_s = time_boot_s - began_anew_s  # below 0: of before, and overtaken
+        ran_s = time_boot_s - began_anew_s  # below 0: late message from before the wrap
         is_younger = received_s is not None and 0.0 <= ran_s < self._now - received_s - YOUNGER_S
         if not (went_back or is_younger):
             return False
-        # Keep what is said by heartbeats, which come unasked; the rest is of a life before.
+        # Keep the fields from heartbeats, which come unrequested; the rest is from before the reboot.
         last = self.state
         time_boot_s -= self._clock_before_s
         self._clock_before_s, self._clock_reported_s = 0.0, time_boot_s
@@ -257,10 +264,10 @@ class Telemetry:
         return False
 
     def _gps_ok(self, present: int, health: int) -> bool | None:
-        """None: it has no receiver. One that is gone counts as lost.
+        """Return whether the GPS works; None without a receiver. A receiver that disappears counts as lost.
 
-        PX4 calls its GPS present only while its estimator uses it, and healthy all the same
-        (estimatorCheck.cpp, SYS_STATUS.hpp); ArduPilot while it hears the receiver.
+        PX4 reports its GPS as present only while its estimator uses it, and healthy all the same
+        (estimatorCheck.cpp, SYS_STATUS.hpp); ArduPilot while the receiver sends data.
         """
         if present & mavlink.MAV_SYS_STATUS_SENSOR_GPS:
             self._had_gps = True
@@ -279,7 +286,7 @@ class Telemetry:
     def _mission_current(self, message: Message) -> bool:
         seq, total = int(message.seq), int(message.total)
         self._changes |= {
-            # PX4 tells -1 between an upload that marks no item and its navigator's first look at it.
+            # PX4 reports -1 between an upload without a marked item and its navigator's next cycle.
             "mission_seq": None if seq == 0xFFFF else seq,
             "mission_total": None if total == 0xFFFF else total,
         }
@@ -315,7 +322,7 @@ class Telemetry:
         return False
 
     def _raise_strikes(self, count: int) -> None:
-        # A running count: the greatest one heard is right, whatever was lost or came late.
+        # The highest running count is right, whatever messages were lost or late.
         self._changes["strikes"] = max(self.state.strikes, count)
 
     def _update_readiness(self) -> None:
@@ -324,7 +331,7 @@ class Telemetry:
         reasons = self._dialect.not_ready(readiness)
         if self._missing:
             names = sorted(mavlink.mavlink_map[msgid].msgname for msgid in self._missing)
-            reasons = (*reasons, f"no {', '.join(names)} heard yet")
+            reasons = (*reasons, f"no {', '.join(names)} received yet")
         self._changes |= {"ready": not reasons, "not_ready": reasons}
 
 
@@ -334,8 +341,8 @@ _NO_POSITION: Mapping[str, float | None] = MappingProxyType(
 
 
 def _position_fields(message: Message) -> Mapping[str, float | None]:
-    """Where a GLOBAL_POSITION_INT says it is."""
-    # Without a position estimate the fields are sent, as zeros.
+    """Return the position fields of a GLOBAL_POSITION_INT."""
+    # Without a position estimate the fields are zeros.
     known = message.lat != 0 or message.lon != 0
     if not known or not _is_possible(message.lat, message.lon, message.alt, message.relative_alt):
         return _NO_POSITION
@@ -348,6 +355,6 @@ def _position_fields(message: Message) -> Mapping[str, float | None]:
 
 
 def _is_possible(lat_e7: int, lon_e7: int, *heights_mm: int) -> bool:
-    """Whether there is such a place, and something may fly there."""
+    """Return whether latitude, longitude and heights are within their limits."""
     on_earth = abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000
     return on_earth and all(MIN_ALT_M <= mm / 1000.0 <= MAX_ALT_M for mm in heights_mm)

@@ -1,8 +1,8 @@
-"""The swap where a vehicle follows every item that is written: the new route goes behind the old one.
+"""Append swap: the new route goes behind the old one, for a vehicle that follows every item as it is written.
 
-Nothing that it flies, or would fly, is touched until the new route is there and read back; then one order
-takes it over. A copter of ArduPilot brakes then and speeds up again; the others just turn. Were everything to
-end before that, it would fly its old route and land.
+No item of the old route changes until the new route is stored and read back. One command then makes its first
+item current. An ArduCopter brakes and speeds up again; other vehicles turn without braking. If the link ends
+before that command, the vehicle flies its old route and lands.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from swarmctl.mavlink.protocol.wait import WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_M_S
 
 MOMENT_S = 10.0
-"""for so long it is waited for a moment that is not beside a corner"""
+"""longest wait until the vehicle is not close to a corner"""
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Write behind the old route, read back, take it over; where that fails, `swap_in_hold`.
+    """Write the new route behind the old one, read it back and make it current; otherwise `swap_in_hold`.
 
     Raises NotInControl.
     """
@@ -45,30 +45,36 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     tail = plan.items[ctx.dialect.first_waypoint_seq :]
     if not kept or not mission(ctx.state) or len(kept) + len(tail) > MAX_ITEMS:
         return (yield from swap_in_hold(ctx, plan, old))
-    # From here on it holds more than is known.
+    # From here on the vehicle stores items that are not verified.
     ctx.verified_items = ()
     is_past = partial(plan.is_past_split, ctx)
     appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
     if appended.is_foreign:
-        raise TakenOver(f"another station has changed its mission: {appended.failure}")
+        raise TakenOver(f"another station has changed the mission: {appended.failure}")
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if appended.is_late:
         yield from confirm_state(ctx, mission)
-        # What was not read is not known: the next plan is written anew.
+        # An unread list is unknown: the next plan is written as a whole.
         ctx.verified_items = () if failure else kept + found
         return Swapped(PAST_SPLIT, "old", is_late=True)
     if not failure:
-        # An order goes by what was told as long ago as it takes to be answered.
+        # A command is based on telemetry that is as old as one round trip.
         later_s = appended.round_trip_s
         yield WaitUntil(lambda: _is_clear(ctx, plan, later_s), MOMENT_S)
-        late, blind = is_past(appended.round_trip_s), plan.lacks_position(ctx)
-        if late or blind or ctx.state.landed is Landed.LANDING:
-            # Who comes down may have been told so by somebody else.
+        late, no_position = is_past(appended.round_trip_s), plan.lacks_position(ctx)
+        if late or no_position or ctx.state.landed is Landed.LANDING:
+            # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, mission)
             ctx.verified_items = kept + found
-            why = PAST_SPLIT if late else POSITION_UNKNOWN if blind else "it lands just now"
+            why = (
+                PAST_SPLIT
+                if late
+                else POSITION_UNKNOWN
+                if no_position
+                else "the vehicle is landing [landing]"
+            )
             return Swapped(why, "old", is_late=late)
-        failure = yield from _taken_over(ctx, len(kept), tail, lambda: plan.next_waypoint(ctx, later_s))
+        failure = yield from _take_over(ctx, len(kept), tail, lambda: plan.next_waypoint(ctx, later_s))
     if not failure:
         plan.mark_taken_over(ctx)
         ctx.verified_items, ctx.plan_first_seq = kept + found, len(kept)
@@ -82,18 +88,18 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 def _read_back(
     ctx: Context, count: int, tail: tuple[MissionItem, ...], appended: AppendResult
 ) -> Procedure[tuple[tuple[MissionItem, ...], str | None]]:
-    """What is there behind the first `count` items; and the failure, if that is not what was to be."""
+    """Return the items stored behind the first `count`, and the failure if they differ from `tail`."""
     if appended.failure and not appended.is_late:
         return (), appended.failure
     read = yield from read_back(ctx, count)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return (), read.text
-    gaps = () if appended.is_late else ctx.dialect.differences(tail, read.items, count)
-    return read.items, f"read back behind the old route: {gaps[0]}" if gaps else None
+    mismatches = () if appended.is_late else ctx.dialect.differences(tail, read.items, count)
+    return read.items, f"read back behind the old route: {mismatches[0]}" if mismatches else None
 
 
 def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
-    """Whether it is known which corner of the new route lies ahead when an order arrives."""
+    """Return whether it is certain which corner of the new route lies ahead when a command arrives."""
     if plan.lacks_position(ctx):
         return False
     if not plan.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
@@ -103,19 +109,21 @@ def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
 
 
 def _passes_it_braking(ctx: Context, at: RoutePosition) -> bool:
-    """Whether it would have to fly back to the item ahead; to that at which the new route leaves the old one
-    it may, rather than leave that unflown."""
+    """Return whether braking would carry the vehicle past the item ahead, so that it would fly back.
+
+    False at the splice point: flying back to it is better than leaving it out.
+    """
     brakes_m_s2 = ctx.dialect.brakes_m_s2
-    leaves_there = at.item_m + at.past_split_m > -SAME_PLACE_M
-    if brakes_m_s2 is None or leaves_there:
+    is_at_splice = at.item_m + at.past_split_m > -SAME_PLACE_M
+    if brakes_m_s2 is None or is_at_splice:
         return False
     return at.item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
-def _taken_over(
+def _take_over(
     ctx: Context, begin: int, tail: tuple[MissionItem, ...], first: Callable[[], int]
 ) -> Procedure[str | None]:
-    """`first`: the item of the tail to fly to, found when the order goes out."""
+    """Make an item of the tail current; return the failure. `first`: its index, computed for each command."""
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
     def follows(state: VehicleState) -> bool:

@@ -1,4 +1,4 @@
-"""The swap where a new mission takes the old one's place when it is complete: it flies on meanwhile."""
+"""Atomic swap: the new mission replaces the old one when its upload is complete; the vehicle flies on."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ REJECTION_TEXTS = (
     "is out of bounds",
     "mission item could not be set",
 )
-"""in what PX4 says (mission_feasibility_checker.cpp, MissionFeasibility/, navigator/mission_base.cpp)"""
+"""parts of PX4's texts (mission_feasibility_checker.cpp, MissionFeasibility/, navigator/mission_base.cpp)"""
 
 
 def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Upload, read back, see it flown; or back to the old mission.
+    """Upload, read back and see the new mission flown; otherwise return to the old one.
 
-    A plan that leaves the old one ahead is put behind what is flown of that, number by number: the vehicle
-    keeps its current item, wherever it has got to. Of another the item to fly is marked.
+    A plan that leaves the old one ahead of the vehicle is joined to the flown part of the old plan with the
+    same item numbers, so the vehicle keeps its current item. For any other plan the item to fly is marked.
 
-    One try: it flies on meanwhile, and who is past where the new plan leaves the old one by then is not given
-    the last item of it. Raises NotInControl.
+    There is one try, because the vehicle flies on meanwhile. A vehicle that has passed the splice point by
+    then does not get the last item. Raises NotInControl.
     """
     old = OldPlan.of(ctx)
     items: tuple[MissionItem, ...] = plan.items
@@ -78,14 +78,16 @@ def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 
 
 def _joined(ctx: Context, plan: SwapPlan, old: OldPlan) -> tuple[tuple[MissionItem, ...], int | None]:
-    """The old plan up to where the new one goes on, and that, with no item marked; the new one by itself
-    where that is too long."""
+    """Return the old plan up to the splice point followed by the new one, and no item to mark.
+
+    If that list is too long, return the new plan by itself and its first waypoint.
+    """
     first, flown = ctx.dialect.first_waypoint_seq, old.seq
     begins, passed = plan.items[first], list[MissionItem]()
     if _place(old.items[flown - 1]) == _place(begins):
         flown -= 1
     else:
-        # What it passes on its way there counts as well, also where the new plan does not name it.
+        # Items that the first leg passes keep their numbers, also where the new plan does not name them.
         for item in old.items[flown:]:
             if _place(item) == _place(begins) or not plan.progress.first_leg_passes(item):
                 break
@@ -101,8 +103,10 @@ def _place(item: MissionItem) -> tuple[int, int]:
 def _upload(
     ctx: Context, plan: SwapPlan, items: tuple[MissionItem, ...], marked: int | None, before: int
 ) -> Procedure[VerifiedUpload]:
-    """Put the new mission on a vehicle that flies `before`, or holds, once; where that fails, with what is
-    there instead, if that could be read."""
+    """Upload the new mission once to a vehicle that holds or flies item `before`.
+
+    After a failure, the result has the items that are on the vehicle instead, if they could be read.
+    """
     yield from confirm_state(ctx, _in_own_modes(plan))
 
     def too_late(round_trip_s: float) -> bool:
@@ -113,7 +117,7 @@ def _upload(
         return uploaded
     if uploaded.is_late and plan.lacks_position(ctx):
         uploaded = replace(uploaded, failure=POSITION_UNKNOWN, is_late=False)
-    # What it has taken up it flies, though only reading back has failed.
+    # The vehicle flies a mission that it has accepted, even if only the read-back failed.
     read = yield from read_back(ctx)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return uploaded
@@ -127,18 +131,20 @@ def _upload(
 def _confirm_taken_up(
     ctx: Context, plan: SwapPlan, marked: int | None, kept: int, n_texts: int
 ) -> Procedure[str | None]:
-    """See a vehicle fly the mission that was put on it: from the item that is marked, or from where it is,
-    which was `kept`. It has said `n_texts` before."""
+    """See the vehicle fly its new mission from the marked item, or else from item `kept`; return the failure.
+
+    `n_texts`: number of its texts before the upload.
+    """
     items = ctx.verified_items
     if _has_landed_by(ctx, items):
         return None
     try:
         if marked is None:
-            # What is told from now on is of the new mission.
+            # A MISSION_CURRENT from now on is about the new mission.
             yield from await_current_item(ctx, lambda _now: True)
             if is_other_landing(items, ctx.state.mission_seq or 0):
-                # Its number was of the old mission's landing, and is of another landing now.
-                return "it had got to its landing before the new mission was complete"
+                # Its item number belonged to the old mission's landing, and belongs to another landing now.
+                return "the vehicle reached its landing before the new mission was complete [landing-reached]"
             return (yield from _flown_from(ctx, plan, kept))
         return (yield from _fly(ctx, plan, marked, lambda now: _reached_marked(ctx, plan, marked, kept, now)))
     except TakenOver:
@@ -150,17 +156,17 @@ def _confirm_taken_up(
 
 
 def _has_landed_by(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
-    """Whether it has flown them to their end while they were read back, and is down."""
+    """Return whether the vehicle has flown the items to their end, and is down, during the read-back."""
     state, seq = ctx.state, ctx.state.mission_seq
     is_down = not state.armed and state.landed is Landed.ON_GROUND and state.mode == ctx.dialect.mission_mode
     return is_down and seq is not None and seq < len(items) and items[seq].command == LAND
 
 
 def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: int) -> bool:
-    """Whether it was flown to the marked item first, if `now` is its current one: it may have got on since.
+    """Return whether the vehicle has flown to the marked item first, given its current item `now`.
 
-    Before `kept`, the number that it flew, it can only be so. From that on it may have gone on by number
-    instead, and then it is somewhere else.
+    A number below `kept`, the item flown before, proves it. From `kept` on the vehicle may have gone on by
+    number instead, so its position has to be near the leg to `now`.
     """
     first = ctx.dialect.first_waypoint_seq
     if marked <= now < kept or now == marked:
@@ -169,36 +175,36 @@ def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: i
 
 
 def _rejection(ctx: Context, n_texts: int) -> str | None:
-    """What it said of the mission it was given, where it holds for that; None where others have it hold.
+    """Return the vehicle's complaint if it holds because of the new mission; None for another reason.
 
-    PX4 takes a mission that it cannot fly, complains, and leaves the mission's mode by itself.
+    PX4 accepts a mission that it cannot fly, complains, and leaves mission mode by itself.
     """
     return complaint(ctx, n_texts) if ctx.state.mode == ctx.dialect.hold_mode else None
 
 
 def complaint(ctx: Context, n_texts: int) -> str | None:
-    """Why it would not fly the mission that it was given since it had said `n_texts`, in its words."""
-    said = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
-    about = [text for text in said if any(words in text.lower() for words in REJECTION_TEXTS)]
-    return about[-1] if about else None
+    """Return the vehicle's last text since `n_texts` that rejects a mission; None if there is none."""
+    warnings = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
+    rejections = [text for text in warnings if any(part in text.lower() for part in REJECTION_TEXTS)]
+    return rejections[-1] if rejections else None
 
 
-def _still_flies_old(ctx: Context, old: OldPlan, there: tuple[MissionItem, ...]) -> bool:
-    """Whether it flies the old mission as if nothing had been: the new one was refused, or never complete."""
-    is_there = bool(there) and bool(old.items) and not ctx.dialect.differences(old.items, there)
-    return is_there and ctx.state.mode == ctx.dialect.mission_mode
+def _still_flies_old(ctx: Context, old: OldPlan, found: tuple[MissionItem, ...]) -> bool:
+    """Return whether the vehicle still flies the old mission: the new one was refused or never complete."""
+    is_stored = bool(found) and bool(old.items) and not ctx.dialect.differences(old.items, found)
+    return is_stored and ctx.state.mode == ctx.dialect.mission_mode
 
 
 def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str | None]:
-    """To the old mission, where it is still on its way; returns why not."""
+    """Return to the old mission, if the vehicle is still on its route; return the failure."""
     yield from confirm_state(ctx, _in_own_modes(plan))
     seq = old.next_item(ctx)
     if seq is None:
-        return NOT_ON_OLD_MISSION if old.items else "it is not known"
+        return NOT_ON_OLD_MISSION if old.items else "the old mission is not known"
     uploaded = yield from upload_mission(ctx, old.items, seq)
     if uploaded.failure:
         return uploaded.failure
-    seq = old.next_item(ctx)  # it has flown on meanwhile
+    seq = old.next_item(ctx)  # the vehicle has flown on meanwhile
     if seq is None:
         return NOT_ON_OLD_MISSION
     return (yield from _fly(ctx, plan, seq, lambda now: now == seq))
@@ -212,7 +218,7 @@ def _fly(ctx: Context, plan: SwapPlan, seq: int, is_right: Callable[[int], bool]
 
 
 def _flown_from(ctx: Context, plan: SwapPlan, seq: int) -> Procedure[str | None]:
-    """In its mission's mode, under way to the item `seq` or a later one."""
+    """Set mission mode and see the vehicle fly to item `seq` or a later one; return the failure."""
     failure = yield from set_mode(ctx, ctx.dialect.mission_mode, _in_own_modes(plan), armed=True)
     return failure or (yield from confirm_flying(ctx, seq))
 

@@ -1,8 +1,12 @@
 """Replace the mission of a flying vehicle as a transaction.
 
-At no moment it flies a mixture of two plans, whatever is lost on the way. How that is done depends on the
-vehicle: where a new mission takes the old one's place at once (`swap_atomic`) it flies on meanwhile; else
-the new route is written behind the old one (`swap_append`), or it holds (`swap_in_hold`).
+The vehicle never flies a mixture of two plans, whatever messages are lost. The kind of swap depends on it:
+
+| swap | condition | meanwhile the vehicle |
+|---|---|---|
+| `swap_atomic` | the autopilot exchanges whole missions | flies on |
+| `swap_append` | it follows each item as written | flies on; the new route goes behind the old one |
+| `swap_in_hold` | appending is impossible or failed | holds |
 """
 
 from __future__ import annotations
@@ -31,11 +35,11 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import WaitUntil
 
 CLIMB_LIMIT_S = 60.0
-"""until it is up at its take-off altitude"""
+"""longest wait until the vehicle has reached its take-off altitude"""
 
 
 def _lands(ctx: Context) -> bool:
-    """It comes down, or flies to the circle from which it does."""
+    """Return whether the vehicle descends to land, or flies to the circle of its landing."""
     state = ctx.state
     by_mission = state.mode == ctx.dialect.mission_mode and state.mission_seq in landing_items(
         ctx.verified_items
@@ -44,48 +48,50 @@ def _lands(ctx: Context) -> bool:
 
 
 def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
-    """How long a change in flight will take until the new plan is flown, where an upload of so many items
-    took `upload_s`: by the questions and answers of each."""
+    """Return the expected time of a swap [s], given that an upload of `n_items` took `upload_s`.
+
+    The estimate scales by the number of requests and answers of each.
+    """
     windows = math.ceil(n_items / WINDOW)
     up, down = 2 + windows, 1 + windows  # the number of items, the items, and the last one by itself
     if dialect.uploads_atomically:
         return upload_s * up / (up + down)
-    # Written, read back, seen, taken over.
+    # Write, read back, confirm, make current.
     return upload_s * (windows + down + 2) / (up + down)
 
 
 def swap(
     ctx: Context, new: tuple[MissionItem, ...], *, leaves_ahead: bool = False, from_hold: bool = False
 ) -> Procedure[Swapped]:
-    """Fly `new` from its first waypoint; or the old mission again; or hold, and say so.
+    """Fly `new` from its first waypoint; on failure fly the old mission again, or hold. Return which it is.
 
-    `leaves_ahead`: it begins as the old one goes on from here, and leaves that farther on. Then it is flown
-    from what of it lies ahead when it is taken over, and not at all by who is past that place.
+    `leaves_ahead`: the new mission begins like the rest of the old one and leaves it farther on. The vehicle
+    then flies it from the item ahead of it, and not at all if it has passed the splice point.
 
-    Nothing is touched any more where somebody else has chosen another mode. Its hold mode is such a one as
-    well, unless it was put in it (`from_hold`).
+    No command is sent once somebody else has chosen another mode. Hold mode counts as such, unless this
+    program has set it (`from_hold`).
     """
     begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
-    ours = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
+    own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
     flown = OldPlan.of(ctx)
-    ahead = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], flown.items[flown.seq :])
-    plan = SwapPlan(new, ahead, leaves_ahead, ours)
-    # Stopped on its first metres it would go on to the first waypoint from down there.
+    progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], flown.items[flown.seq :])
+    plan = SwapPlan(new, progress, leaves_ahead, own_modes)
+    # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
     yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
-    # A heartbeat that was overtaken on its way may show a mode from before.
+    # A late heartbeat may show an earlier mode.
     yield WaitUntil(lambda: ctx.state.mode in plan.own_modes, STALE_MODE_S)
     if ctx.state.mode not in plan.own_modes:
         return Swapped(describe_takeover(ctx.state), "theirs")
     kept: FlyingAfterSwap = "old" if flown.items else "unknown"
     if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
-        return Swapped("it is not flying", kept)
-    scheme = swap_atomic if ctx.dialect.uploads_atomically else swap_append
+        return Swapped("the vehicle is not flying [not-flying]", kept)
+    swap_kind = swap_atomic if ctx.dialect.uploads_atomically else swap_append
     try:
         if takes_off(ctx) or _lands(ctx):
-            # Who comes down may have been told so by somebody else.
+            # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, in_modes(plan.own_modes, armed=True))
-            return Swapped("it takes off or lands just now", kept)
-        done: Swapped = yield from scheme(ctx, plan)
+            return Swapped("the vehicle is taking off or landing [landing]", kept)
+        done: Swapped = yield from swap_kind(ctx, plan)
     except TakenOver as why:
         done = Swapped(str(why), "theirs")
     except NotInControl as why:

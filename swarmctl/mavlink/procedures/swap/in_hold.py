@@ -1,4 +1,4 @@
-"""The swap where a mission is written item by item under a vehicle that follows at once."""
+"""Swap in hold: the vehicle holds while its mission is replaced, because it follows each item as written."""
 
 from __future__ import annotations
 
@@ -22,12 +22,11 @@ from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 HOLD_LIMIT_S = 120.0
-"""It holds on a battery that was counted on for the flight: after so long nothing more is begun, and whoever
-plans decides what to do instead."""
+"""Holding uses battery that the flight needs: later no further step begins, and the agent decides."""
 
 
 def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swapped]:
-    """Hold, upload, read back, set the current item, fly; or go back to the old mission the same plan.
+    """Hold, upload, read back, set the current item, fly; on failure return to the old mission the same way.
 
     Raises NotInControl.
     """
@@ -35,7 +34,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
     failure = yield from enter_hold(ctx, plan)
     if failure:
         yield from confirm_state(ctx, in_modes({mission}, armed=True))
-        return Swapped(f"it does not hold: {failure}", "old" if old.items else "unknown")
+        return Swapped(f"the vehicle does not hold [no-hold]: {failure}", "old" if old.items else "unknown")
     first, until_s = ctx.dialect.first_waypoint_seq, ctx.state.time_boot_s + HOLD_LIMIT_S
 
     def is_over() -> bool:
@@ -51,7 +50,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
         plan.mark_taken_over(ctx)
         return Swapped(None, "new")
     if is_over():
-        failure = f"{failure}; it has held for more than {HOLD_LIMIT_S:g} s"
+        failure = f"{failure}; the vehicle has held for more than {HOLD_LIMIT_S:g} s [hold-limit]"
     elif old.items:
         second = yield from _fly_back(ctx, plan, old, is_over)
         if not second:
@@ -64,7 +63,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
 def _fly_back(
     ctx: Context, plan: SwapPlan, old: OldPlan, is_over: Callable[[], bool]
 ) -> Procedure[str | None]:
-    """To the old mission, where it is still on its way; returns why not."""
+    """Return to the old mission, if the vehicle is still on its route; return the failure."""
     seq = old.next_item(ctx)
     if seq is None:
         return NOT_ON_OLD_MISSION
@@ -78,9 +77,9 @@ def _fly_from_hold(
     item: Callable[[], int],
     is_over: Callable[[], bool],
 ) -> Procedure[str | None]:
-    """Upload to a vehicle that holds, and see it fly the mission from an item on, found when it is there.
+    """Upload to a vehicle that holds, and see it fly from the item that `item` returns after the upload.
 
-    Where that fails it holds again. Raises NotInControl where somebody else has it.
+    On failure the vehicle holds again. Raises NotInControl after a takeover.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     holds = in_modes({hold}, armed=True)

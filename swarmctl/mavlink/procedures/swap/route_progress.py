@@ -1,7 +1,7 @@
-"""Where a vehicle that flies is on the route it is to take over: which of its items lies ahead. Pure.
+"""Route progress: position of a flying vehicle on its new route, and the item that lies ahead. Pure.
 
-A new route begins with what it has in common with the one that is flown. Until it can be taken over a vehicle
-flies on, so its first items may lie behind by then: what lies behind is never flown to.
+A new route begins with the part that it has in common with the flown one. The vehicle flies on until the new
+route is current, so its first items may lie behind by then. The vehicle never flies back to such an item.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
 CORNER_S = 0.75
-"""So near to a corner nobody knows whether it is passed when an order arrives: it is waited for."""
+"""This close to a corner a command may arrive before or after it, so the command waits."""
 MAX_CROSS_TRACK_M = 12.0
-"""So far beside the new route a vehicle is not on it any more."""
+"""a vehicle farther from the new route is not on it any more"""
 SAME_PLACE_M = 1.0
-"""so near to the old route a corner of the new one is on it"""
+"""a corner of the new route this close to the old route lies on it"""
 
 
 @dataclass(frozen=True, slots=True)
 class RoutePosition:
-    """Where a vehicle is on a route."""
+    """Position of a vehicle on a route."""
 
     item: int
-    """the next to fly to, as an index of the route"""
+    """index of the next item to fly to"""
     cross_track_m: float
-    """from the route"""
+    """distance from the route"""
     corner_s: float
-    """until it passes that item, or since it passed the one before, whichever is nearer"""
+    """time until that item, or since the item before, whichever is nearer"""
     past_split_m: float = -math.inf
-    """where the route leaves the one that is flown; negative before"""
+    """distance past the splice point, where the new route leaves the flown one; negative before"""
     item_m: float = math.inf
-    """along the route to that item"""
+    """distance along the route to that item"""
 
     @property
     def is_late(self) -> bool:
@@ -45,9 +45,9 @@ class RoutePosition:
 
 
 class RouteProgress:
-    """A route (items with places) as it lies before a vehicle that was at `begin` when it was told of it.
+    """A route (items with positions) from the vehicle's position at `begin` on.
 
-    `flown`: what it flies meanwhile, from its current item on, where that is known.
+    `flown`: the route flown meanwhile, from its current item on, if known.
     """
 
     def __init__(
@@ -58,19 +58,19 @@ class RouteProgress:
         self._points = self._places(items)
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._along_m = [0.0, *accumulate(legs_m)]
-        """on the way to each point"""
+        """distance along the route to each point"""
         self._n_common = self._in_common(self._places(flown))
         self._split_m = self._along_m[self._n_common] if self._n_common else math.inf
 
     def _places(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
-        """From where it was [m]: (east, north)."""
+        """Return (0, 0) and the items' positions (east, north) [m] from the vehicle's position at `begin`."""
         if self._frame is None:
             return []
         places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
     def _in_common(self, flown: Sequence[PlanarPoint]) -> int:
-        """How many corners, from the first on, both routes have; 0 where nobody knows."""
+        """Return the number of corners, from the first on, that both routes have; 0 if unknown."""
         if len(flown) < 2:
             return 0
         return sum(
@@ -78,37 +78,39 @@ class RouteProgress:
         )
 
     def at(self, state: VehicleState, later_s: float = 0.0) -> RoutePosition:
-        """Where the vehicle is `later_s` after it told `state`, as fast along the route as it was then; at
-        the first item where it has not told."""
+        """Return the position on the route `later_s` after `state`, at the same speed along the route.
+
+        Without a known position this is the first item.
+        """
         here = _place(state)
         if self._frame is None or here is None or not self.is_known:
             return RoutePosition(0, 0.0, math.inf)
         place = self._frame.to_local(*here)
         legs = [distance_to_leg(place, a, b) for a, b in pairwise(self._points)]
-        # At a corner it is on both legs, and that corner is still to be passed.
+        # At a corner the vehicle is on both legs: the corner is still ahead.
         leg = next(i for i, away_m in enumerate(legs) if away_m <= min(legs) + 0.01)
         (ax, ay), (bx, by) = self._points[leg : leg + 2]
         leg_m = max(math.dist((ax, ay), (bx, by)), 0.01)
         east, north = (bx - ax) / leg_m, (by - ay) / leg_m
-        # Straight on past a corner it is as far on the way as if it had turned.
+        # Flying straight on past a corner counts as progress as if the vehicle had turned.
         on_m = max((place[0] - ax) * east + (place[1] - ay) * north, 0.0)
         on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
         return self._position(self._along_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
 
     @property
     def is_known(self) -> bool:
-        """It has told where it was when this began."""
+        """Return whether the vehicle's position at the beginning is known."""
         return len(self._points) >= 2
 
     def first_leg_passes(self, item: MissionItem) -> bool:
-        """Whether its first leg leads over the place of an item."""
+        """Return whether the first leg passes over the item's position."""
         places = self._places((item,))[1:]
         return (
             self.is_known and bool(places) and distance_to_leg(places[0], *self._points[:2]) <= SAME_PLACE_M
         )
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
-        """Whether it flies beside the leg that leads to an item of the route, or to its last place."""
+        """Return whether the vehicle is near the leg to item number `item`, or near the last leg."""
         here, item = _place(state), min(item, len(self._points) - 2)
         if self._frame is None or here is None or item < 0:
             return False
@@ -120,7 +122,7 @@ class RouteProgress:
         ends_m = self._along_m[1:]
         item = min(sum(end_m < along_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
         if along_m > self._split_m:
-            # It has flown on along the other route: the way back there is known, the one across is not.
+            # The vehicle has flown on along the old route: the way back is known, a way across is not.
             item = min(item, self._n_common - 1)
         since_corner_m = along_m - self._along_m[item] if item else math.inf
         corner_m = min(abs(ends_m[item] - along_m), since_corner_m)

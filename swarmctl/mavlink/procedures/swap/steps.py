@@ -1,4 +1,4 @@
-"""What the ways to swap a mission have in common."""
+"""State and steps that the kinds of swap share."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import WaitUntil
 
 MAX_ITEMS = 400
-"""A longer list is written anew, without what is flown already: ArduPilot keeps 650 and more."""
+"""A longer list is written as a whole, without the items already flown. ArduPilot stores 650 and more."""
 MOVE_WAIT_S = 10.0
 MAX_CROSS_TRACK_TURNING_M = 150.0
-"""so far beside its plan's legs a fixed wing may be that flies it, in a turn or a circle"""
-PAST_SPLIT = "it has flown past where the new plan leaves the old one"
-NOT_ON_OLD_MISSION = "it is not known to be on the way of that any more"
-POSITION_UNKNOWN = "it does not tell where it is, so that nobody knows what of the new plan lies ahead of it"
+"""cross-track distance that a fixed wing may have in a turn or a circle of its plan"""
+PAST_SPLIT = "the vehicle has flown past the point where the new plan leaves the old one [past-splice]"
+NOT_ON_OLD_MISSION = "cannot confirm that the vehicle is still on its previous mission"
+POSITION_UNKNOWN = "the vehicle reports no position, so its place on the new plan is unknown [no-position]"
 
 
 @dataclass(frozen=True, slots=True)
 class OldPlan:
-    """The plan that is flown, as a mission of its own, and how far: what to go back to."""
+    """The plan that is flown before a swap, as a mission of its own, and its current item."""
 
     items: tuple[MissionItem, ...]
-    """empty where that is not known"""
+    """empty if unknown"""
     seq: int
-    """its current item"""
+    """current item"""
     progress: RouteProgress
-    """of its items from the current one on"""
+    """progress on the items from the current one on"""
 
     @classmethod
     def of(cls, ctx: Context) -> OldPlan:
-        """What the vehicle flies now; of a list that holds earlier plans as well only the last."""
+        """Return the plan that the vehicle flies now; of a list with earlier plans only the last."""
         first, begins = (
             ctx.dialect.first_waypoint_seq,
             max(ctx.plan_first_seq, ctx.dialect.first_waypoint_seq),
@@ -46,8 +46,10 @@ class OldPlan:
         return cls(items, seq, RouteProgress(ctx.state, items[seq:]))
 
     def next_item(self, ctx: Context) -> int | None:
-        """That which lies ahead of where the vehicle is now; None where it is beside this plan, or does not
-        tell: nobody has planned a way back to it from there."""
+        """Return the item ahead of the vehicle; None if the vehicle is off this plan or reports no position.
+
+        There is no planned way back to the plan from such a place.
+        """
         if not (self.items and self.progress.is_known and ctx.state.has_position):
             return None
         at = self.progress.at(ctx.state)
@@ -57,73 +59,74 @@ class OldPlan:
 
 @dataclass(slots=True)
 class SwapPlan:
-    """The plan that a vehicle is to take over, and when it has."""
+    """The new plan of a swap, and the state of the swap."""
 
     items: tuple[MissionItem, ...]
-    """as a mission of its own"""
+    """the plan as a mission of its own"""
     progress: RouteProgress
-    """of its items from the first waypoint on"""
+    """progress on the items from the first waypoint on"""
     leaves_ahead: bool
-    """it begins as the plan goes that is flown"""
+    """True if the plan begins like the flown one and leaves it ahead of the vehicle"""
     own_modes: set[str]
-    """the modes in which nobody else has put the vehicle: grows when the swap changes its mode"""
+    """modes that this program has set; grows when the swap changes the mode"""
     holds: bool = False
-    """it was last seen to hold, as this swap has told it"""
+    """True if the vehicle was last seen to hold by this swap's command"""
     taken_over_s: float | None = None
-    """by the vehicle's clock"""
+    """time when the plan became current, by the vehicle's clock [s]"""
     _position: RoutePosition | None = None
-    """on the new plan, when it told last where it is"""
+    """last position on the new plan"""
 
     def position(self, ctx: Context, later_s: float) -> RoutePosition:
-        """Where it is on the new plan in `later_s`; where it does not tell where it is, what was so before.
+        """Return the position on the new plan in `later_s`, or the last one while no position is known.
 
-        A position does not come with every message, and on a thin radio seldom.
+        A position does not come with every message, and is rare over a slow radio.
         """
         if self._position is None or ctx.state.has_position:
             self._position = self.progress.at(ctx.state, later_s + ctx.telemetry.position_age_s)
         return self._position
 
     def lacks_position(self, ctx: Context) -> bool:
-        """Whether nobody knows what lies ahead of a plan that is not to be flown from its beginning."""
+        """Return whether the plan begins midway but the vehicle's position is unknown."""
         return self.leaves_ahead and not ctx.state.has_position
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
-        """The waypoint to fly to, counted from the first: of a vehicle that is on it the next ahead."""
+        """Return the index of the waypoint to fly to: the next one ahead, or 0 off the plan."""
         at = self.position(ctx, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
 
     def is_past_split(self, ctx: Context, round_trip_s: float) -> bool:
-        """Whether it is past where the new plan leaves the old one by when it follows what is sent now.
+        """Return whether the vehicle is past the splice point when a message sent now takes effect.
 
-        That goes by what was told as long ago as it takes to be answered.
+        The position is as old as one round trip.
         """
         return self.leaves_ahead and self.position(ctx, round_trip_s).is_late
 
     def mark_taken_over(self, ctx: Context) -> None:
-        """Now: what is seen of it comes later."""
+        """Record that the plan is current from now on; telemetry shows it later."""
         self.taken_over_s = ctx.state.time_boot_s
 
 
 def takes_off(ctx: Context) -> bool:
+    """Return whether the vehicle flies an item before its first waypoint."""
     seq = ctx.state.mission_seq
     first = ctx.dialect.first_waypoint_seq
     return ctx.state.mode == ctx.dialect.mission_mode and seq is not None and seq < first
 
 
 def confirm_flying(ctx: Context, first: int) -> Procedure[str | None]:
-    """See the vehicle under way to the item `first` or a later one; returns the failure.
+    """See the vehicle fly to item `first` or a later one; return the failure.
 
-    Where it does not tell where it is meanwhile, what it says that it flies to has to do.
+    Without a position its current item number has to be enough.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
-    # The last position may be of the way to where it held.
+    # The last position may be from before the hold.
     since_s = ctx.state.time_boot_s
     yield WaitUntil(
         lambda: _flies_on(ctx, first, since_s) or ctx.state.mode not in (hold, mission), MOVE_WAIT_S
     )
     if _flies_on(ctx, first, since_s) or (_is_under_way(ctx, first) and not ctx.state.has_position):
         return None
-    return f"it does not fly on: {ctx.state.mode}, item {ctx.state.mission_seq}"
+    return f"the vehicle does not fly on: mode {ctx.state.mode}, item {ctx.state.mission_seq} [not-flying-on]"
 
 
 def _flies_on(ctx: Context, first: int, since_s: float) -> bool:
@@ -134,23 +137,23 @@ def _flies_on(ctx: Context, first: int, since_s: float) -> bool:
 
 
 def _is_under_way(ctx: Context, first: int) -> bool:
-    """By what it says."""
+    """Return whether mode and current item say that the vehicle flies `first` or a later item."""
     state = ctx.state
     is_on = state.mission_seq is not None and first <= state.mission_seq < len(ctx.verified_items)
     return is_on and state.mode == ctx.dialect.mission_mode
 
 
 def end_in_hold(ctx: Context, plan: SwapPlan, failure: str) -> Procedure[Swapped]:
-    """Have it hold where nothing else is left. Raises NotInControl where it does not."""
-    back = yield from enter_hold(ctx, plan)
-    if back:
-        raise NotInControl(f"{failure}; nor does it hold: {back}")
+    """Have the vehicle hold as the last resort. Raises NotInControl if it does not."""
+    no_hold = yield from enter_hold(ctx, plan)
+    if no_hold:
+        raise NotInControl(f"{failure}; the vehicle does not hold either [no-hold]: {no_hold}")
     return Swapped(failure, "hold")
 
 
 def enter_hold(ctx: Context, plan: SwapPlan) -> Procedure[str | None]:
-    """Returns the failure. Raises NotInControl."""
-    # Who holds already does so by somebody else's will, unless hold is one of our modes by now.
+    """Set hold mode; return the failure. Raises NotInControl."""
+    # A vehicle that holds already was put there by somebody else, unless hold is one of the own modes.
     yield from confirm_state(ctx, in_modes(plan.own_modes, armed=True))
     plan.own_modes.add(ctx.dialect.hold_mode)
     failure = yield from set_mode(
