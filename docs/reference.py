@@ -123,9 +123,8 @@ def commands() -> str:
         for option in command.params:
             if option.name in ("help", "install_completion", "show_completion"):
                 continue
-            names = (
-                option.human_readable_name if option.param_type_name == "argument" else ", ".join(option.opts)
-            )
+            is_argument = option.param_type_name == "argument"
+            names = (option.metavar or option.name.upper()) if is_argument else ", ".join(option.opts)
             shown = option.default not in (None, False, [], ()) and not callable(option.default)
             default = "required" if option.required else f"`{option.default}`" if shown else ""
             lines.append(f"| `{names}` | {_cell(default)} | {_cell(getattr(option, 'help', None) or '')} |")

@@ -1,4 +1,7 @@
-"""Personalities: the differences between autopilots, one package each, as data if possible."""
+"""Personalities: the differences between autopilots, one package each, as data if possible.
+
+A new one is a package, a line in `PERSONALITIES`, and its name in `sim_vehicle.scenarios.model.VehicleSpec`.
+"""
 
 from collections.abc import Mapping
 

@@ -2,6 +2,7 @@
 
 `footprint` simulates the paper's sensor and knows the true threats. `external` is for vehicles whose payload
 reports over the bus. `SOURCES` maps `sensor.source` of the configuration to the sensors in use.
+A sensor has one method, `look(vehicle)`; `swarmctl.flight.wiring` makes the simulated one of each vehicle.
 """
 
 from __future__ import annotations
