@@ -275,7 +275,7 @@ async def main():
         said = ""
         while True:
             for other in uavs:
-                bus.put(keys.told(swarm, other, "inform/state", uav), b"")
+                bus.put(keys.uav_message(swarm, other, "inform/state", uav), b"")
             await asyncio.sleep(0.2)
             now_s = time.monotonic()
             hears = "hears " + " ".join(sorted(who for who, at_s in heard_s.items() if now_s - at_s < 1.5))
