@@ -104,7 +104,7 @@ def _observations(run: Path, until_s: float) -> Iterator[BeliefItem]:
         if record["log_time_ns"] / 1e9 > until_s:
             continue
         if "event" in record:
-            yield from msgspec.convert(record["event"], ev.ObservationsReceived).told
+            yield from msgspec.convert(record["event"], ev.ObservationsReceived).items
         else:
             message = msgspec.convert(record["effect"], ev.Publish).message
             if isinstance(message, Observation):
