@@ -5,15 +5,23 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from typing import Any, Literal
 
+from swarmctl.bus.network import Network
+from swarmctl.config.scenario import Scenario
 from swarmctl.flight import simulator
 from swarmctl.flight.director import Director
 from swarmctl.flight.member import Member
 from swarmctl.flight.supervise import cancelled
 from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.report.live_rows import SwarmView, vehicle_row
+from swarmctl.report.summary import FlightStatistics
 from swarmctl.report.ui import Ui
+
+REFRESH_S = 0.25
+"""time between two updates of the user interface"""
 
 
 async def run_tasks(
@@ -98,3 +106,40 @@ def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
     finally:
         for number in wanted:
             loop.remove_signal_handler(number)
+
+
+async def show(
+    members: Sequence[Member],
+    statistics: FlightStatistics,
+    ui: Ui,
+    scenario: Scenario,
+    director: Director,
+    network: Network,
+) -> None:
+    """Refresh the user interface several times a second until cancelled, and once more at the end."""
+    marks: list[tuple[float, float]] = []
+
+    def refresh() -> None:
+        nonlocal marks
+        clocks = [m.state.vehicle.time_boot_s for m in members]
+        marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
+        (t0, v0), (t1, v1) = marks[0], marks[-1]
+        rows = [
+            vehicle_row(
+                m.state,
+                m.runner.link.age_s(),
+                "; ".join(m.waiting_for) if m.is_overdue else "",
+                network.counters(m.spec.sysid).refused.total(),
+                lost_timeout_s=scenario.config.flight.lost_timeout_s,
+            )
+            for m in members
+        ]
+        speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
+        ui.refresh(SwarmView(scenario.config.name, statistics.flown_s, speed, rows, director.on_ctrl_c))
+
+    try:
+        while True:
+            refresh()
+            await asyncio.sleep(REFRESH_S)
+    finally:
+        refresh()

@@ -49,7 +49,7 @@ def test_vehicles_choose_longer_routes_where_speed_alone_is_not_enough(
     assert chosen.summary["arrival"]["kept"] is True
     assert chosen.summary["arrival"]["spread_s"] <= 5.0
     monkeypatch.setattr(
-        "swarmctl.agent.arrival.simultaneous.slack_changed", lambda state, _due_s, _soonest_s: state
+        "swarmctl.agent.arrival.simultaneous.update_spare_time", lambda state, _due_s, _soonest_s: state
     )
     by_speed = fly(small(arrival=staggered), tmp_path / "by_speed")
     assert by_speed.summary["arrival"]["spread_s"] > 25.0

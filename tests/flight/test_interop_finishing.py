@@ -20,15 +20,15 @@ flight: {altitude_m: 10}
 """
 INTERRUPTED_WHERE = """\
 import os, signal
-from swarmctl import WHOSE
+from swarmctl.ROOM import MODULE
 from swarmctl.cli.entry import main
 
-before = WHOSE.NAME
+before = MODULE.NAME
 def interrupted(*args, **more):
     for _ in range(TIMES):
         os.kill(os.getpid(), signal.NUMBER)
     return before(*args, **more)
-WHOSE.NAME = interrupted
+MODULE.NAME = interrupted
 main()
 """
 AGENT = ["agent", "--uav", "uav1", "--launch", "when-ready"]
@@ -39,8 +39,8 @@ def flown(
 ) -> subprocess.CompletedProcess[str]:
     """Run a whole flight whose process gets signals at a place after the landing."""
     (folder / "small.yaml").write_text(SMALL)
-    whose, name = where.split(".")
-    code = INTERRUPTED_WHERE.replace("WHOSE", whose).replace("NAME", name)
+    room, module, name = where.rsplit(".", 2)
+    code = INTERRUPTED_WHERE.replace("ROOM", room).replace("MODULE", module).replace("NAME", name)
     code = code.replace("NUMBER", number).replace("TIMES", str(times))
     return subprocess.run(
         [sys.executable, "-c", code, *words, "--config", "small.yaml"],
@@ -55,10 +55,10 @@ def flown(
 @pytest.mark.parametrize(
     ("words", "where", "number"),
     [
-        (AGENT, "app.summary", "SIGINT"),
-        (AGENT, "outputs.write_run", "SIGINT"),
-        (AGENT, "outputs.draw_map", "SIGTERM"),
-        (["fly"], "outputs.write_run", "SIGINT"),
+        (AGENT, "flight.app.summary", "SIGINT"),
+        (AGENT, "report.outputs.write_run", "SIGINT"),
+        (AGENT, "report.pictures.sheet.draw_map", "SIGTERM"),
+        (["fly"], "report.outputs.write_run", "SIGINT"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )
@@ -74,4 +74,4 @@ def test_a_signal_after_the_landing_does_not_cost_the_summary(
 
 
 def test_two_signals_after_the_landing_leave_at_once(tmp_path: Path) -> None:
-    assert flown(AGENT, tmp_path, "outputs.write_run", "SIGINT", 2).returncode == 130
+    assert flown(AGENT, tmp_path, "report.outputs.write_run", "SIGINT", 2).returncode == 130

@@ -19,7 +19,6 @@ from trouble import Trouble, fly_with, inject, select_mode
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import FlightOptions
-from swarmctl.report import outputs
 from swarmctl.report.flight_table import flight_table
 from swarmctl.report.live_rows import live_table, plain_line
 from swarmctl.report.pictures.scene import MapPicture
@@ -107,7 +106,7 @@ def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp
 
 def test_the_map_marks_a_lost_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[MapPicture] = []
-    monkeypatch.setattr(outputs, "draw_map", lambda path, picture: drawn.append(picture))
+    monkeypatch.setattr(sheet, "draw_map", lambda path, picture: drawn.append(picture))
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
     fly(scenario, tmp_path, address_of=silent(2, 25.0))
     assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
