@@ -21,6 +21,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import FlightOptions
 from swarmctl.report.flight_table import flight_table
 from swarmctl.report.live_rows import live_table, plain_line
+from swarmctl.report.pictures import sheet
 from swarmctl.report.pictures.scene import MapPicture
 
 pytestmark = pytest.mark.virtual
