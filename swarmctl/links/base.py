@@ -1,9 +1,9 @@
-"""What every link offers, what it reports, and how it fails.
+"""`Link`: the interface of one vehicle, with its events and errors.
 
-A `Link` is one vehicle as the runner sees it. All waits have time-outs; cancelling a call cancels what it
-was doing on the wire. Only one of connect/identify/prepare/upload/launch/swap/hold/return_home/land runs at
-a time; `hold`, `return_home` and `land` interrupt whatever else runs, because they are what an operator needs
-when something goes wrong; any other second call raises `Busy`.
+All waits have time-outs; cancelling a call cancels its conversation on the wire. Only one of
+connect/identify/prepare/upload/launch/swap/hold/return_home/land runs at a time. `hold`, `return_home` and
+`land` interrupt the running call, because an operator needs them in an emergency; any other second call
+raises `Busy`.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class AddressChanged:
-    """The vehicle speaks from another address now (a reboot over UDP does that) and was followed."""
+    """The vehicle sends from another address now, as after a reboot over UDP; the link follows it."""
 
     address: str
 
@@ -79,32 +79,32 @@ class SystemIdConflict:
     """Two senders use this system id at once; the second one's frames are dropped."""
 
     address: str
-    """of the second sender"""
+    """address of the second sender"""
 
 
 @dataclass(frozen=True, slots=True)
 class FramesRefused:
-    """Frames in this vehicle's name are not taken; told at the first of a kind, and while it goes on."""
+    """Frames with its system id are refused; reported at the first of a kind and while it lasts."""
 
     text: str
-    """why, how many, and what that means"""
+    """reason, number and meaning"""
 
 
 ChannelEvent = AddressChanged | SystemIdConflict | FramesRefused
-"""what the front end tells of a vehicle"""
+"""event of the front end about one vehicle"""
 LinkEvent = SessionEvent | ChannelEvent
 
 
 class LinkError(Exception):
-    """Something about one vehicle's link; the text names the vehicle and where it was looked for."""
+    """Failure of one vehicle's link; the text names the vehicle and its endpoint."""
 
 
 class TransportError(LinkError):
-    """A port that is taken, a device that is missing, an address that cannot be reached."""
+    """A taken port, a missing device or an unreachable address."""
 
 
 class NoAnswer(LinkError):
-    """No heartbeat of this system id came."""
+    """No heartbeat, or no AUTOPILOT_VERSION, of this system id came."""
 
     def __init__(self, text: str, *, url: str, sysid: int, tried_s: float) -> None:
         super().__init__(text)
@@ -114,15 +114,15 @@ class NoAnswer(LinkError):
 
 
 class UnsupportedVehicle(LinkError):
-    """It answers, but this ground station cannot fly such a vehicle."""
+    """The vehicle answers, but its type is not supported."""
 
 
 class PrepareFailed(LinkError):
-    """It answers, but refuses what it needs before a flight (streams, mode)."""
+    """The vehicle answers, but refuses streams or hold mode before a flight."""
 
 
 class NotReady(LinkError):
-    """It did not become ready to arm in time."""
+    """The vehicle did not become ready to arm in time."""
 
     def __init__(self, text: str, *, reasons: tuple[str, ...]) -> None:
         super().__init__(text)
@@ -130,37 +130,37 @@ class NotReady(LinkError):
 
 
 class ParametersFailed(LinkError):
-    """A parameter is not what it was set to."""
+    """A parameter does not have the value that was set."""
 
 
 class FenceFailed(LinkError):
-    """The geofence is not verified to be on the vehicle or in force, or cannot be read."""
+    """The geofence is not verified on the vehicle, may not be in force, or cannot be read."""
 
 
 class UploadFailed(LinkError):
-    """The plan is not verified to be on the vehicle."""
+    """The plan is not verified on the vehicle."""
 
 
 class LaunchFailed(LinkError):
-    """It did not arm, start or leave the ground."""
+    """The vehicle did not arm, start or leave the ground."""
 
 
 class LaunchBlockedError(LaunchFailed):
-    """Somebody came into its way before it took off; it is not armed."""
+    """Another vehicle blocked the take-off; the vehicle is disarmed."""
 
     def __init__(self, text: str, *, why: str, was_armed: bool) -> None:
         super().__init__(text)
         self.why = why
-        """as it was told"""
+        """the obstacle, as `blocked_by` returned it"""
         self.was_armed = was_armed
-        """and has been disarmed again"""
+        """True if the vehicle was armed and has been disarmed again"""
 
 
 class SwapFailed(LinkError):
-    """The new plan is not being flown; `flying` says what is.
+    """The new plan is not flown; `flying` is the mission or mode instead.
 
-    "old": the plan from before, verified; "hold": it stands still in the air; "theirs": somebody else took
-    the vehicle over; "unknown": nobody knows (the link went away in the middle).
+    "old": the previous plan, verified; "hold": hold in the air; "theirs": a mode set by the pilot, a failsafe
+    or another station; "unknown": the link was lost during the swap.
     """
 
     def __init__(
@@ -169,13 +169,13 @@ class SwapFailed(LinkError):
         super().__init__(text)
         self.flying = flying
         self.stood_still_s = stood_still_s
-        """for how long it held or stood still for it, by its own clock"""
+        """time in hold or without motion in the air, by the vehicle's clock"""
         self.is_late = is_late
-        """it was past where the plan leaves the old one"""
+        """True if the vehicle had passed the point where the plan leaves the old one"""
 
 
 class CommandFailed(LinkError):
-    """hold, return_home or land was refused, or was not seen to happen."""
+    """hold, return_home, land or set_speed was refused or had no visible effect."""
 
 
 class Busy(LinkError):
@@ -186,90 +186,95 @@ class Link(Protocol):
     """One vehicle. Times are those of the running loop [s]."""
 
     async def connect(self, timeout_s: float) -> Identity:
-        """Hear its heartbeat and `identify` it. Raises NoAnswer, UnsupportedVehicle."""
+        """Wait for a heartbeat and `identify` the vehicle. Raises NoAnswer, UnsupportedVehicle."""
 
     async def identify(self, timeout_s: float) -> Identity:
-        """Ask a vehicle that is connected who it is, also again: an address may have changed hands.
+        """Return the identity of a connected vehicle, asked anew: another one may have its address now.
 
         Nothing else is sent to it. Raises NoAnswer.
         """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
-        """Streams on, in its hold mode, ready to arm; reports whenever the reasons for waiting change.
+        """Request streams, set hold mode and wait until the vehicle is ready to arm.
 
-        Raises NotReady with the last reasons, PrepareFailed.
+        `on_waiting` gets the reasons for waiting whenever they change. Raises NotReady with the last reasons,
+        PrepareFailed.
         """
 
     async def upload(self, plan: FlightPlan) -> float:
-        """On the ground: upload, read back, compare. Returns how long a change in flight will take over this
-        link [s]. Raises UploadFailed."""
+        """Upload a plan on the ground, read it back and compare; return the expected time of a swap [s].
+
+        Raises UploadFailed.
+        """
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
-        """Those of the names that the vehicle knows, in the units of the parameters.
+        """Return the parameters that the vehicle knows of these names, in their units.
 
-        This and the six below may be called while `upload` runs, and the other way round: one waits for the
-        other. Raises LinkError where an order has interrupted it.
+        This call and the six below may run while `upload` does: they wait for each other. Raises LinkError
+        after an interruption by an urgent command.
         """
 
     async def set_parameters(self, wanted: Mapping[str, float]) -> None:
-        """On the ground: set what is not as wanted, hear it back. Raises ParametersFailed."""
+        """Set the parameters that differ, on the ground, and confirm them. Raises ParametersFailed."""
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
-        """On the ground: upload the polygon to stay inside of, read back, compare. Raises FenceFailed."""
+        """Upload the inclusion polygon on the ground, read it back and compare. Raises FenceFailed."""
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
-        """The items of the fence that is on the vehicle. Raises FenceFailed."""
+        """Return the items of the fence on the vehicle. Raises FenceFailed."""
 
     async def enforce_fence(self) -> None:
-        """On the ground: an ArduPilot keeps to the limits that FENCE_TYPE names from now on, whatever was in
-        force before. Raises FenceFailed."""
+        """Enable on the ground the fences that an ArduPilot's FENCE_TYPE names. Raises FenceFailed."""
 
     async def count_rally_points(self) -> int:
-        """How many it has, and might return to. Raises LinkError where that is not known."""
+        """Return the number of rally points on the vehicle. Raises LinkError if it is unknown."""
 
     async def read_instruments(self) -> Instruments:
-        """GPS receiver and clock; the vehicle's home and battery in `state` are young afterwards."""
+        """Return readings of GPS receiver and clock; home and battery in `state` are recent afterwards."""
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
-        """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE.
+        """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.
 
-        `blocked_by`: who is in the way of its take-off just now, in words; asked right before it is armed and
-        right before it takes off. Raises LaunchPutOff where somebody is.
-        Nothing is commanded any more once somebody else has chosen a mode or armed it.
+        `blocked_by` returns the present obstacle to the take-off as text, or ""; it is called right before
+        arming and right before the take-off. No command follows once another party has chosen a mode or armed
+        the vehicle. Raises LaunchFailed, and LaunchBlockedError for an obstacle.
         """
 
     async def swap(self, plan: FlightPlan) -> Swapped:
-        """In flight: upload, verify, fly `plan` from its first waypoint, or from what of it lies ahead
-        (`leaves_ahead`), without a stop where the autopilot allows it. Raises SwapFailed.
+        """Upload and verify `plan` in flight and fly it, without a stop if the autopilot allows it.
 
-        Nothing is commanded any more once somebody else has chosen a mode.
+        The vehicle begins at the first waypoint, or with `leaves_ahead` at the item ahead of it. No command
+        follows once another party has chosen a mode. Raises SwapFailed.
         """
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
-        """Stand still in the air. Raises CommandFailed.
+        """Hold in the air. Raises CommandFailed.
 
-        As `return_home` and `land`: sent at once whatever its mode, and again only while nobody else has
-        chosen one since. `check_mode_first`: also the first time; for whatever no person has ordered just now.
+        As for `return_home` and `land`, the first command goes out at once in any mode; repetitions stop once
+        another party has chosen a mode. `check_mode_first` checks the mode before the first command too; it
+        is for commands that no operator has just ordered.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:
-        """Another speed over ground for its mission, which it flies, until that is changed [m/s]. Raises
-        CommandFailed; nothing is sent where somebody else has chosen another mode."""
+        """Set the speed for the rest of the flown mission [m/s].
+
+        Raises CommandFailed; nothing is sent if another party has chosen another mode.
+        """
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
         """Return to launch. Raises CommandFailed."""
 
     async def land(self, *, check_mode_first: bool = False) -> None:
-        """Land where it is. Raises CommandFailed."""
+        """Land at the present place, or at the mission's landing. Raises CommandFailed."""
 
     def state(self) -> VehicleState:
-        """Its last known state."""
+        """Return the last known state."""
 
     def age_s(self) -> float:
-        """Since its last heartbeat [s]; infinite before the first."""
+        """Return the time since the last heartbeat [s]; infinite before the first."""
 
     def items(self) -> tuple[MissionItem, ...]:
-        """The mission items last verified on the vehicle, item 0 included; empty if none or in doubt."""
+        """Return the mission items last verified on the vehicle, with item 0; empty if none or in doubt."""
 
     def close(self) -> None:
         """Stop timers, leave the front end, close its tlog. Idempotent."""

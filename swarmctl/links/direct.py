@@ -1,4 +1,4 @@
-"""`DirectLink`: one vehicle by our own protocol machines, over the front end."""
+"""`DirectLink`: one vehicle by this program's own conversations, over the front end."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from swarmctl.links.base import (
 )
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.line import Channel
+from swarmctl.links.signing import OTHER_KEY, UNSIGNED
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.procedures import basic, fence, rally, speed
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
@@ -52,7 +53,7 @@ REPORT_PERIOD_S = 1.0
 class DirectLink:
     """Fits `Link`. The asyncio shell around a `Session`: one timer, one waiter, no polling.
 
-    `on_event` is called from the loop, in the order of things, and must not block.
+    `on_event` is called from the loop, in the order of the events, and must not block.
     """
 
     def __init__(
@@ -79,18 +80,18 @@ class DirectLink:
             streaming,
         )
         self._channel: Channel | None = None
-        self._heard = asyncio.Event()
+        self._heartbeat_received = asyncio.Event()
         self._waiter: asyncio.Future[Any] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._on_waiting: Callable[[tuple[str, ...]], None] | None = None
         self._reasons: tuple[str, ...] = ()
         self._report_at = 0.0
-        self._at_ground_work = asyncio.Lock()
-        """uploads and looks at a vehicle on the ground wait for each other"""
-        # Whoever opened the front end may fail before it comes to this link.
+        self._ground_lock = asyncio.Lock()
+        """makes uploads and requests on the ground wait for each other"""
+        # The owner of the front end may fail before it closes this link.
         front_end.at_close(self.close)
 
-    # What is known
+    # State
 
     def state(self) -> VehicleState:
         return self._session.state
@@ -101,18 +102,18 @@ class DirectLink:
     def items(self) -> tuple[MissionItem, ...]:
         return self._session.items
 
-    # What can be asked of the vehicle
+    # Procedures
 
     async def connect(self, timeout_s: float) -> Identity:
         await self._attach()
         until_s = self._now() + timeout_s
         try:
             async with asyncio.timeout_at(until_s):
-                await self._heard.wait()
+                await self._heartbeat_received.wait()
         except TimeoutError:
-            raise self._nobody_answers(timeout_s) from None
+            raise self._no_answer(timeout_s) from None
         if self._session.unsupported:
-            raise UnsupportedVehicle(f"{self._who}: {self._session.unsupported}")
+            raise UnsupportedVehicle(f"{self._label}: {self._session.unsupported}")
         return await self._identify(until_s, timeout_s)
 
     async def identify(self, timeout_s: float) -> Identity:
@@ -123,9 +124,9 @@ class DirectLink:
             async with asyncio.timeout_at(until_s):
                 version: Message | Done = await self._perform("identify", basic.identify)
         except TimeoutError:
-            raise self._nobody_answers(timeout_s) from None
+            raise self._no_answer(timeout_s) from None
         if isinstance(version, Done):
-            raise LinkError(f"{self._who}: it was not heard who it is: {version.failure}")
+            raise LinkError(f"{self._label}: AUTOPILOT_VERSION was not received: {version.failure}")
         return self._session.identity(version)
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
@@ -140,101 +141,105 @@ class DirectLink:
         finally:
             self._on_waiting = None
         if done.failure:
-            raise PrepareFailed(f"{self._who} cannot be prepared: {done.failure}")
+            raise PrepareFailed(f"{self._label} cannot be prepared: {done.failure}")
 
     async def upload(self, plan: FlightPlan) -> float:
         self._require_heard()
         try:
             items = self._session.mission_items(plan)
         except ValueError as error:
-            raise UploadFailed(f"{self._who}: its plan cannot be flown: {error}") from error
-        async with self._at_ground_work:
+            raise UploadFailed(f"{self._label}: the plan cannot be flown: {error}") from error
+        async with self._ground_lock:
             done: Done = await self._perform("upload", partial(basic.upload, items=items))
         if done.failure:
-            raise UploadFailed(f"{self._who}: the mission is not verified on the vehicle: {done.failure}")
+            raise UploadFailed(f"{self._label}: the mission is not verified on the vehicle: {done.failure}")
         return done.swap_takes_s if isinstance(done, Uploaded) else 0.0
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         procedure = partial(parameters.read_parameters, names=names, byte_wise=self._byte_wise)
-        told: dict[str, parameters.Parameter] = await self._read("parameters", procedure)
-        return {name: parameter.value for name, parameter in told.items()}
+        result: dict[str, parameters.Parameter] = await self._read("parameters", procedure)
+        return {name: parameter.value for name, parameter in result.items()}
 
     async def set_parameters(self, wanted: Mapping[str, float]) -> None:
         procedure = partial(parameters.set_parameters, wanted=wanted, byte_wise=self._byte_wise)
-        done: Done = await self._look("set parameters", procedure)
+        done: Done = await self._perform_on_ground("set parameters", procedure)
         if done.failure:
-            raise ParametersFailed(f"{self._who}: its parameters are not set: {done.failure}")
+            raise ParametersFailed(f"{self._label}: parameters not set: {done.failure}")
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
         items = fence.fence_items(polygon)
-        done: Done = await self._look("put fence", partial(fence.put_fence, items=items))
+        done: Done = await self._perform_on_ground("put fence", partial(fence.put_fence, items=items))
         if done.failure:
-            raise FenceFailed(f"{self._who}: the fence is not verified on the vehicle: {done.failure}")
+            raise FenceFailed(f"{self._label}: the fence is not verified on the vehicle: {done.failure}")
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
         found: DownloadResult = await self._read("fence", fence.read_fence, FenceFailed)
         if found.outcome is not DownloadOutcome.COMPLETE:
-            raise FenceFailed(f"{self._who}: its fence: {found.text}")
+            raise FenceFailed(f"{self._label}: the fence cannot be read: {found.text}")
         return found.items
 
     async def enforce_fence(self) -> None:
-        done: Done = await self._look("enforce fence", fence.enforce_fence)
+        done: Done = await self._perform_on_ground("enforce fence", fence.enforce_fence)
         if done.failure:
-            raise FenceFailed(f"{self._who}: its fence may not be in force: {done.failure}")
+            raise FenceFailed(f"{self._label}: the fence may not be in force: {done.failure}")
 
     async def count_rally_points(self) -> int:
         found: rally.RallyPoints = await self._read("rally points", rally.count_rally_points)
         if found.count is None:
-            raise LinkError(f"{self._who}: its rally points: {found.text}")
+            raise LinkError(f"{self._label}: rally points unknown: {found.text}")
         return found.count
 
     async def read_instruments(self) -> Instruments:
-        told: Instruments = await self._read("instruments", instruments.read_instruments)
-        return told
+        result: Instruments = await self._read("instruments", instruments.read_instruments)
+        return result
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         if why_not := await self._front_end.why_not_arm():
-            raise LaunchFailed(f"{self._who}: not armed: {why_not}")
+            raise LaunchFailed(f"{self._label}: not armed: {why_not}")
         done: Done = await self._perform("launch", partial(basic.launch, blocked_by=blocked_by))
         if isinstance(done, LaunchBlocked):
             why = done.failure or ""
-            raise LaunchBlockedError(f"{self._who}: put off: {why}", why=why, was_armed=done.was_armed)
+            raise LaunchBlockedError(
+                f"{self._label}: launch postponed: {why}", why=why, was_armed=done.was_armed
+            )
         if done.failure:
-            raise LaunchFailed(f"{self._who}: {done.failure}")
+            raise LaunchFailed(f"{self._label}: {done.failure}")
 
     async def swap(self, plan: FlightPlan) -> Swapped:
         self._require_heard()
         try:
             items = self._session.mission_items(plan)
         except ValueError as error:
-            raise SwapFailed(f"{self._who}: the plan cannot be flown: {error}", flying="old") from error
+            raise SwapFailed(f"{self._label}: the plan cannot be flown: {error}", flying="old") from error
         procedure = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
         done: Swapped = await self._perform("swap", procedure)
         if done.failure:
             flying = "unknown" if done.flying == "new" else done.flying
             now_flies = {
-                "old": "it flies its old mission",
-                "hold": "it stands in hold",
-                "theirs": "somebody else has it",
-                "unknown": "what it flies is not known",
+                "old": "the vehicle flies its old mission",
+                "hold": "the vehicle holds",
+                "theirs": "the pilot, a failsafe or another station flies the vehicle",
+                "unknown": "the flown mission is unknown",
             }[flying]
-            text = f"{self._who}: mission not changed, {now_flies}: {done.failure}"
+            text = f"{self._label}: mission not changed, {now_flies}: {done.failure}"
             raise SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
         return done
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
-        await self._must("hold", partial(basic.hold, check_mode_first=check_mode_first))
+        await self._perform_urgent("hold", partial(basic.hold, check_mode_first=check_mode_first))
 
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(speed.set_speed, speed_m_s=speed_m_s))
         if done.failure:
-            raise CommandFailed(f"{self._who}: set_speed: {done.failure}")
+            raise CommandFailed(f"{self._label}: set_speed: {done.failure}")
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
-        await self._must("return_home", partial(basic.return_home, check_mode_first=check_mode_first))
+        await self._perform_urgent(
+            "return_home", partial(basic.return_home, check_mode_first=check_mode_first)
+        )
 
     async def land(self, *, check_mode_first: bool = False) -> None:
-        await self._must("land", partial(basic.land, check_mode_first=check_mode_first))
+        await self._perform_urgent("land", partial(basic.land, check_mode_first=check_mode_first))
 
     def close(self) -> None:
         """Idempotent; the front end does so when it closes."""
@@ -247,7 +252,7 @@ class DirectLink:
             self._channel.detach()
             self._channel = None
 
-    # How it is done
+    # Running procedures
 
     async def _attach(self) -> None:
         if self._channel is not None:
@@ -276,29 +281,29 @@ class DirectLink:
         procedure: Callable[[Context], Procedure[Any]],
         failed: Callable[[str], LinkError] = LinkError,
     ) -> Any:
-        """What the procedure returns. Raises what `failed` makes where an order has interrupted it."""
-        told = await self._look(f"read {what}", procedure)
-        if isinstance(told, Done):
-            raise failed(f"{self._who}: its {what} could not be read: {told.failure}")
-        return told
+        """Return the procedure's result. Raises the error from `failed` after an interruption."""
+        result = await self._perform_on_ground(f"read {what}", procedure)
+        if isinstance(result, Done):
+            raise failed(f"{self._label}: {what} not read: {result.failure}")
+        return result
 
-    async def _look(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
-        """Ends as a `Done` with the reason where an order has interrupted it."""
-        async with self._at_ground_work:
+    async def _perform_on_ground(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
+        """Return the procedure's result; after an interruption a `Done` with the reason."""
+        async with self._ground_lock:
             return await self._perform(name, procedure)
 
-    async def _must(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
-        """For what an operator needs when things go wrong: interrupts whatever else runs."""
+    async def _perform_urgent(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
+        """Run an urgent procedure; it interrupts the running one."""
         if self._waiter is not None:
             self._interrupt(name)
         done: Done = await self._perform(name, procedure)
         if done.failure:
-            raise CommandFailed(f"{self._who}: {name}: {done.failure}")
+            raise CommandFailed(f"{self._label}: {name}: {done.failure}")
 
     async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
         self._require_heard()
         if self._session.busy_with is not None:
-            raise Busy(f"{self._who}: {name} while {self._session.busy_with} runs; wait for it, or hold")
+            raise Busy(f"{self._label}: {name} while {self._session.busy_with} runs; wait for it, or hold")
         waiter = self._waiter = asyncio.get_running_loop().create_future()
         self._take(self._session.begin(name, procedure, self._now()))
         try:
@@ -313,8 +318,8 @@ class DirectLink:
         waiter, self._waiter = self._waiter, None
         self._take(self._session.cancel(self._now()))
         if waiter is not None and not waiter.done():
-            # A Swapped is a Done, so it fits whatever was waited for.
-            waiter.set_result(Swapped(f"interrupted by {by}"))
+            # A Swapped is a Done, so it fits every waiter.
+            waiter.set_result(Swapped(f"interrupted by {by} [interrupted]"))
 
     def _on_message(self, message: Message) -> None:
         self._take(self._session.receive(message, self._now()))
@@ -329,7 +334,7 @@ class DirectLink:
         self._arm_timer()
         for event in step.events:
             if isinstance(event, FirstHeartbeat):
-                self._heard.set()
+                self._heartbeat_received.set()
             elif isinstance(event, ProcedureDone) and self._waiter is not None:
                 waiter, self._waiter = self._waiter, None
                 if not waiter.done():
@@ -338,7 +343,7 @@ class DirectLink:
         self._report_waiting()
 
     def _report_waiting(self) -> None:
-        """The reasons for waiting when they change, for people: not more than once a second."""
+        """Report the reasons for waiting when they change, at most once a second."""
         if self._on_waiting is None or self._now() < self._report_at:
             return
         reasons = self._session.state.not_ready
@@ -352,7 +357,7 @@ class DirectLink:
         if deadline is None or self._channel is None:
             return
         if self._timer is not None:
-            # Firing too early costs one idle tick, re-arming at every message would cost more.
+            # An early timer costs one idle tick; setting it anew at every message would cost more.
             if self._timer.when() <= deadline:
                 return
             self._timer.cancel()
@@ -361,53 +366,52 @@ class DirectLink:
     def _now(self) -> float:
         return asyncio.get_running_loop().time()
 
-    # What is said when it fails
+    # Error texts
 
     @property
-    def _who(self) -> str:
+    def _label(self) -> str:
         return f"{self.name} (system {self.sysid} at {self.endpoint})"
 
     def _require_heard(self) -> None:
-        if not self._heard.is_set() or self._session.unsupported:
-            raise LinkError(f"{self._who}: not connected; connect first")
+        if not self._heartbeat_received.is_set() or self._session.unsupported:
+            raise LinkError(f"{self._label}: not connected [not-connected]")
 
-    def _nobody_answers(self, tried_s: float) -> NoAnswer:
-        if self._heard.is_set():
-            problem = "its heartbeats come, but it does not say who it is (AUTOPILOT_VERSION)"
-            check = "does the link carry our requests back to it (one-way link, wrong port, signing)?"
+    def _no_answer(self, tried_s: float) -> NoAnswer:
+        if self._heartbeat_received.is_set():
+            problem = "its heartbeats come, but no AUTOPILOT_VERSION"
+            check = "do requests reach the vehicle (one-way link, wrong port, signing)?"
         else:
-            problem = "nobody answers"
+            problem = "no heartbeat [no-heartbeat]"
             check = _CHECKS[self.endpoint.kind]
             if refused := self._front_end.refused_on(self.endpoint, self.sysid):
-                problem = f"it speaks, but {_REFUSED.get(refused, f'it is refused: {refused}')}"
-                check = _KEYS.get(refused, "do its clock and this machine's agree?")
+                problem = f"its frames are refused: {refused} [frames-refused]"
+                check = _KEYS.get(refused, "do the clocks of vehicle and this machine agree?")
             others = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
             if others and not refused:
-                check = f"heard there: system {', '.join(map(str, others))}; is the system id right?"
+                check = f"received there: system {', '.join(map(str, others))}; is the system id right?"
         trouble = self._front_end.trouble_on(self.endpoint)
         because = f" ({trouble})" if trouble else ""
-        text = f"{self._who}: {problem}{because}; tried for {tried_s:g} s; {check}"
+        text = f"{self._label}: {problem}{because}; tried for {tried_s:g} s; {check}"
         return NoAnswer(text, url=str(self.endpoint), sysid=self.sysid, tried_s=tried_s)
 
     def _not_ready(self, tried_s: float) -> NotReady:
-        reasons = self._session.state.not_ready or ("it does not say why",)
+        reasons = self._session.state.not_ready or ("the vehicle gives no reason",)
         silent_s = self.age_s()
-        silence = f"; nothing heard from it for {silent_s:.0f} s" if silent_s > 3.0 else ""
-        text = f"{self._who}: not ready to arm after {tried_s:g} s: {'; '.join(reasons)}{silence}"
+        silence = f"; no heartbeat for {silent_s:.0f} s" if silent_s > 3.0 else ""
+        text = f"{self._label}: not ready to arm after {tried_s:g} s: {'; '.join(reasons)}{silence}"
         return NotReady(text, reasons=reasons)
 
 
-_REFUSED = {"unsigned": "unsigned", "signed with another key": "under another key"}
 _KEYS = {
-    "unsigned": "it has no key: give it that of links.signing_key, or leave links.signing_key away",
-    "signed with another key": "give it the key of links.signing_key, or that the key it has",
+    UNSIGNED: "the vehicle has no key: give it that of links.signing_key, or leave out links.signing_key",
+    OTHER_KEY: "give the vehicle the key of links.signing_key, or set links.signing_key to the vehicle's key",
 }
-"""by what the front end refuses its frames for"""
+"""remedies by the front end's reason for refusing frames"""
 _CHECKS = {
     "udpin": "does the vehicle (or simulator) send to this machine and port, and is it switched on?",
-    "udpout": "does it listen at that host and port? A PX4 answers only whom it heard first since its boot: udpin://",
+    "udpout": "does it listen at that host and port? PX4 answers only its first peer since its boot: udpin://",
     "tcpin": "does it connect to this machine and port?",
     "tcpout": "does it listen at that host and port?",
     "serial": "is it switched on, and are the baud rate and the cable right?",
-    "memory": "does the simulator play this system id?",
+    "memory": "does the simulator have this system id?",
 }

@@ -1,7 +1,7 @@
-"""Copies of the traffic for whoever watches: QGroundControl, Mission Planner, MAVProxy ...
+"""Forwarding: copies of the traffic for other stations (QGroundControl, Mission Planner, MAVProxy ...).
 
-Every frame goes out as it came, one a datagram, so that signatures stay whole. A watcher that is absent or
-slow loses frames and holds nobody up. What comes back is handed to `on_frame`, if anybody takes it.
+Every frame goes out unchanged, one per datagram, so signatures stay valid. An absent or slow station loses
+frames and delays nothing. Frames from a station go to `on_frame`, if it is set.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import Frame, FrameSplitter
 
 WATCHERS_LIMIT = 16
-"""addresses that one listening target sends to: the last ones heard"""
+"""addresses that one listening target sends to: the latest senders"""
 
 OnFrame = Callable[[Frame, str], None]
-"""a frame of another station, and who that is, for people"""
+"""called with a frame of another station, and its endpoint as text"""
 
 
 class ForwardTarget:
-    """One endpoint that is watched from: everybody there gets everything."""
+    """One endpoint for other stations: every station there gets all frames."""
 
     def __init__(self, endpoint: Endpoint, transport: Transport, on_frame: OnFrame | None) -> None:
         self.endpoint = endpoint
@@ -45,9 +45,9 @@ class ForwardTarget:
     def _receive(self, data: bytes, address: Address) -> None:
         peers = self._transport.peers()
         if peers and address not in peers:
-            return  # a stranger who found the port that we speak from
+            return  # an unknown sender that found this program's port
         splitter = self._heard.pop(address, None) or FrameSplitter()
-        # The newest stays longest.
+        # The latest sender stays longest.
         self._heard[address] = splitter
         if len(self._heard) > WATCHERS_LIMIT:
             del self._heard[next(iter(self._heard))]
@@ -57,7 +57,7 @@ class ForwardTarget:
 
 
 class Forwarder:
-    """All targets of one front end."""
+    """All forward targets of one front end."""
 
     def __init__(self) -> None:
         self._targets: list[ForwardTarget] = []
@@ -82,17 +82,17 @@ class Forwarder:
 
 
 def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
-    """Why no station that may command is listened for, or spoken to, there; empty where it may be."""
+    """Return why an endpoint is unsafe for stations that may command; empty if it is safe."""
     if signed or endpoint.kind in ("serial", "memory") or is_loopback(endpoint.host):
         return ""
     if not endpoint.listens:
         return (
-            f"{endpoint}: who is at that address, or speaks as it, is not known, and with "
-            "links.forward_commands could order the vehicles; send to 127.0.0.1, or set links.signing_key"
+            f"{endpoint}: with links.forward_commands any sender at that address could command vehicles; "
+            "send to 127.0.0.1, or set links.signing_key [open-to-strangers]"
         )
     return (
-        f"{endpoint}: others than this machine reach it, and with links.forward_commands every one of them "
-        "could order the vehicles; listen at 127.0.0.1, or set links.signing_key"
+        f"{endpoint}: other machines reach it, and with links.forward_commands they could command the "
+        "vehicles; listen at 127.0.0.1, or set links.signing_key [open-to-strangers]"
     )
 
 
@@ -100,13 +100,13 @@ _LISTENER = {"udpout": "udpin", "tcpout": "tcpin", "udpin": "udpin", "tcpin": "t
 
 
 def refuse_loops(watched: Sequence[Endpoint], vehicles: Sequence[Endpoint]) -> None:
-    """Raises LinkError where what is forwarded would come back as a vehicle's, again and again."""
+    """Raise LinkError if forwarded frames would come back as a vehicle's, in an endless loop."""
     for target in watched:
         for endpoint in vehicles:
             if target == endpoint or (_reaches(target, endpoint) and _is_here(target.host)):
                 raise LinkError(
-                    f"forward {target}: vehicles are listened for at {endpoint}, so all that is forwarded "
-                    "would come back as theirs; give the program that watches a port of its own"
+                    f"forward {target}: vehicles are expected at {endpoint}, so forwarded frames would come "
+                    "back as theirs; give the other station a port of its own [forward-loop]"
                 )
 
 
@@ -115,7 +115,7 @@ def _reaches(target: Endpoint, endpoint: Endpoint) -> bool:
 
 
 def _is_here(host: str) -> bool:
-    """An address of this machine can be bound; a name that is unknown is somebody else's trouble."""
+    """Return whether the host is this machine: its address can be bound."""
     try:
         family = socket.getaddrinfo(host, None, type=socket.SOCK_DGRAM)[0][0]
         with socket.socket(family, socket.SOCK_DGRAM) as probe:

@@ -1,7 +1,8 @@
-"""The front end owns every transport of the ground station.
+"""Front end: owner of every transport of the ground station.
 
-One transport per distinct URL, however many vehicles are behind it. It learns at which address a system id
-is, sends to that address only, decodes only what somebody wants, writes the tlogs and sends the heartbeats.
+Each distinct URL has one transport, however many vehicles are behind it. The front end learns the address of
+each system id and sends to that address only. It decodes only the wanted messages, writes the tlogs and sends
+the heartbeats.
 """
 
 from __future__ import annotations
@@ -41,11 +42,13 @@ from swarmctl.mavlink.telemetry.presence import HEARTBEAT_PERIOD_S
 
 
 class FrontEnd:
-    """`async with FrontEnd(...) as front_end:` closes every transport and tlog at the end.
+    """Front end of a ground station; as a context manager it closes every transport and tlog at the end.
 
-    `wall_time_us` gives the times of the tlogs and of signatures; `signing` signs all that is sent and
-    refuses what is not signed; `memory` has the wires of `memory:NAME` endpoints; `say` is told what
-    people have to know of other stations, strangers' frames and signing itself.
+    wall_time_us: clock for tlogs and signatures
+    signing: signs outgoing frames and refuses unsigned ones
+    memory: wires of `memory:NAME` endpoints
+    evidence: sees every message, and may forbid it
+    say: gets messages for the operator about other stations, refused frames and signing
     """
 
     def __init__(
@@ -53,7 +56,7 @@ class FrontEnd:
         *,
         wall_time_us: Callable[[], int],
         memory: Mapping[str, MemoryWire] | None = None,
-        witness: EvidenceRecorder | None = None,
+        evidence: EvidenceRecorder | None = None,
         signing: Signing | None = None,
         say: Callable[[str], None] = lambda _text: None,
         sysid: int = GCS_SYSID,
@@ -64,17 +67,17 @@ class FrontEnd:
         self._wall_time_us = wall_time_us
         self._memory = memory or {}
         guard = SigningGuard(signing, wall_time_us)
-        self._shared = LineShared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, witness, say)
+        self._shared = LineShared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, evidence, say)
         self._lines: dict[Endpoint, Line] = {}
         self._opening = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
         self._at_close: list[Callable[[], None]] = []
         self._say = say
-        self._forced = 0
-        """orders of other stations that were dropped"""
+        self._n_forced = 0
+        """commands of other stations to arm or disarm by force, which were dropped"""
         self._refusals = Refusals()
-        """of other stations' frames"""
-        self._said_trouble = ""
+        """refused frames of other stations"""
+        self._reported_trouble = ""
 
     async def __aenter__(self) -> Self:
         return self
@@ -97,10 +100,10 @@ class FrontEnd:
                 self._heartbeat()
 
     async def forward(self, endpoint: Endpoint, *, commands: bool = False) -> None:
-        """Copy all traffic to who watches there; with `commands` what they send reaches the vehicles.
+        """Copy all traffic to the stations at an endpoint; with `commands` their frames reach the vehicles.
 
-        Raises TransportError, and LinkError where vehicles are listened for at the same place, or where
-        strangers could command.
+        Raises TransportError, and LinkError if vehicles are expected at the same endpoint, or if unknown
+        stations could command.
         """
         refuse_loops([endpoint], list(self._lines))
         signed = self._shared.guard.signing is not None
@@ -120,11 +123,11 @@ class FrontEnd:
         target = int(getattr(message, "target_system", 0))
         by = f"station {frame.sysid} at {where}"
         if forces(message):
-            self._forced += 1
-            if self._forced == 1:
-                self._say(f"{by} asks for a forced arming or disarming: never passed on")
+            self._n_forced += 1
+            if self._n_forced == 1:
+                self._say(f"{by} commands a forced arming or disarming; such commands are dropped [forced]")
             return
-        if self._shared.witness is None or self._shared.witness.to_vehicle(target, message, by):
+        if self._shared.evidence is None or self._shared.evidence.to_vehicle(target, message, by):
             for line in self._lines.values():
                 line.pass_on(frame, target)
 
@@ -138,53 +141,53 @@ class FrontEnd:
         tlog: Path | None = None,
         wanted: Set[int] = WANTED,
     ) -> Channel:
-        """Take part in the traffic of one system id on an open endpoint; `on_message` gets the messages whose
-        ids are `wanted`.
+        """Return the channel of one system id on an open endpoint; `on_message` gets the `wanted` messages.
 
-        Raises LinkError where another link already has it.
+        Raises LinkError if another link has it already.
         """
         line = self._lines[endpoint]
         if sysid in line.channels:
             raise LinkError(
                 f"system id {sysid} is used by two vehicles on {endpoint}; give one of them another "
                 "(ArduPilot: parameter SYSID_THISMAV, from 4.7 on MAV_SYSID; PX4: MAV_SYS_ID) or a link of "
-                "its own"
+                "its own [system-id-twice]"
             )
         if sysid == self.sysid:
             raise LinkError(
-                f"system id {sysid} on {endpoint} is the ground station's own; vehicles use 1 to 254"
+                f"system id {sysid} on {endpoint} is the ground station's own; vehicles use 1 to 254 "
+                "[system-id-own]"
             )
         writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
         channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, wanted)
         return channel
 
     def systems_on(self, endpoint: Endpoint) -> frozenset[int]:
-        """The system ids of all autopilots that were heard there."""
+        """Return the system ids of all autopilots received on an endpoint."""
         return frozenset(self._lines[endpoint].heard) if endpoint in self._lines else frozenset()
 
     def refused_on(self, endpoint: Endpoint, sysid: int) -> str:
-        """Why the last frame of an autopilot there was refused; empty where none was."""
+        """Return why the last frame of an autopilot was refused; empty if none was."""
         return self._lines[endpoint].refused.get(sysid, "") if endpoint in self._lines else ""
 
     async def why_not_arm(self) -> str:
-        """What forbids to arm any vehicle now; empty where nothing does. Waits for the evidence so far."""
-        return "" if self._shared.witness is None else await self._shared.witness.settled()
+        """Return what forbids arming now, or ""; waits until the evidence so far is on disk."""
+        return "" if self._shared.evidence is None else await self._shared.evidence.settled()
 
     def trouble_on(self, endpoint: Endpoint) -> str:
-        """What its transport knows to be wrong at the moment."""
+        """Return the present faults of an endpoint's transport and the refused frames; empty if none."""
         transport = self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
         return "; ".join(text for text in (transport, self.refused) if text)
 
     @property
     def refused(self) -> str:
-        """What came and was not taken, for people; empty where nothing was."""
-        forced = f"forced armings or disarmings of other stations dropped: {self._forced}"
+        """Return a summary of refused frames and dropped commands; empty if there are none."""
+        forced = f"forced armings or disarmings of other stations dropped: {self._n_forced}"
         return "; ".join(
-            text for text in (self._shared.guard.trouble, forced if self._forced else "") if text
+            text for text in (self._shared.guard.trouble, forced if self._n_forced else "") if text
         )
 
     def at_close(self, release: Callable[[], None]) -> None:
-        """Call `release` before the transports close; for who keeps something as long as this is open."""
+        """Call `release` before the transports close, for an object that depends on this front end."""
         self._at_close.append(release)
 
     async def close(self) -> None:
@@ -204,12 +207,12 @@ class FrontEnd:
     def _heartbeat(self) -> None:
         self._timer = asyncio.get_running_loop().call_later(HEARTBEAT_PERIOD_S, self._heartbeat)
         signing = self._shared.guard.signing
-        if signing is not None and signing.trouble != self._said_trouble:
-            self._said_trouble = signing.trouble
+        if signing is not None and signing.trouble != self._reported_trouble:
+            self._reported_trouble = signing.trouble
             self._say(signing.trouble)
         for line in self._lines.values():
             line.heartbeat()
-            # A log is wanted most of all after the process died.
+            # The log matters most after a crash of this process.
             line.flush_logs()
 
     def _transport(self, endpoint: Endpoint) -> Transport:

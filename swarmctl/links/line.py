@@ -20,26 +20,28 @@ from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
 
 _LATE_LIMIT = 64
 _STREAMS_LIMIT = 1024
-"""addresses on one endpoint whose half frames are remembered"""
+"""addresses on one endpoint whose incomplete frames are kept"""
 SILENT_S = 2.0
-"""after this long without a word from its address, a vehicle may speak from another one"""
+"""silence of a vehicle's address after which the vehicle may send from another one"""
 
 
 class AddressVerdict(Enum):
+    """Decision about a frame by its address."""
+
     ACCEPTED = "accepted"
     MOVED = "moved"
-    """accepted, and the vehicle is at this address from now on"""
+    """accepted; this is the vehicle's new address"""
     DROPPED = "dropped"
-    """from another address than the vehicle's"""
+    """not from the vehicle's address"""
     CONFLICT = "conflict"
-    """accepted, and it is certain now that `rival` uses the same system id"""
+    """accepted; `rival` certainly uses the same system id"""
 
 
 class AddressTracker:
-    """The address of one system id on one endpoint.
+    """Address of one system id on one endpoint. Pure.
 
-    Over UDP a rebooted vehicle comes back from another port, and two vehicles may have been given the same
-    system id. Both look like a second address; only in the second case does the first one go on speaking.
+    A second address appears when a vehicle reboots over UDP, or when two vehicles have the same system id.
+    Only in the second case the first address goes on sending.
     """
 
     def __init__(self) -> None:
@@ -50,7 +52,7 @@ class AddressTracker:
         self._reported: set[Address] = set()
 
     def hear(self, address: Address, now: float) -> AddressVerdict:
-        """A frame of this system id came from `address`."""
+        """Decide about a frame of this system id from `address`."""
         if address == self.address:
             self._heard = now
             if self._rival_heard > now - SILENT_S and self.rival not in self._reported:
@@ -68,23 +70,23 @@ class AddressTracker:
 
 
 class EvidenceRecorder(Protocol):
-    """Whoever keeps the evidence: sees every message that is for a vehicle or from one.
+    """Recorder of the evidence: sees every message for a vehicle or from one.
 
-    Here, because nothing reaches a vehicle but through `Line.send`.
+    Every message to a vehicle passes `Line.send`, so the recorder is called there.
     """
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
-        """Before it leaves; False forbids it. 0: it is for all; `by`: which other station says it."""
+        """Record a message before it is sent; return False to forbid it. sysid 0: all vehicles."""
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
-        """What somebody here looks at."""
+        """Record a wanted message of a vehicle."""
 
     async def settled(self) -> str:
-        """Wait until all of it would outlive a loss of power; why it does not, empty if it does."""
+        """Wait until the record is safe from a loss of power; return the reason if it is not, or ""."""
 
 
 class Channel:
-    """One vehicle's place at the front end, from `attach` to `detach`."""
+    """Channel of one vehicle at the front end, from `attach` to `detach`."""
 
     def __init__(
         self,
@@ -104,7 +106,7 @@ class Channel:
         self._tlog = tlog
 
     def send(self, messages: list[Message]) -> None:
-        """To the vehicle's address only; dropped while none is known, and once it is detached."""
+        """Send to the vehicle's address only; drop messages while it is unknown, and after `detach`."""
         if self.route.address is not None and self._line.channels.get(self.sysid) is self:
             for message in messages:
                 self.log(self._line.send(message, self.route.address, self.sysid))
@@ -128,13 +130,13 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class LineShared:
-    """What all lines of a front end have in common."""
+    """Parts that all lines of a front end share."""
 
     encoder: Encoder
     decoder: Decoder
     forwarder: Forwarder
     guard: SigningGuard
-    witness: EvidenceRecorder | None
+    evidence: EvidenceRecorder | None
     say: Callable[[str], None]
 
 
@@ -142,23 +144,23 @@ class Line:
     """One endpoint: its transport and the vehicles on it."""
 
     def __init__(self, endpoint: Endpoint, number: int, transport: Transport, shared: LineShared) -> None:
-        """`number` counts the lines of a front end, and tells their signatures apart."""
+        """`number`: index of the line, for its signatures' link id."""
         self.transport = transport
         self.channels: dict[int, Channel] = {}
         self.heard: set[int] = set()
         self.refused: dict[int, str] = {}
-        """why the last frame was, by autopilots' system ids"""
+        """reason of the last refusal, by the autopilot's system id"""
         self._endpoint = endpoint
         self._number = number
         self._shared = shared
         self._refusals = Refusals()
         self._splitters: dict[Address, FrameSplitter] = {}
         self._late: set[Address] = set()
-        """who has the key and an old time: without GPS an autopilot learns it from what it is sent"""
+        """addresses with the right key and an old time: an autopilot without GPS learns it from frames"""
 
     def send(self, message: Message, address: Address, sysid: int = 0) -> bytes:
-        """Returns what was sent; empty where the witness forbids it."""
-        if self._shared.witness is not None and not self._shared.witness.to_vehicle(sysid, message):
+        """Send a message; return its frame, or b"" if the evidence recorder forbids it."""
+        if self._shared.evidence is not None and not self._shared.evidence.to_vehicle(sysid, message):
             return b""
         signature = self._shared.guard.sign(self._number)
         data = self._shared.encoder.pack(message, (self._endpoint, address), signature)
@@ -167,7 +169,7 @@ class Line:
         return data
 
     def pass_on(self, frame: Frame, target: int) -> None:
-        """Another station's frame to system `target` (0: to all), as it is."""
+        """Pass another station's frame unchanged to system `target` (0: to all)."""
         channels = [c for c in self.channels.values() if target in (0, c.sysid)]
         for channel in channels:
             channel.log(frame.data)
@@ -175,7 +177,7 @@ class Line:
             self.transport.send(frame.data, address)
 
     def heartbeat(self) -> None:
-        """Once per address, whether one vehicle or a whole fleet is behind it."""
+        """Send one heartbeat per address, whether one vehicle or a whole fleet is behind it."""
         behind: dict[Address, list[Channel]] = {
             address: [] for address in (*self.transport.peers(), *self._late)
         }
@@ -211,7 +213,7 @@ class Line:
         if why == LATE and len(self._late) < _LATE_LIMIT:
             self._late.add(address)
         if not frame.known:
-            return  # noise may look like a frame of anybody
+            return  # noise may look like a frame of any system
         if frame.compid == AUTOPILOT_COMPID:
             self.refused[frame.sysid] = why
         channel = self.channels.get(frame.sysid)
@@ -229,7 +231,7 @@ class Line:
         if channel is None:
             return
         if not from_autopilot:
-            # Cameras and companions, and what cannot be verified: logged, but it moves no vehicle.
+            # Frames of cameras and companions, and unverified ones, are logged but change no address.
             if address == channel.route.address:
                 channel.log(frame.data)
             return
@@ -244,8 +246,8 @@ class Line:
         if frame.msgid in channel.wanted:
             message = self._shared.decoder.decode(frame)
             if message is not None:
-                if self._shared.witness is not None:
-                    self._shared.witness.from_vehicle(frame.sysid, message)
+                if self._shared.evidence is not None:
+                    self._shared.evidence.from_vehicle(frame.sysid, message)
                 channel.on_message(message)
 
 

@@ -1,9 +1,9 @@
-"""`MavsdkLink`: MAVSDK's stack for commands and missions, over our front end. The only file that imports it.
+"""`MavsdkLink`: commands and missions by MAVSDK, over the front end. The only module that imports MAVSDK.
 
-One `Mavsdk` object a front end, fed and drained by `raw://`: addresses, tlogs, signing and forwarding stay
-ours, and so do telemetry and every decision. Observed on MAVSDK 4.1.0: it is crashed by more than 16 objects
-in a process, by any call after `destroy`, and by `destroy` in a callback; a blocking call that is cancelled
-never returns. So it is used by its `_async` calls only, from the loop's thread, and destroyed there once.
+Each front end has one `Mavsdk` object, on `raw://`. Addresses, tlogs, signing, forwarding, telemetry
+and every decision stay with this program. Observed on MAVSDK 4.1.0: it crashes on more than 16 objects in a
+process, on any call after `destroy`, and on `destroy` in a callback; a cancelled blocking call never returns.
+So only its `_async` calls are used, from the loop's thread, and it is destroyed there once.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ from swarmctl.mavlink.session import Session, SessionStep
 from swarmctl.mavlink.telemetry.streams import Streaming
 
 _REPEATS = 4
-"""how often MAVSDK waits for its time-out before it gives a command up"""
+"""number of time-outs after which MAVSDK ends a command"""
 _COMMAND_TIMEOUT_S = Command.ANSWER_S / _REPEATS
 _TRANSFER_TIMEOUT_S = 1.5
-"""five in a row end a transfer: ArduPilot, which asks for a lost item once a second, needs them longer than
-MAVSDK's usual half second"""
+"""Five time-outs in a row end a transfer. ArduPilot requests a lost item every second, so the default of
+0.5 s is too short."""
 _CALLBACKS_KEPT = 64
-"""MAVSDK's plug-ins keep every callback for ever; later than so many calls none is still to come"""
+"""MAVSDK's plug-ins keep every callback for ever; none is pending after this many further calls"""
 _CLOCKS_APART_S = 1.0
 _LOOK_UP_AFTER_S = 0.1
 
 
 class MavsdkStation:
-    """The one `Mavsdk` object of a front end, from the first link on it to the last."""
+    """Owner of a front end's only `Mavsdk` object, from the first link on it to the last."""
 
     def __init__(self, front_end: FrontEnd) -> None:
         self._loop = asyncio.get_running_loop()
         self._looking = False
         self._vehicles: dict[int, MavsdkVehicle] = {}
         self._plugins: dict[int, tuple[Any, Any]] = {}
-        """by system id, as long as MAVSDK: one pair a vehicle, or their transfers would mix"""
+        """plug-ins by system id: one pair per vehicle, or their transfers would mix"""
         self._splitter, self._decoder = FrameSplitter(), Decoder()
-        # Its log goes to the terminal, which is taken; what matters of it comes back as results.
+        # MAVSDK's log would go to the terminal, which belongs to the user interface.
         log_subscribe(lambda *_: True)
         configuration = Configuration.create_manual(front_end.sysid, front_end.compid, False)
         self._mavsdk: Mavsdk | None = Mavsdk(configuration)
@@ -71,16 +71,16 @@ class MavsdkStation:
         self._mavsdk.subscribe_on_new_system(lambda _: self._later(self._found), None)
 
     def join(self, vehicle: MavsdkVehicle) -> None:
-        """Raises LinkError where another vehicle has its system id: MAVSDK knows them by nothing else."""
+        """Add a vehicle. Raises LinkError if its system id is used: MAVSDK knows vehicles by nothing else."""
         if vehicle.sysid in self._vehicles:
             raise LinkError(
                 f"system id {vehicle.sysid} is used by two vehicles with `link: mavsdk`; give one of them "
-                "another, or `link: direct`"
+                "another, or `link: direct` [system-id-twice]"
             )
         self._vehicles[vehicle.sysid] = vehicle
 
     def leave(self, vehicle: MavsdkVehicle) -> bool:
-        """Idempotent; returns whether it was the last one, and MAVSDK is gone."""
+        """Remove a vehicle; return whether it was the last one, so that MAVSDK is closed. Idempotent."""
         if self._vehicles.get(vehicle.sysid) is vehicle:
             del self._vehicles[vehicle.sysid]
         if not self._vehicles:
@@ -92,21 +92,21 @@ class MavsdkStation:
             self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
 
     def allow(self, timeout_s: float) -> None:
-        """How patient MAVSDK is with what is begun next."""
+        """Set MAVSDK's time-out for the next call."""
         if self._mavsdk is not None:
             self._set_timeout(self._mavsdk._handle, timeout_s)
 
     def _later(self, call: Callable[..., None], *args: Any) -> None:
-        """From MAVSDK's threads into the loop."""
+        """Call a function in the loop, from one of MAVSDK's threads."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(call, *args)
 
     def callback(self, call: Callable[..., None]) -> Callable[..., None]:
-        """For MAVSDK to call, whose last argument is of no use."""
+        """Return a callback for MAVSDK, without its last argument, which has no use."""
         return lambda *values: self._later(call, *values[:-1])
 
     def _found(self) -> None:
-        # All of a swarm are found within a second, and each look makes handles for all of them.
+        # A whole swarm is found within a second, and each look-up makes handles for all systems.
         if not self._looking:
             self._looking = True
             self._loop.call_later(_LOOK_UP_AFTER_S, self._look_up)
@@ -120,7 +120,7 @@ class MavsdkStation:
             if vehicle is not None and not vehicle.known.is_set():
                 if vehicle.sysid not in self._plugins:
                     self._plugins[vehicle.sysid] = MavlinkDirect(system), MissionRaw(system)
-                vehicle.embark(*self._plugins[vehicle.sysid])
+                vehicle.attach_plugins(*self._plugins[vehicle.sysid])
 
     def _drained(self, data: bytes) -> None:
         for frame in self._splitter.feed(data):
@@ -130,13 +130,13 @@ class MavsdkStation:
                 vehicle.send([message])
 
     def close(self) -> None:
-        """Idempotent; ends whatever MAVSDK is doing."""
+        """Stop MAVSDK. Idempotent."""
         mavsdk, self._mavsdk = self._mavsdk, None
         if mavsdk is not None:
-            # Its plug-ins drop their callbacks first, and then it calls those of what is under way: held
-            # until it is over, or that is memory of somebody else's.
+            # MAVSDK's plug-ins drop their callbacks first, then it calls the pending ones. References until
+            # `destroy` has ended keep their memory valid.
             for vehicle in self._vehicles.values():
-                vehicle.abandon()
+                vehicle.detach_plugins()
             held = [tuple(plugin._callbacks) for pair in self._plugins.values() for plugin in pair]
             mavsdk.destroy()
             held.clear()
@@ -147,29 +147,29 @@ _STATIONS: WeakKeyDictionary[FrontEnd, MavsdkStation] = WeakKeyDictionary()
 
 
 class MavsdkVehicle:
-    """One vehicle as MAVSDK has it. Fits `Adapter`: one transfer at a time, whoever asks."""
+    """MAVSDK's side of one vehicle. Fits `MavsdkAdapter`: one transfer at a time."""
 
     def __init__(self, station: MavsdkStation, sysid: int, send: Callable[[list[Message]], None]) -> None:
         self.sysid = sysid
         self.send = send
         self.gate = MavsdkGate()
         self.known = asyncio.Event()
-        """MAVSDK has heard of it"""
+        """set when MAVSDK has discovered the vehicle"""
         self._station = station
         self._direct: Any = None
         self._raw: Any = None
         self._acks: dict[int, Message] = {}
         self._next: Callable[[], None] | None = None
 
-    def embark(self, direct: Any, raw: Any) -> None:
+    def attach_plugins(self, direct: Any, raw: Any) -> None:
         self._direct, self._raw = direct, raw
         self.known.set()
 
-    def abandon(self) -> None:
-        """MAVSDK is about to go; what is asked of it from now on is not answered, as by a dead vehicle."""
+    def detach_plugins(self) -> None:
+        """Drop the plug-ins before MAVSDK closes; later calls get no answer, as from a dead vehicle."""
         self._direct = self._raw = None
 
-    def hear(self, message: Message) -> None:
+    def receive(self, message: Message) -> None:
         if self.gate.lets_in(message):
             if message.get_type() == "COMMAND_ACK":
                 self._acks[int(message.command)] = message
@@ -187,14 +187,14 @@ class MavsdkVehicle:
 
         def answered(_result: Any, answer: Any) -> None:
             ack = self._acks.get(int(message.command))
-            said = json.loads(answer.fields_json) if answer.fields_json else {}
-            if ack is not None and said.get("result") == ack.result:
+            reported = json.loads(answer.fields_json) if answer.fields_json else {}
+            if ack is not None and reported.get("result") == ack.result:
                 then(ack)
 
         if self._direct is None:
             return
         self._station.allow(_COMMAND_TIMEOUT_S)
-        self._trim(self._direct)
+        self._drop_old_callbacks(self._direct)
         self._direct.send_command_async(
             MavlinkMessage("COMMAND_LONG", fields_json=json.dumps(fields)), self._station.callback(answered)
         )
@@ -214,7 +214,7 @@ class MavsdkVehicle:
         self._next = None
         if self.gate.transfer and self._raw is not None:
             for cancel in (self._raw.cancel_mission_upload, self._raw.cancel_mission_download):
-                # Whichever of them does not run says so.
+                # The one that does not run raises.
                 try:
                     cancel()
                 except MissionRawError:
@@ -226,7 +226,7 @@ class MavsdkVehicle:
                 return
             self.gate.transfer = True
             self._station.allow(_TRANSFER_TIMEOUT_S)
-            self._trim(self._raw)
+            self._drop_old_callbacks(self._raw)
             begin(self._raw, self._station.callback(ended))
 
         def ended(result: Any, items: Sequence[Any] = ()) -> None:
@@ -237,18 +237,18 @@ class MavsdkVehicle:
                 following()
 
         if self.gate.transfer:
-            # The end of one that was cancelled is still to come; MAVSDK would call itself busy.
+            # A cancelled transfer has not ended yet; MAVSDK would answer BUSY.
             self._next = start
         else:
             start()
 
     @staticmethod
-    def _trim(plugin: Any) -> None:
+    def _drop_old_callbacks(plugin: Any) -> None:
         del plugin._callbacks[:-_CALLBACKS_KEPT]
 
 
 class _WakingSession(Session):
-    """Whose procedure also goes on when something else than a message or a deadline lets it."""
+    """Session whose procedure can also continue without a message or a deadline."""
 
     def wake(self, now: float) -> SessionStep:
         if self._driver is not None:
@@ -257,9 +257,9 @@ class _WakingSession(Session):
 
 
 class MavsdkLink(DirectLink):
-    """Fits `Link`: `DirectLink`, whose commands and missions go through MAVSDK.
+    """Fits `Link`: a `DirectLink` with commands and missions by MAVSDK.
 
-    Needs the machine's clock: connect raises LinkError on a virtual one.
+    It needs the machine's clock: `connect` raises LinkError on a virtual one.
     """
 
     _session: _WakingSession
@@ -275,26 +275,26 @@ class MavsdkLink(DirectLink):
         super().__init__(front_end, *args, lost_after_s=lost_after_s, **kwargs)
         peer = MavlinkPeer(self.sysid, own_sysid=front_end.sysid, own_compid=front_end.compid)
         self._session = _WakingSession(peer, lost_after_s, streaming)
-        self._aboard: MavsdkVehicle | None = None
+        self._vehicle: MavsdkVehicle | None = None
 
     async def connect(self, timeout_s: float) -> Identity:
         identity = await super().connect(timeout_s)
-        assert self._aboard is not None
+        assert self._vehicle is not None
         try:
             async with asyncio.timeout(timeout_s):
-                await self._aboard.known.wait()
+                await self._vehicle.known.wait()
         except TimeoutError:
             raise LinkError(
-                f"{self._who}: it answers, but MAVSDK has not discovered it within {timeout_s:g} s; "
-                "`link: direct` does without MAVSDK"
+                f"{self._label}: the vehicle answers, but MAVSDK has not found it within {timeout_s:g} s; "
+                "`link: direct` works without MAVSDK"
             ) from None
         return identity
 
     def close(self) -> None:
         super().close()
-        aboard, self._aboard = self._aboard, None
+        vehicle, self._vehicle = self._vehicle, None
         station = _STATIONS.get(self._front_end)
-        if aboard is not None and station is not None and station.leave(aboard):
+        if vehicle is not None and station is not None and station.leave(vehicle):
             del _STATIONS[self._front_end]
 
     def _close_station(self) -> None:
@@ -303,34 +303,34 @@ class MavsdkLink(DirectLink):
             station.close()
 
     async def _attach(self) -> None:
-        if self._aboard is None:
+        if self._vehicle is None:
             loop_s = asyncio.get_running_loop().time()
             if abs(loop_s - time.monotonic()) > _CLOCKS_APART_S:
                 raise LinkError(
-                    f"{self.name}: MAVSDK keeps to the machine's clock and this run's is a virtual one; "
-                    "fly in real time, or with `link: direct`"
+                    f"{self.name}: MAVSDK uses the machine's clock, but this run has a virtual one; "
+                    "fly in real time, or with `link: direct` [virtual-clock]"
                 )
             station = _STATIONS.get(self._front_end)
             if station is None:
                 station = _STATIONS[self._front_end] = MavsdkStation(self._front_end)
                 self._front_end.at_close(self._close_station)
-            aboard = MavsdkVehicle(station, self.sysid, self._send)
-            station.join(aboard)
-            self._aboard = aboard
+            vehicle = MavsdkVehicle(station, self.sysid, self._send)
+            station.join(vehicle)
+            self._vehicle = vehicle
         await super()._attach()
 
     async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
-        aboard = self._aboard
+        vehicle = self._vehicle
 
         def by_mavsdk(context: Context) -> Procedure[Any]:
-            assert aboard is not None
-            return with_mavsdk(procedure(context), aboard, self._wake, self._now)
+            assert vehicle is not None
+            return with_mavsdk(procedure(context), vehicle, self._wake, self._now)
 
-        return await super()._perform(name, procedure if aboard is None else by_mavsdk)
+        return await super()._perform(name, procedure if vehicle is None else by_mavsdk)
 
     def _on_message(self, message: Message) -> None:
-        if self._aboard is not None:
-            self._aboard.hear(message)
+        if self._vehicle is not None:
+            self._vehicle.receive(message)
         super()._on_message(message)
 
     def _send(self, messages: list[Message]) -> None:

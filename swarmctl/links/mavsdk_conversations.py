@@ -1,7 +1,7 @@
-"""Conversations that MAVSDK holds for us, in the form of our own. Pure.
+"""Conversations by MAVSDK in the form of this program's own, and the gate between MAVSDK and a vehicle. Pure.
 
-They take the place of `Command`, `Upload` and `Download` in the procedures: those go on deciding when a
-vehicle may be told something, by its telemetry, whoever tells it.
+They replace `Command`, `Upload` and `Download` in the procedures. The procedures still decide by telemetry
+when a command may be sent.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from swarmctl.mavlink.protocol.procedure import Procedure
 
 R = TypeVar("R")
 TransferEnd = tuple[str, tuple[MissionItem, ...]]
-"""MAVSDK's MissionRawResult by name, and the items of a download"""
+"""name of MAVSDK's MissionRawResult, and the items of a download"""
 
 
 class MavsdkAdapter(Protocol):
     """MAVSDK for one vehicle. Each call returns at once; `then` is called in a later turn of the loop."""
 
     def command(self, message: Message, then: Callable[[Message], None]) -> None:
-        """`then` with the final COMMAND_ACK, and not at all where none comes."""
+        """Send a command; call `then` with the final COMMAND_ACK, if one comes."""
 
     def give_up(self, message: Message) -> None:
-        """Nobody waits for this command any more, and none of it may be sent."""
+        """End a command: it may not be sent any more, and its answer is not awaited."""
 
     def upload(
         self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]
@@ -42,7 +42,7 @@ class MavsdkAdapter(Protocol):
 
 
 class ByMavsdk(Conversation[R]):
-    """`on_end` is called when MAVSDK has answered; whoever drives the procedure has to look then."""
+    """Base of conversations by MAVSDK; `on_end` is called after its answer, to continue the procedure."""
 
     def __init__(self, adapter: MavsdkAdapter, on_end: Callable[[], None]) -> None:
         super().__init__()
@@ -51,7 +51,7 @@ class ByMavsdk(Conversation[R]):
 
 
 class CommandByMavsdk(ByMavsdk[CommandResult]):
-    """`own` keeps the deadlines and says what an answer means; MAVSDK sends, and hears the answer."""
+    """One try of a command by MAVSDK; `own` keeps the deadlines and interprets the answer."""
 
     def __init__(
         self, own: Command, adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
@@ -73,7 +73,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
             self._on_end()
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        # MAVSDK keeps these to itself: it waits on, and so must we.
+        # MAVSDK does not report IN_PROGRESS but waits on; so does this conversation.
         if message.get_type() == "COMMAND_ACK" and name_of("MAV_RESULT", message.result) == "IN_PROGRESS":
             self._own.receive(message, now)
         return self._follow()
@@ -95,7 +95,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
 
 
 class _Transfer(ByMavsdk[R]):
-    """MAVSDK has time-outs of its own; `limit_s` is for the case that it never calls back."""
+    """Transfer by MAVSDK, which has its own time-outs; `limit_s` applies if it never calls back."""
 
     limit_s = 60.0
 
@@ -110,9 +110,9 @@ class _Transfer(ByMavsdk[R]):
         self._start_transfer(self._ended)
         return []
 
-    def _ended(self, said: TransferEnd) -> None:
+    def _ended(self, end: TransferEnd) -> None:
         if self._is_running("an end"):
-            self._finish(self._result_of(*said))
+            self._finish(self._result_of(*end))
             self._on_end()
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
@@ -128,14 +128,14 @@ class _Transfer(ByMavsdk[R]):
         return []
 
 
-# What another try, or reading back, may show to be well after all.
+# Outcomes other than REJECTED may turn out well by another try or by reading back.
 _UPLOADED: dict[str, UploadOutcome] = {
     "SUCCESS": UploadOutcome.ACCEPTED,
-    # The items may all be there and only the last word lost.
+    # All items may be stored and only the last acknowledgement lost.
     "TIMEOUT": UploadOutcome.UNCONFIRMED,
     "ERROR": UploadOutcome.UNCONFIRMED,
     "PROTOCOL_ERROR": UploadOutcome.UNCONFIRMED,
-    # ArduPilot says so of an item that came twice, and asks on: MAVSDK has left it alone with that.
+    # ArduPilot answers this to a repeated item and continues, but MAVSDK has ended the transfer.
     "INVALID_SEQUENCE": UploadOutcome.INCOMPLETE,
     "TRANSFER_CANCELLED": UploadOutcome.CANCELLED,
     "BUSY": UploadOutcome.DENIED,
@@ -153,18 +153,18 @@ class UploadByMavsdk(_Transfer[UploadResult]):
         self.limit_s = 20.0 + 2.0 * len(own.items)
 
     def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
-        # MAVSDK sends only what has exactly one current item; on the ground the first is, anyway.
+        # MAVSDK sends only missions with exactly one current item; on the ground that is the first.
         self._adapter.upload(self._own.items, self._own.current or 0, then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> UploadResult:
         outcome = _UPLOADED.get(name, UploadOutcome.REJECTED)
-        return UploadResult(outcome, f"upload {outcome.value}: MAVSDK says {name}")
+        return UploadResult(outcome, f"upload {outcome.value}: MAVSDK reports {name}")
 
 
 class DownloadByMavsdk(_Transfer[DownloadResult]):
     """MissionRaw.download_mission."""
 
-    # A mission of 200 items with every fifth message lost, both ways.
+    # enough for 200 items with 20 % loss in both directions
     limit_s = 300.0
 
     def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
@@ -177,17 +177,19 @@ class DownloadByMavsdk(_Transfer[DownloadResult]):
             outcome = DownloadOutcome.NO_ANSWER
         else:
             outcome = DownloadOutcome.REFUSED
-        return DownloadResult(outcome, items, f"read-back {outcome.value}: MAVSDK says {name}")
+        return DownloadResult(outcome, items, f"read-back {outcome.value}: MAVSDK reports {name}")
 
 
 def with_mavsdk(
     procedure: Procedure[R], adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
 ) -> Procedure[R]:
-    """`procedure`, whose commands, and uploads and downloads of whole missions, are MAVSDK's to hold.
+    """Run a procedure with its commands, and its transfers of whole missions, by MAVSDK.
 
-    What stays ours: parts of a mission and MISSION_SET_CURRENT, which MAVSDK does not have; a mission for who
-    flies one, whose current item is to stay what it is, for MAVSDK sends none without one to begin with;
-    fences; and requests that only look, and change nothing on a vehicle.
+    These conversations stay with this program:
+    - parts of a mission and MISSION_SET_CURRENT, which MAVSDK lacks
+    - an upload in flight that keeps the current item: MAVSDK always sets one
+    - fences
+    - requests that change nothing on the vehicle
     """
     answer: Any = None
     try:
@@ -227,7 +229,12 @@ _TRANSFER_IN = (
 
 
 class MavsdkGate:
-    """Of one vehicle. `transfer` is whether MAVSDK moves a mission at the moment."""
+    """Gate between MAVSDK and one vehicle: only requested messages pass.
+
+    MAVSDK repeats unanswered commands by itself. A repeated command could reach a vehicle after a pilot has
+    taken over, so each command passes once, exactly as requested. MAVSDK receives answers only to its own
+    messages. `transfer`: True while MAVSDK transfers a mission.
+    """
 
     def __init__(self) -> None:
         self.transfer = False
@@ -235,28 +242,28 @@ class MavsdkGate:
         self._asked: set[int] = set()
 
     def permit(self, command: Message) -> None:
-        """Let this COMMAND_LONG out once, and its acknowledgements in."""
+        """Permit this COMMAND_LONG once, and its acknowledgements."""
         self._may_leave.add(_content(command))
         self._asked.add(int(command.command))
 
     def revoke(self, command: Message) -> None:
-        """It is over: nothing of it goes out any more."""
+        """End the permission of this command."""
         self._may_leave.discard(_content(command))
         self._asked.discard(int(command.command))
 
     def lets_out(self, message: Message) -> bool:
-        """Whether MAVSDK's message goes to the vehicle; a command uses up its permission."""
+        """Return whether MAVSDK's message may go to the vehicle; a command uses up its permission."""
         kind = message.get_type()
         if kind == "COMMAND_LONG":
             content = _content(message)
             permitted = content in self._may_leave
             self._may_leave.discard(content)
             return permitted
-        # The last word of a transfer comes when it is over already.
+        # The last MISSION_ACK of a transfer comes after its end.
         return kind == "MISSION_ACK" or (self.transfer and kind in _TRANSFER_OUT)
 
     def lets_in(self, message: Message) -> bool:
-        """Whether MAVSDK is told what the vehicle says."""
+        """Return whether MAVSDK receives the vehicle's message."""
         kind = message.get_type()
         if kind == "COMMAND_ACK":
             return int(message.command) in self._asked
@@ -264,6 +271,6 @@ class MavsdkGate:
 
 
 def _content(command: Message) -> tuple[int, bytes]:
-    """All that matters of it, rounded as it is on the wire."""
+    """Return a command's number and parameters, rounded as on the wire."""
     params = (getattr(command, f"param{i}") for i in range(1, 8))
     return int(command.command), struct.pack("<7f", *params)

@@ -1,7 +1,7 @@
 """MAVLink 2 signing of one front end: https://mavlink.io/en/guide/message_signing.html
 
-What goes out is stamped with times that never repeat, also not after a restart; what comes in unsigned,
-wrongly signed or with an old time is refused and counted.
+Outgoing timestamps never repeat, even after a restart. Incoming frames without a signature, with another key
+or with an old timestamp are refused and counted.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ EPOCH_UNIX_S = 1_420_070_400
 """from 2015-01-01 00:00 UTC on"""
 LAST_TIMESTAMP = 2**48 - 1
 NEW_STREAM_AGE = 60 * TICKS_PER_S
-"""how far behind our time a stream may be that was not heard before"""
+"""a new stream may lag this much behind the own time"""
 RESERVED = 60 * TICKS_PER_S
-"""how far ahead of what was used the store is when it is written"""
+"""lead of the stored timestamp over the used ones when it is written"""
 RENEWED = 30 * TICKS_PER_S
-"""how much of that is left when it is written anew: so long may a disk take, and nobody waits for it"""
+"""lead at which it is written again; the disk may take this long without a wait"""
 DISK_WAIT_S = 1.0
-"""for a disk, once, where nothing is left: at the start, and after a stamp from a clock that is ahead"""
+"""longest wait for the disk when no lead is left: at the start, and after a timestamp far ahead"""
 MAX_AHEAD = 24 * 3600 * TICKS_PER_S
-"""how far ahead of our time a stamp may be. MAVLink sets no limit, so one frame that is stamped with the end
-of time would leave everybody who follows it nothing to sign with."""
+"""A timestamp may lead the own time by this much. MAVLink sets no limit, so one frame with the highest
+timestamp would leave no timestamps to all stations that follow it."""
 UNSIGNED = "unsigned"
 OTHER_KEY = "signed with another key"
 REPEATED = "repeated or out of order"
 LATE = "older than a minute"
 AHEAD = "more than a day ahead of this machine's clock"
 UNSIGNED_ALLOWED = frozenset({109, 166})
-"""RADIO_STATUS and RADIO: a telemetry radio makes them itself, and has no key"""
+"""RADIO_STATUS and RADIO: messages of a telemetry radio, which has no key"""
 
 _MAVLINK_2 = 0xFD
 _SIGNED = 0x01
@@ -50,23 +50,23 @@ _SIGNATURE_BYTES = 13
 
 
 class TimestampStore(Protocol):
-    """What outlives the process."""
+    """Store of a timestamp that outlives the process."""
 
     def load(self) -> int:
-        """A time stamp above all that were used; 0 where there is none. Raises OSError, ValueError."""
+        """Return a timestamp above all used ones; 0 if there is none. Raises OSError, ValueError."""
 
     def keep(self, timestamp: int) -> None:
-        """Never lower than what is there. Raises OSError."""
+        """Store a timestamp, unless the stored one is higher. Raises OSError."""
 
 
 class Pool(Protocol):
-    """Where the store is waited for; a `concurrent.futures.Executor` is one."""
+    """Pool that writes the store; a `concurrent.futures.Executor` fits."""
 
     def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]: ...
 
 
 class SameThreadPool:
-    """No thread: done, or failed, at once."""
+    """Pool without a thread: it writes at once."""
 
     def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]:
         done: Future[None] = Future()
@@ -79,60 +79,61 @@ class SameThreadPool:
 
 
 def ticks(unix_us: int) -> int:
-    """A wall time [µs since 1970] as a time stamp."""
+    """Return a wall time [µs since 1970] as a timestamp."""
     return max(unix_us - EPOCH_UNIX_S * 1_000_000, 0) // 10
 
 
 class Signing:
-    """One key, the time stamps under it, and what it refused.
+    """One key with its timestamps and the refused frames.
 
-    No stamp is used before the store has one above it, so that none is used again after a restart; where that
-    cannot be, `trouble` says why.
+    No timestamp is used before the store has a higher one, so none repeats after a restart. If the store
+    fails, `trouble` is the reason.
     """
 
     def __init__(
         self, key: bytes, store: TimestampStore, first_link_id: int = 0, pool: Pool | None = None
     ) -> None:
-        """Raises OSError and ValueError where the store cannot be used.
+        """Load the store. Raises OSError and ValueError if that fails.
 
-        `pool` writes the store while nobody waits; without one it is written at once.
+        `pool` writes the store in the background; without one it is written at once.
         """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, found {len(key)}")
         self.refused: Counter[str] = Counter()
-        """incoming frames, by reason"""
+        """number of refused frames by reason"""
         self.trouble = ""
-        """why the time stamps are not kept any more"""
+        """reason why the timestamps are not stored any more"""
         self._key = key
         self._store = store
         self._pool: Pool = pool or SameThreadPool()
         self._writing: tuple[Future[None], int] | None = None
-        """the store's next stamp, under way"""
+        """pending write of the next timestamp"""
         self._is_late = False
-        """it was waited for in vain"""
+        """True after a wait for the disk without success"""
         self._first_link_id = first_link_id
         self._last = self._began = store.load()
         if self._last > LAST_TIMESTAMP - MAX_AHEAD:
             raise ValueError(
-                "the time stamps under this key are used up: make a new one, for the vehicles too"
+                "the timestamps of this signing key are used up; make a new key, for the vehicles too "
+                "[timestamps-used-up]"
             )
         self._reserved = self._last
         store.keep(self._last)
         self._streams: dict[tuple[int, int, int], int] = {}
 
     def sign(self, line: int, clock: int) -> Signature:
-        """For the next frame on the line of this number; `clock` is the wall time as a time stamp."""
+        """Return the signature of the next frame on a line; `clock`: wall time as a timestamp."""
         self._last = min(max(self._last + 1, clock), LAST_TIMESTAMP)
         if self._last >= self._reserved - RENEWED:
             self._reserve()
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
     def accepts(self, frame: bytes, clock: int) -> bool:
-        """Whether a whole frame, its checksum right, is from who has the key, and new."""
+        """Return whether a verified frame is signed with the key and new."""
         return not self.why_not(frame, clock)
 
     def why_not(self, frame: bytes, clock: int) -> str:
-        """Why a frame is refused; empty where it is accepted."""
+        """Return why a frame is refused; empty if it is accepted."""
         why = self._fault(frame, clock)
         if why:
             self.refused[why] += 1
@@ -146,7 +147,7 @@ class Signing:
         stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
-        # What was used before this run counts as our time: a clock may have been ahead, and gone back.
+        # Timestamps from earlier runs count as the own time: the clock may have been ahead then.
         if timestamp > max(clock, self._began) + MAX_AHEAD:
             return AHEAD
         if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
@@ -159,13 +160,13 @@ class Signing:
 
     def _reserve(self) -> None:
         self._write(0.0)
-        # What is under way may be of before the clock jumped: then it is not enough.
+        # The pending write may be from before a jump of the clock, and too low.
         for _ in range(2):
             if self._last >= self._reserved and not self._is_late:
                 self._write(DISK_WAIT_S)
 
     def _write(self, wait_s: float) -> None:
-        """Begin to, if nothing is under way, and see for so long [s] what became of it."""
+        """Begin a write unless one is pending, and wait for it up to `wait_s`."""
         if self._writing is None:
             until = self._last + RESERVED
             self._writing = (self._pool.submit(self._store.keep, until), until)
@@ -175,19 +176,19 @@ class Signing:
         except TimeoutError:
             if wait_s > 0.0:
                 self._is_late = True
-                self.trouble = "the time stamps of signing are not kept: the disk does not answer"
+                self.trouble = "the timestamps of signing are not stored: the disk does not answer"
             return
         self._writing, self._is_late, self._reserved = None, False, until
         if isinstance(error, OSError | ValueError):
-            # A vehicle that is not commanded any more is worse than a time stamp that may repeat one day.
+            # A vehicle without commands is worse than a timestamp that may repeat one day.
             reason = getattr(error, "strerror", None) or error
-            self.trouble = f"the time stamps of signing are not kept: {reason}"
+            self.trouble = f"the timestamps of signing are not stored: {reason}"
         elif error is not None:
             raise error
 
 
 class SigningGuard:
-    """The signing of one front end, at the time of its clock; without any all passes as it is."""
+    """Signing of one front end by its clock; without signing all frames pass unchanged."""
 
     def __init__(self, signing: Signing | None, wall_time_us: Callable[[], int]) -> None:
         self.signing = signing
@@ -197,67 +198,67 @@ class SigningGuard:
         return None if self.signing is None else self.signing.sign(line, ticks(self._wall_time_us()))
 
     def why_not(self, frame: bytes) -> str:
-        """Why a frame is refused; empty where it is accepted."""
+        """Return why a frame is refused; empty if it is accepted."""
         return "" if self.signing is None else self.signing.why_not(frame, ticks(self._wall_time_us()))
 
     @property
     def trouble(self) -> str:
-        """What was refused, for people; empty where nothing was."""
+        """Return a summary of the refused frames and the store's trouble; empty if there is none."""
         if self.signing is None:
             return ""
         refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
-        told = f"frames refused by links.signing_key: {refused}" if refused else ""
-        return "; ".join(text for text in (told, self.signing.trouble) if text)
+        counts = f"frames refused by links.signing_key: {refused}" if refused else ""
+        return "; ".join(text for text in (counts, self.signing.trouble) if text)
 
 
 def _message_id(frame: bytes) -> int:
     return int.from_bytes(frame[7:10], "little") if frame[0] == _MAVLINK_2 else frame[5]
 
 
-REPEAT_S = 60.0
+REPORT_PERIOD_S = 60.0
 MEANS = {
-    UNSIGNED: "somebody without the key speaks in its name, or it has lost its key",
-    OTHER_KEY: "somebody with another key speaks in its name, or it was given another",
-    LATE: "its clock is behind; it learns the time from what it is sent",
-    AHEAD: "its clock is wrong, or this machine's",
-    REPEATED: "something on the way repeats frames, or somebody who has recorded them",
+    UNSIGNED: "a sender without the key uses its system id, or the vehicle has lost its key",
+    OTHER_KEY: "a sender with another key uses its system id, or the vehicle has got another key",
+    LATE: "the vehicle's clock is behind; it learns the time from signed frames",
+    AHEAD: "the vehicle's clock is wrong, or this machine's",
+    REPEATED: "a relay repeats frames, or a sender replays recorded ones",
 }
-"""what it means that frames in a vehicle's name are refused for this"""
+"""meaning of a refusal, by reason"""
 
 
 @dataclass(slots=True)
-class _Kind:
+class _RefusalCount:
     n: int
-    said_s: float
+    reported_s: float
 
 
 class Refusals:
-    """Of one place where frames come in. Each returns what is to be said now; empty where nothing is."""
+    """Refused frames at one input. Its methods return a message to report now, or ""."""
 
     def __init__(self) -> None:
-        self._kinds: dict[tuple[int, str], _Kind] = {}
-        """by a vehicle of ours and the reason. Of strangers, 0, all together: a name is easily claimed, and
-        many would fill the memory"""
+        self._kinds: dict[tuple[int, str], _RefusalCount] = {}
+        """by system id and reason; 0 for unknown systems, because many forged ids would fill memory"""
 
     def of_vehicle(self, sysid: int, component: int, why: str, address: str, now_s: float) -> str:
-        """Of a frame in the name of one that is flown here."""
+        """Note a refused frame with the system id of an own vehicle."""
         n = self._note(sysid, why, now_s)
         of = "" if component == AUTOPILOT_COMPID else f" of component {component}"
         so_far = f"{n} so far, the last{of} from {address}"
-        return f"frames in its name are refused, {why} ({so_far}): {MEANS[why]}" if n else ""
+        return f"frames with its system id are refused, {why} ({so_far}): {MEANS[why]}" if n else ""
 
     def of_stranger(self, sysid: int, why: str, address: str, now_s: float) -> str:
+        """Note a refused frame of another system."""
         n = self._note(0, why, now_s)
         return f"frames are refused, {why} ({n} so far, the last of system {sysid} at {address})" if n else ""
 
-    def _note(self, whose: int, why: str, now_s: float) -> int:
-        """One more; how many there have been of its kind, where that is to be said now, else 0."""
-        kind = self._kinds.get((whose, why))
+    def _note(self, sysid: int, why: str, now_s: float) -> int:
+        """Count a refused frame; return the count of its kind if it is to be reported now, else 0."""
+        kind = self._kinds.get((sysid, why))
         if kind is None:
-            self._kinds[whose, why] = _Kind(1, now_s)
+            self._kinds[sysid, why] = _RefusalCount(1, now_s)
             return 1
         kind.n += 1
-        if now_s - kind.said_s < REPEAT_S:
+        if now_s - kind.reported_s < REPORT_PERIOD_S:
             return 0
-        kind.said_s = now_s
+        kind.reported_s = now_s
         return kind.n

@@ -1,4 +1,4 @@
-"""The .tlog of one vehicle, as MAVExplorer, Mission Planner and QGroundControl read it."""
+"""Writer of a vehicle's .tlog, as MAVExplorer, Mission Planner and QGroundControl read it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _TIME = struct.Struct(">Q")
 
 
 class TlogWriter:
-    """Big-endian microseconds since 1970 before every frame, both directions in one file.
+    """Log of frames in both directions, each after its time as big-endian microseconds since 1970.
 
-    A disk that takes no more ends the log, which is said once, and not the flight.
+    A full disk ends the log, with one message, but not the flight.
     """
 
     def __init__(self, path: Path, wall_time_us: Callable[[], int], say: Callable[[str], None]) -> None:
@@ -29,7 +29,7 @@ class TlogWriter:
                 self._file.write(_TIME.pack(self._wall_time_us()) + frame)
 
     def flush(self) -> None:
-        """What was written is the operating system's now, and outlives this process."""
+        """Hand all written bytes to the operating system, so that they outlive this process."""
         if not self._is_ended:
             with self._failing():
                 self._file.flush()
@@ -45,4 +45,6 @@ class TlogWriter:
         except OSError as error:
             if not self._is_ended:
                 self._is_ended = True
-                self._say(f"{self._path}: {error.strerror or error}; this log ends here, the flight goes on")
+                self._say(
+                    f"{self._path}: {error.strerror or error}; this log ends, the flight goes on [log-ended]"
+                )

@@ -1,4 +1,4 @@
-"""The URL forms of MAVSDK and pymavlink, read into one `Endpoint`. Pure."""
+"""URLs of links in the forms of MAVSDK and pymavlink, parsed to an `Endpoint`. Pure."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DEFAULT_BAUD = 57600
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where a vehicle, or many of them, can be talked to. Equal endpoints share one transport."""
+    """Endpoint of one or more vehicles. Equal endpoints share one transport."""
 
     kind: Kind
     host: str = ""
@@ -49,14 +49,14 @@ class Endpoint:
 
 
 class BadUrl(ValueError):
-    """Not a link's URL; the text says what was found and lists the forms."""
+    """An invalid URL of a link; the text names the fault and lists the forms."""
 
     def __init__(self, url: str, problem: str) -> None:
         super().__init__(f"{url!r} is no link URL: {problem}; write one of: {FORMS}")
 
 
 def parse_url(url: str) -> Endpoint:
-    """Read one URL; raises BadUrl."""
+    """Return the endpoint of a URL. Raises BadUrl."""
     text = url.strip()
     if not text:
         raise BadUrl(url, "it is empty")
@@ -99,7 +99,7 @@ def _network(url: str, kind: Kind, rest: str) -> Endpoint:
         host = host[1:-1]
     elif any(c in host for c in ":/[]@ "):
         raise BadUrl(url, f"expected a host name or address, found {host!r}")
-    # Port 0 lets the system choose a free one, which only makes sense for who listens.
+    # Port 0 lets the system choose a free port, which makes sense for a listener only.
     lowest = 0 if kind in ("udpin", "tcpin") else 1
     if not (port.isascii() and port.isdigit() and lowest <= int(port) <= 65535):
         raise BadUrl(url, f"expected a port between {lowest} and 65535, found {port!r}")

@@ -57,14 +57,14 @@ def test_nothing_is_armed_whose_evidence_would_not_outlive_a_loss_of_power():
     async def story():
         world = World(Copter(1))
         world.front = FrontEnd(
-            wall_time_us=lambda: 1_700_000_000_000_000, memory={"test": world.wire}, witness=Unrecorded()
+            wall_time_us=lambda: 1_700_000_000_000_000, memory={"test": world.wire}, evidence=Unrecorded()
         )
         async with world:
             link = world.link()
             await link.connect(10)
             await link.prepare(30, lambda _: None)
             await link.upload(north(2))
-            with pytest.raises(LaunchFailed, match="not armed: the disk is full"):
+            with pytest.raises(LaunchFailed, match="the disk is full"):
                 await link.launch()
             assert not {command for command, _ in world.copters[1].commands} & {300, 400}
 
@@ -114,13 +114,13 @@ def test_one_system_id_cannot_be_two_vehicles_on_one_endpoint():
     async def story():
         async with World(Copter(1)) as world:
             await world.link().connect(10)
-            with pytest.raises(LinkError, match="beta: system id 1 is used by two vehicles"):
+            with pytest.raises(LinkError, match=r"beta: system id 1 .*\[system-id-twice\]"):
                 await world.link(1, "beta").connect(10)
-            with pytest.raises(LinkError, match=r"255 .* ground station's own"):
+            with pytest.raises(LinkError, match=r"\b255\b.*\[system-id-own\]"):
                 await world.link(255, "gamma").connect(10)
-            with pytest.raises(TransportError, match="no memory wire of that name; known: test"):
+            with pytest.raises(TransportError, match=r"known: test"):
                 await world.front.open(Endpoint("memory", "other"))
-            with pytest.raises(LinkError, match="connect first"):
+            with pytest.raises(LinkError, match=r"\[not-connected\]"):
                 await world.link(2).hold()
 
     play(story())
@@ -176,7 +176,9 @@ def test_a_full_disk_ends_the_tlog_which_is_said_once_and_not_the_link():
             await asyncio.sleep(10)
             await link.upload(north(3))
             link.close()
-        assert world.said == ["/dev/full: No space left on device; this log ends here, the flight goes on"]
+        (said,) = world.said
+        assert said.startswith("/dev/full: No space left on device")
+        assert said.endswith("[log-ended]")
 
     play(story())
 
@@ -222,7 +224,7 @@ def test_when_the_front_end_closes_its_links_are_over_and_nothing_is_sent_or_due
             await asyncio.sleep(120)
             assert len(world.to_vehicles) == told
             assert failures == []
-            with pytest.raises(LinkError, match="closing the link"):
+            with pytest.raises(LinkError, match=r"\[interrupted\]"):
                 await uploading
 
     play(story())

@@ -33,7 +33,7 @@ class WrittenWorld(World):
         self.front = FrontEnd(
             wall_time_us=self._wall,
             memory={"test": self.wire, "watcher": self.watching.wire},
-            witness=Evidence(self.book, {1: "alpha"}),
+            evidence=Evidence(self.book, {1: "alpha"}),
             say=self.said.append,
         )
 
@@ -61,11 +61,11 @@ def test_an_order_to_arm_that_cannot_be_written_does_not_leave(tmp_path: Path) -
             await link.connect(10)
             await link.prepare(30, lambda _: None)
             await link.upload(north(8))
-            with pytest.raises(LaunchFailed, match="does not arm"):
+            with pytest.raises(LaunchFailed, match=r"\[no-arming\]"):
                 await link.launch(world.disk_is_full)
             assert world.given() == []
             assert not world.copters[1].armed
-            assert "no vehicle is armed any more" in world.said[0]
+            assert "[evidence-ended]" in world.said[0]
             # What arms nobody goes out still.
             await link.return_home()
             assert world.copters[1].mode_name == "RTL"

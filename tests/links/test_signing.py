@@ -163,7 +163,7 @@ def test_a_vehicle_that_has_followed_us_is_heard_after_our_clock_went_back_by_a_
 def test_a_key_whose_stamps_are_used_up_is_said_at_the_start() -> None:
     store = Memory()
     store.kept = LAST_TIMESTAMP
-    with pytest.raises(ValueError, match="used up: make a new one, for the vehicles too"):
+    with pytest.raises(ValueError, match=r"\[timestamps-used-up\]"):
         Signing(KEY, store)
 
 
@@ -289,7 +289,7 @@ def test_a_store_that_cannot_be_written_is_an_error_at_the_start_and_a_word_in_f
     ours = Signing(KEY, store)
     store.full = True
     assert ours.sign(0, START).timestamp == START
-    assert "the time stamps of signing are not kept: No space left on device" in ours.trouble
+    assert "No space left on device" in ours.trouble
     with pytest.raises(OSError, match="No space"):
         Signing(KEY, store)
 
@@ -302,7 +302,7 @@ def test_the_time_stamp_file_never_goes_back_and_says_what_is_wrong_with_it(tmp_
     assert (one.load(), other.load()) == (START, START)
     assert one.path.stat().st_mode & 0o077 == 0
     one.path.write_text("yesterday")
-    with pytest.raises(ValueError, match="found 'yesterday', expected the number this program wrote"):
+    with pytest.raises(ValueError, match="'yesterday'"):
         one.load()
 
 
@@ -328,14 +328,14 @@ def test_a_key_is_read_in_each_of_its_forms(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize("text", ["", "correct horse", "00" * 31, "passphrase:", json.dumps([1])])
 def test_what_is_no_key_is_refused_with_what_was_expected(tmp_path: Path, text: str) -> None:
-    with pytest.raises(KeyringError, match="found no signing key, expected 64 hexadecimal digits"):
+    with pytest.raises(KeyringError, match="64 hexadecimal digits"):
         read_mavlink_key(key_file(tmp_path, text))
 
 
 def test_a_key_that_others_can_read_and_one_of_zeros_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(KeyringError, match="can be read by others"):
+    with pytest.raises(KeyringError, match="0640"):
         read_mavlink_key(key_file(tmp_path, "11" * 32, 0o640))
-    with pytest.raises(KeyringError, match="zeros means no signing"):
+    with pytest.raises(KeyringError, match="zero"):
         read_mavlink_key(key_file(tmp_path, "00" * 32))
-    with pytest.raises(KeyringError, match="cannot be read: No such file"):
+    with pytest.raises(KeyringError, match="No such file"):
         read_mavlink_key(tmp_path / "nowhere")

@@ -208,5 +208,6 @@ def test_a_link_that_brings_too_little_ends_it_with_how_far_it_came():
     while append.result is None:
         now = append.next_deadline
         append.tick(now)
-    assert "1 of 3 items" in append.result.failure and "[append-stuck]" in append.result.failure
+    assert "1 of 3 items" in append.result.failure
+    assert "[append-stuck]" in append.result.failure
     assert now == 30.2

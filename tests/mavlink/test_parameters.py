@@ -67,7 +67,8 @@ def test_nothing_is_set_where_one_name_is_unknown(personality):
     bench = on_the_ground(personality)
     before = bench.params[WHOLE[personality]]
     failure = write(bench, **{WHOLE[personality]: 1 - before, "NO_SUCH_NAME": 2})
-    assert "NO_SUCH_NAME" in failure and "[parameter-unknown]" in failure
+    assert "NO_SUCH_NAME" in failure
+    assert "[parameter-unknown]" in failure
     assert bench.params[WHOLE[personality]] == before
 
 

@@ -396,7 +396,7 @@ def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_veh
         session.begin("first", endless, 0.0)
     told(session, 0.0, heartbeat())
     session.begin("first", endless, 0.0)
-    with pytest.raises(IllegalEvent, match="second .*first"):
+    with pytest.raises(IllegalEvent, match=r"second .*first"):
         session.begin("second", endless, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What carries bytes: a `Transport` is opened, sends to addresses, and calls back with what comes in."""
+"""`Transport`: the protocol of a carrier of bytes, which sends to addresses and calls back with input."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from collections.abc import Callable, Hashable
 from typing import Protocol
 
 Address = Hashable
-"""whatever the transport tells its peers apart by: (host, port), a connection, a device"""
+"""identity of a peer for its transport: (host, port), a connection, a device"""
 
 Receive = Callable[[bytes, Address], None]
 
 
 class Transport(Protocol):
     async def open(self, receive: Receive) -> None:
-        """Raises TransportError where it can never work: a port that is taken, a device that is missing."""
+        """Open the transport. Raises TransportError for a taken port or a missing device."""
 
     def send(self, data: bytes, address: Address) -> None:
-        """Never blocks; what cannot be sent is dropped, as on any radio."""
+        """Send without blocking; bytes that cannot be sent are dropped, as on any radio."""
 
     def peers(self) -> tuple[Address, ...]:
-        """Where to say hello before anything was heard."""
+        """Return the addresses for a first heartbeat, before any input."""
 
     @property
     def trouble(self) -> str:
-        """Why nothing comes through at the moment, for error texts; empty where it knows of nothing."""
+        """Return the present fault for error texts; empty if none is known."""
 
     async def close(self) -> None: ...

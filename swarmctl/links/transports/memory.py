@@ -9,18 +9,18 @@ from swarmctl.links.transports.base import Address, Receive
 
 
 class MemoryWire:
-    """`memory:NAME` joins the ground's transport and whoever plays the vehicles.
+    """Wire `memory:NAME` between the ground's transport and simulated vehicles.
 
     Both directions deliver in a later turn of the loop, in order, so neither side runs inside the other.
     """
 
     def __init__(self) -> None:
         self.to_vehicles: Callable[[bytes, Address], None] | None = None
-        """set by the vehicles' side: bytes from the ground, and the address they are for"""
+        """set by the vehicles' side: called with bytes from the ground and their target address"""
         self._to_ground: Receive | None = None
 
     def from_vehicle(self, data: bytes, address: Address) -> None:
-        """Called by the vehicles' side; `address` is any name, replies come to it."""
+        """Pass bytes from the vehicles' side to the ground; replies go to `address`, which is any name."""
         asyncio.get_running_loop().call_soon(self._deliver_to_ground, data, address)
 
     def _deliver_to_ground(self, data: bytes, address: Address) -> None:

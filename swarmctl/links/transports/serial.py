@@ -11,12 +11,12 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _BACKLOG_LIMIT = 8192
-"""what waits for a slow radio; beyond it frames are dropped [bytes]"""
+"""limit of the queue for a slow radio; further frames are dropped [bytes]"""
 REOPEN_S = 2.0
 
 
 class SerialPort:
-    """pyserial on the loop's selector; a device that is unplugged is opened again when it comes back."""
+    """pyserial on the loop's selector; an unplugged device is opened again when it comes back."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.trouble = ""

@@ -11,7 +11,7 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _SEND_LIMIT = 1 << 16
-"""a peer that does not read gets nothing more than this [bytes]"""
+"""limit of the queue for a peer that does not read [bytes]"""
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 _CONNECT_LIMIT_S = 10.0
 
@@ -68,7 +68,7 @@ class TcpServer:
             )
         except OSError as error:
             taken = error.errno == errno.EADDRINUSE
-            why = "the TCP port is taken by another program" if taken else str(error.strerror or error)
+            why = "another program has the TCP port [port-taken]" if taken else str(error.strerror or error)
             raise TransportError(f"{self._endpoint}: cannot listen: {why}; choose another port") from error
 
     def _made(self, connection: _Connection) -> None:
@@ -105,7 +105,7 @@ class TcpClient:
         self._connecting: asyncio.Task[None] | None = None
 
     async def open(self, receive: Receive) -> None:
-        """Returns at once: a vehicle may come up after its ground station."""
+        """Begin to connect and return at once: a vehicle may start after its ground station."""
         self._receive = receive
         self._connecting = asyncio.create_task(self._connect())
 
@@ -130,7 +130,7 @@ class TcpClient:
                 return
 
     def _made(self, connection: _Connection) -> None:
-        # A fixed address: the vehicle's place does not change with our side's reconnecting.
+        # A fixed address: reconnecting does not change the vehicle's address.
         connection.address = (self._endpoint.host, self._endpoint.port)
         self._connection = connection
         self.trouble = ""

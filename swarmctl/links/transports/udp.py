@@ -12,9 +12,9 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _RECEIVE_BUFFER = 1 << 20
-"""a burst of a hundred vehicles fits while the loop does something else"""
+"""holds a burst of a hundred vehicles while the loop is busy"""
 _SEND_LIMIT = 1 << 16
-"""no more than this waits for a socket that takes nothing [bytes]"""
+"""limit of the queue for a socket that accepts nothing [bytes]"""
 
 
 class Udp(asyncio.DatagramProtocol):
@@ -61,7 +61,7 @@ class Udp(asyncio.DatagramProtocol):
     def send(self, data: bytes, address: Address) -> None:
         if self._transport is None:
             return
-        # asyncio keeps what the socket does not take, without a limit.
+        # asyncio queues bytes that the socket does not accept, without a limit.
         waiting = self._transport.get_write_buffer_size()  # type: ignore[attr-defined]
         if waiting < _SEND_LIMIT:
             assert isinstance(address, tuple)
@@ -85,7 +85,7 @@ def _any(family: int) -> tuple[str, int]:
 def _explain(endpoint: Endpoint, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return (
-            f"{endpoint}: UDP port {endpoint.port} is taken by another program; "
-            "close the other ground station (or swarmctl run), or choose another port"
+            f"{endpoint}: another program has UDP port {endpoint.port}; "
+            "close the other ground station (or swarmctl run), or choose another port [port-taken]"
         )
     return f"{endpoint}: cannot be opened: {error.strerror or error}; check host and port"
