@@ -88,7 +88,7 @@ async def open_resources(
             FrontEnd(
                 wall_time_us=wall_time_us,
                 memory={"fleet": wire},
-                witness=evidence,
+                evidence=evidence,
                 signing=_signing(links, pool),
                 say=partial(_tell, evidence, say),
             )

@@ -222,7 +222,7 @@ def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_pat
     assert report.ended == "failed"
     (line,) = report.trouble
     assert "uav2 (system 2" in line
-    assert "nobody answers" in line
+    assert "[no-heartbeat]" in line
     assert "tried for 15 s" in line
     assert not any(s.vehicle.armed for s in report.states.values())
     assert all(s.route is None for s in report.states.values())
