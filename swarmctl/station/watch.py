@@ -8,9 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from rich import box
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from swarmctl.agent.state import ARRIVED
@@ -20,6 +18,7 @@ from swarmctl.core.frames import Frame, FrameCodec, MessageRefused, StateShared
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.texts import printable
 from swarmctl.report.live_rows import COLOURS
+from swarmctl.report.tables import Column, FittedTable
 
 SILENT_S = 5.0
 """Age after which a state is shown as old; vehicles send one a second."""
@@ -32,11 +31,11 @@ ONCE_S = 5.0
 """longest wait of `--once` for vehicles that were not received"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
 COLUMNS = (
-    ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("cell", "left"), ("height\n[m]", "right"),
-    ("heard\n[s] ago", "right"), ("cells\nknown", "right"), ("hostiles\nknown", "right"), ("plan", "right"),
-    ("refused", "right"),
+    Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left", rank=3), Column("cell", "left"),
+    Column("height\n[m]"), Column("heard\n[s] ago"), Column("cells\nknown", rank=4),
+    Column("hostiles\nknown", rank=2), Column("plan", rank=5), Column("refused", rank=1),
 )  # fmt: skip
-LATE, CONTRADICTED = ("late\n[s]", "right"), ("contradicted by", "left")
+LATE, CONTRADICTED = Column("late\n[s]"), Column("contradicted by", "left")
 """columns that are shown only with content"""
 LEGEND = (
     "phase: of its agent; mode: last known mode of its autopilot; cell: row, col; height: above its home; "
@@ -167,18 +166,16 @@ async def watch(
 
 def table(view: View) -> Group:
     """Return a view as a table for a terminal."""
-    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
     contradicted = any(row.contradicted_by for row in view.rows)
-    for title, justify in (*COLUMNS, *[LATE] * late, *[CONTRADICTED] * contradicted):
-        grid.add_column(Text(title), justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    grid = FittedTable((*COLUMNS, *[LATE] * late, *[CONTRADICTED] * contradicted))
     for row in view.rows:
         cells = [
             *_cells(row),
             *[_late(row)] * late,
             *[Text(", ".join(row.contradicted_by), style="red")] * contradicted,
         ]
-        grid.add_row(*cells, style="bright_black" if row.is_silent else None)
+        grid.add_row(*cells, style="bright_black" if row.is_silent else "")
     legend = LEGEND + LATE_LEGEND * late + CONTRADICTED_LEGEND * contradicted
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
