@@ -31,8 +31,8 @@ ONCE_S = 5.0
 """longest wait of `--once` for vehicles that were not received"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
 COLUMNS = (
-    Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left", rank=3), Column("cell", "left"),
-    Column("height\n[m]"), Column("heard\n[s] ago"), Column("cells\nknown", rank=4),
+    Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left", rank=3),
+    Column("cell", "left"), Column("height\n[m]"), Column("heard\n[s] ago"), Column("cells\nknown", rank=4),
     Column("hostiles\nknown", rank=2), Column("plan", rank=5), Column("refused", rank=1),
 )  # fmt: skip
 LATE, CONTRADICTED = Column("late\n[s]"), Column("contradicted by", "left")
