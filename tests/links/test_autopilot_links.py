@@ -93,7 +93,7 @@ def test_after_a_reboot_it_is_followed_to_its_new_port_and_asked_for_its_telemet
 
 
 @pytest.mark.autopilots("1.19", of="px4")
-def test_messages_that_nobody_knows_make_no_vehicle_0():
+def test_unknown_messages_make_no_vehicle_0():
     async def story():
         async with FleetWorld("px4") as world:
             link = world.link()
@@ -106,7 +106,7 @@ def test_messages_that_nobody_knows_make_no_vehicle_0():
 
 
 @pytest.mark.autopilots("1.15", "1.18")
-def test_a_mixed_fleet_on_one_endpoint_is_told_apart_by_system_ids():
+def test_system_ids_distinguish_a_mixed_fleet_on_one_endpoint():
     async def story():
         async with FleetWorld("ardupilot", "px4", "ardupilot") as world:
             links = [world.link(sysid) for sysid in (1, 2, 3)]

@@ -53,7 +53,7 @@ class Unrecorded:
         return "the disk is full"
 
 
-def test_nothing_is_armed_whose_evidence_would_not_outlive_a_loss_of_power():
+def test_no_vehicle_is_armed_while_its_evidence_is_not_safe_on_disk():
     async def story():
         world = World(Copter(1))
         world.front = FrontEnd(
@@ -167,7 +167,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
     assert 1_700_000_000 <= stamps[0] < 1_700_000_001
 
 
-def test_a_full_disk_ends_the_tlog_which_is_said_once_and_not_the_link():
+def test_a_full_disk_ends_the_tlog_with_one_message_but_not_the_link():
     async def story():
         async with World(Copter(1), tlog=Path("/dev/full")) as world:
             link = world.link()
@@ -183,7 +183,7 @@ def test_a_full_disk_ends_the_tlog_which_is_said_once_and_not_the_link():
     play(story())
 
 
-def test_what_was_received_is_on_disk_within_a_second_or_so(tmp_path):
+def test_received_frames_are_on_disk_within_two_seconds(tmp_path):
     path = tmp_path / "alpha.tlog"
 
     async def story():

@@ -124,7 +124,7 @@ def test_frames_go_to_a_watcher_byte_by_byte_as_they_came() -> None:
     play(story())
 
 
-def test_what_a_watcher_sends_reaches_no_vehicle() -> None:
+def test_a_watchers_frames_reach_no_vehicle() -> None:
     async def story() -> None:
         copter = Copter(1)
         async with WatchedWorld(copter) as world:
@@ -138,7 +138,7 @@ def test_what_a_watcher_sends_reaches_no_vehicle() -> None:
     play(story())
 
 
-def test_where_it_is_allowed_another_station_s_command_arrives_and_is_recorded_as_its() -> None:
+def test_a_permitted_command_of_another_station_arrives_and_is_recorded_as_its() -> None:
     async def story() -> None:
         copters = Copter(1), Copter(2)
         async with WatchedWorld(*copters, commands=True) as world:
@@ -190,7 +190,7 @@ def test_a_plain_disarming_of_another_station_is_passed_on() -> None:
     play(story())
 
 
-def test_where_others_than_this_machine_could_order_nobody_is_listened_for() -> None:
+def test_commands_are_not_accepted_from_an_endpoint_open_to_other_machines() -> None:
     async def story() -> None:
         async with FrontEnd(wall_time_us=lambda: 0) as front:
             for url in ("udpin:0.0.0.0:0", "tcpin:[::]:0", "tcpin:somewhere:0"):
@@ -205,7 +205,7 @@ def test_where_others_than_this_machine_could_order_nobody_is_listened_for() -> 
     asyncio.run(story())
 
 
-def test_where_we_speak_to_one_place_nobody_else_may_command() -> None:
+def test_only_the_target_of_an_outgoing_endpoint_may_command() -> None:
     def udp() -> socket.socket:
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         made.bind(("127.0.0.1", 0))
@@ -234,7 +234,7 @@ def test_where_we_speak_to_one_place_nobody_else_may_command() -> None:
         asyncio.run(story(watcher, stranger))
 
 
-def test_what_may_not_be_recorded_is_not_passed_on() -> None:
+def test_a_command_that_may_not_be_recorded_is_not_passed_on() -> None:
     async def story() -> None:
         copter = Copter(1)
         async with WatchedWorld(copter, commands=True) as world:
@@ -298,7 +298,7 @@ def test_a_udp_socket_that_takes_nothing_drops_instead_of_filling_memory() -> No
     asyncio.run(story())
 
 
-def test_a_tcp_watcher_that_does_not_read_holds_nobody_up() -> None:
+def test_a_tcp_watcher_that_does_not_read_delays_nothing() -> None:
     async def story() -> None:
         wire = MemoryWire()
         async with FrontEnd(wall_time_us=lambda: 0, memory={"test": wire}) as front:

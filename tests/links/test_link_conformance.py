@@ -68,7 +68,7 @@ def test_a_whole_flight_with_a_swap(kind):
     play(story(), real=kind != "direct")
 
 
-def test_a_vehicle_that_is_only_connected_is_asked_who_it_is_and_nothing_else(kind):
+def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
@@ -115,7 +115,7 @@ def test_an_order_interrupts_identify(kind):
     play(story(), real=kind != "direct")
 
 
-def test_nobody_answers_says_who_where_how_long_and_what_is_there_instead(kind):
+def test_no_answer_names_vehicle_endpoint_time_and_other_systems(kind):
     async def story():
         async with World(Copter(3), Copter(4), kind=kind) as world:
             with pytest.raises(NoAnswer) as caught:
@@ -173,7 +173,7 @@ def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, s
     play(story(), real=kind != "direct")
 
 
-def test_a_launch_in_whose_way_somebody_is_arms_nothing(kind):
+def test_a_blocked_launch_does_not_arm(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
@@ -207,7 +207,7 @@ def test_a_failed_swap_says_what_the_vehicle_flies(kind):
     play(story(), real=kind != "direct")
 
 
-def test_hold_interrupts_a_swap_and_other_calls_are_told_to_wait(kind):
+def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = await flying(world)
@@ -248,7 +248,7 @@ def test_cancelling_a_call_cancels_it_on_the_wire(kind):
     play(story(), real=kind != "direct")
 
 
-def test_what_is_asked_and_told_before_a_flight(kind):
+def test_parameters_fence_and_instruments_before_a_flight(kind):
     async def story():
         async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
             link = world.link()

@@ -89,7 +89,7 @@ def test_answers_come_in_only_to_what_mavsdk_was_asked_to_send():
     assert not gate.lets_in(ack(176))
 
 
-def test_nobody_writes_the_call_that_disarms_in_flight():
+def test_no_module_calls_mavsdks_disarming_in_flight():
     """MAVSDK 4.1.0's Action.arm_force sends a forced disarming."""
     forbidden = "arm_" + "force"
     sources = [p for folder in ("swarmctl", "benchmarks", "configs") for p in (ROOT / folder).rglob("*.py")]

@@ -51,7 +51,7 @@ def test_a_command_that_mavsdk_repeats_does_not_reach_a_vehicle_that_a_pilot_has
     play(story(), real=True)
 
 
-def test_an_upload_whose_last_word_is_lost_is_read_back():
+def test_an_upload_without_its_last_acknowledgement_is_read_back():
     async def story():
         copter = Copter(1, Script(ready_at_s=1.0))
         async with world_of(copter) as world:
@@ -138,7 +138,7 @@ def test_closing_the_front_end_ends_mavsdk_with_calls_in_flight():
     play(story(), real=True)
 
 
-def test_nothing_but_who_it_is_is_asked_of_a_vehicle_that_is_only_connected():
+def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only():
     async def story():
         async with world_of(Copter(1)) as world:
             await world.link().connect(5)

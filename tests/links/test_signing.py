@@ -88,7 +88,7 @@ def test_an_encoder_without_a_signature_signs_nothing() -> None:
     assert len(signed) - len(encoder.pack(message, "one")) == 13
 
 
-def test_what_pymavlink_signs_is_accepted_once() -> None:
+def test_a_frame_signed_by_pymavlink_is_accepted_once() -> None:
     ours, theirs = signing(), peer()
     frames = [said(theirs) for _ in range(5)]
     assert all(ours.accepts(frame, START) for frame in frames)
@@ -131,7 +131,7 @@ def test_each_link_component_and_system_has_a_time_of_its_own() -> None:
     assert not ours.accepts(said(peer(timestamp=START + 5)), START)
 
 
-def test_our_time_follows_the_latest_that_was_heard_of_others_with_the_key() -> None:
+def test_the_own_time_follows_the_latest_received_timestamp_under_the_key() -> None:
     ours = signing()
     assert ours.accepts(said(peer(timestamp=START + 1000)), START)
     assert ours.sign(0, START).timestamp == START + 1001
@@ -160,7 +160,7 @@ def test_a_vehicle_that_has_followed_us_is_heard_after_our_clock_went_back_by_a_
     assert after.sign(0, START - 365 * DAY).timestamp > stamp
 
 
-def test_a_key_whose_stamps_are_used_up_is_said_at_the_start() -> None:
+def test_a_key_without_remaining_timestamps_is_refused_at_the_start() -> None:
     store = Memory()
     store.kept = LAST_TIMESTAMP
     with pytest.raises(ValueError, match=r"\[timestamps-used-up\]"):
@@ -233,7 +233,7 @@ class Waited(Future[None]):
         return super().exception(0.0)
 
 
-def test_a_slow_disk_holds_up_nobody_and_no_stamp_is_used_before_the_store_has_one_above_it() -> None:
+def test_a_slow_disk_delays_nothing_and_no_timestamp_is_above_the_stored_one() -> None:
     store, disk = Memory(), Disk()
     ours = Signing(KEY, store, pool=disk)
     ours.sign(0, START)
@@ -258,7 +258,7 @@ def test_a_jump_of_the_clock_is_waited_for_also_while_the_store_is_written() -> 
     assert ours.sign(0, START + 10 * RESERVED).timestamp < store.kept
 
 
-def test_a_disk_that_does_not_answer_is_said_and_waited_for_once() -> None:
+def test_a_disk_without_an_answer_is_reported_and_awaited_once() -> None:
     store, disk = Memory(), Disk()
     disk.answers_at_once = False
     ours = Signing(KEY, store, pool=disk)
@@ -327,7 +327,7 @@ def test_a_key_is_read_in_each_of_its_forms(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "correct horse", "00" * 31, "passphrase:", json.dumps([1])])
-def test_what_is_no_key_is_refused_with_what_was_expected(tmp_path: Path, text: str) -> None:
+def test_an_invalid_key_is_refused_with_the_expected_form(tmp_path: Path, text: str) -> None:
     with pytest.raises(KeyringError, match="64 hexadecimal digits"):
         read_mavlink_key(key_file(tmp_path, text))
 

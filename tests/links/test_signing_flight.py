@@ -50,7 +50,7 @@ def test_without_its_key_a_vehicle_answers_nothing(tmp_path: Path, key: bytes | 
     play(story())
 
 
-def test_an_unsigned_vehicle_is_not_heard_and_it_is_said_why(tmp_path: Path) -> None:
+def test_an_unsigned_vehicle_is_refused_with_the_reason(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
             world.give_key(bytes(32), 0)
@@ -84,7 +84,7 @@ def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) 
     play(story())
 
 
-def test_a_vehicle_whose_clock_is_late_learns_the_time_and_is_heard(tmp_path: Path) -> None:
+def test_a_vehicle_with_a_late_clock_learns_the_time_and_is_accepted(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path, behind_s=3600) as world:
             identity = await world.link().connect(10)

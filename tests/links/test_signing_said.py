@@ -64,7 +64,7 @@ class Keyed(Fleet):
         return frames
 
 
-def test_a_flight_says_what_it_refuses_when_it_happens_again_later_and_at_the_end(
+def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(virtual_simulator, "Fleet", Keyed)
@@ -99,7 +99,7 @@ def test_a_flight_says_what_it_refuses_when_it_happens_again_later_and_at_the_en
     assert len(noted) == len(said)
 
 
-def test_each_kind_of_each_vehicle_is_said_once_a_minute_with_its_number() -> None:
+def test_refusals_are_reported_once_a_minute_by_vehicle_and_reason() -> None:
     refusals = Refusals()
 
     def of(sysid: int, why: str, now_s: float, component: int = 1) -> str:
@@ -116,7 +116,7 @@ def test_each_kind_of_each_vehicle_is_said_once_a_minute_with_its_number() -> No
     assert "the last of component 100 from here:1" in of(3, UNSIGNED, 0.0, component=100)
 
 
-def test_strangers_names_do_not_fill_the_memory() -> None:
+def test_forged_system_ids_do_not_fill_the_memory() -> None:
     refusals = Refusals()
     said = [refusals.of_stranger(sysid, UNSIGNED, f"far:{sysid}", 0.0) for sysid in range(1, 250)]
     assert [bool(text) for text in said] == [True] + [False] * 248
@@ -125,7 +125,7 @@ def test_strangers_names_do_not_fill_the_memory() -> None:
     )
 
 
-def test_a_vehicle_whose_clock_is_late_is_told_of_once(tmp_path: Path) -> None:
+def test_a_vehicle_with_a_late_clock_is_reported_once(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path, behind_s=3600) as world:
             await world.link().connect(10)
@@ -135,7 +135,7 @@ def test_a_vehicle_whose_clock_is_late_is_told_of_once(tmp_path: Path) -> None:
     play(story())
 
 
-def test_another_station_that_is_not_taken_is_told_of(tmp_path: Path) -> None:
+def test_a_refused_station_is_reported(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
             await world.front.forward(WATCHER, commands=True)
@@ -152,7 +152,7 @@ def test_another_station_that_is_not_taken_is_told_of(tmp_path: Path) -> None:
     play(story())
 
 
-def test_a_disk_that_keeps_no_time_stamps_is_told_of_in_flight(
+def test_a_disk_that_stores_no_timestamps_is_reported_in_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def story() -> None:

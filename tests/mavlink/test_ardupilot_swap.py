@@ -101,7 +101,7 @@ def test_a_list_that_would_grow_too_long_is_written_anew_while_it_holds():
     assert bench.holds(bench.session.mission_items(long))
 
 
-def test_where_partial_lists_are_not_answered_it_holds_for_the_swap():
+def test_without_answers_to_partial_lists_the_vehicle_holds_for_the_swap():
     bench = FlyingBench("ardupilot").flying(OLD)
     bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
     result, modes, _ = watched_swap(bench, NEW)

@@ -72,7 +72,7 @@ def test_a_plan_for_another_airframe_is_no_mission(autopilot, kind, which, cure)
         dialect_for(autopilot, kind).mission_items(which, HOME)
 
 
-def test_what_it_reads_back_is_what_was_sent_but_for_its_storage() -> None:
+def test_a_read_back_equals_the_mission_sent_except_for_storage() -> None:
     sent = (*PLANE.mission_items(FIRST),)
     stored = bench().uploaded(FIRST).stored
     assert stored != sent
@@ -86,7 +86,7 @@ def test_what_it_reads_back_is_what_was_sent_but_for_its_storage() -> None:
 # --- what is flown
 
 
-def test_it_flies_its_mission_and_lands_where_it_was_told() -> None:
+def test_the_plane_flies_its_mission_and_lands_at_its_goal() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert landed(flown)
@@ -157,7 +157,7 @@ def test_it_returns_and_lands_at_home() -> None:
     assert math.dist(here(flown), (0.0, 0.0)) < 60.0
 
 
-def test_told_to_land_it_goes_to_the_nearest_of_its_landings() -> None:
+def test_a_command_to_land_leads_to_the_nearest_landing() -> None:
     flown = in_flight()
     assert flown.do("land", basic.land).failure is None
     assert flown.mode == "AUTO"
@@ -166,7 +166,7 @@ def test_told_to_land_it_goes_to_the_nearest_of_its_landings() -> None:
     assert math.dist(here(flown), (0.0, 0.0)) < 60.0
 
 
-def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
+def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == 8), "its final"
@@ -176,7 +176,7 @@ def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
     assert landed(flown, 60.0)
 
 
-def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
+def test_a_command_to_land_on_the_ground_disarms() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.arm(flown.now, force=True)
     assert flown.run(5.0, lambda: flown.session.state.armed)

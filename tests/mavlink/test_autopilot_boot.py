@@ -62,7 +62,7 @@ def test_the_text_of_a_boot_is_no_message_and_no_vehicle():
 
 
 @pytest.mark.autopilots("1.19", of="px4")
-def test_messages_that_nobody_knows_are_of_the_vehicle_that_sent_them_and_are_let_go():
+def test_unknown_messages_belong_to_their_sender_and_are_skipped():
     bench = FlyingBench("px4").connected()
     data: list[bytes] = []
     bench.overhear = data.append
@@ -75,7 +75,7 @@ def test_messages_that_nobody_knows_are_of_the_vehicle_that_sent_them_and_are_le
 
 
 @pytest.mark.autopilots("1.3")
-def test_it_is_waited_for_and_why_is_said_until_arducopter_has_its_position():
+def test_reasons_for_waiting_come_until_arducopter_has_its_position():
     bench = FlyingBench("ardupilot", ready_s=41.0).connected()
     bench.begin("prepare", basic.prepare)
     said = set()
@@ -230,7 +230,7 @@ def test_after_a_landing_it_stands_in_auto_at_no_item_and_flies_again_from_its_t
 
 
 @pytest.mark.autopilots("1.13")
-def test_what_stands_armed_on_the_ground_or_has_a_failsafe_latched_is_told_by_other_things():
+def test_system_status_decides_neither_landed_state_nor_failsafe():
     bench = FlyingBench("ardupilot", params={"BATT_FS_LOW_ACT": 1, "BATT_LOW_VOLT": 11.0}).uploaded(OLD)
     status = []
     bench.block_down = lambda m: m.get_type() == "HEARTBEAT" and status.append(m.system_status)
@@ -306,7 +306,9 @@ def test_another_ground_station_is_obeyed_by_the_vehicle_and_not_fought_by_us(pe
 @pytest.mark.autopilots("1.5", "1.15")
 @pytest.mark.autopilots("1.5", of="px4")
 @pytest.mark.parametrize("after_s", [0.0, 0.3, 0.6, 0.9])
-def test_who_comes_down_by_another_stations_order_is_not_said_to_fly_its_old_plan(personality, after_s):
+def test_a_vehicle_landing_by_another_stations_command_does_not_count_as_on_its_old_plan(
+    personality, after_s
+):
     """It tells that it lands before a heartbeat tells its mode."""
     bench = FlyingBench(personality).flying(OLD)
     bench.run(after_s)

@@ -47,7 +47,7 @@ def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
 
 
 @BOTH
-def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(personality):
+def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(personality):
     """By a mode that only a pilot would choose, which the simulated ones take from their own side."""
     foreign = 0
     for tenths in range(0, 16, 3):

@@ -51,7 +51,7 @@ def test_a_plan_has_its_take_off_where_the_vehicle_looks_for_it(personality, tak
 @pytest.mark.autopilots("2 count")
 @pytest.mark.autopilots("2 count", of="px4")
 @pytest.mark.parametrize(("personality", "before", "of_nine"), [("ardupilot", 0, 10), ("px4", None, 10)])
-def test_how_many_items_there_are_is_told_with_home_or_without(personality, before, of_nine):
+def test_the_count_of_items_includes_home_or_not(personality, before, of_nine):
     """Eight waypoints, a take-off and a landing; the list has home in front, its total does not."""
     bench = FlyingBench(personality).prepared()
     bench.run(3)
@@ -106,7 +106,7 @@ def test_the_final_acknowledgement_is_lost_and_reading_back_tells(personality):
 
 
 @pytest.mark.autopilots("2 second GCS / download during upload", "2 abandoned upload")
-def test_another_station_is_in_an_upload_and_ours_waits_until_that_is_given_up():
+def test_an_upload_waits_until_another_stations_transfer_has_ended():
     bench = FlyingBench("ardupilot").prepared()
     codes = []
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
@@ -146,7 +146,7 @@ def test_an_upload_that_px4_still_believes_in_does_not_spoil_the_next():
     ],
     ids=["a command", "a frame", "a latitude", "no altitude"],
 )
-def test_what_it_refuses_is_said_by_its_own_name_and_what_it_takes_is_compared(
+def test_a_refusal_has_its_mavlink_name_and_an_accepted_item_is_compared(
     personality, changes, ardupilot, px4
 ):
     """PX4 takes a latitude of 100 degrees, and no altitude: who plans sees to that (`track_to_land`)."""
@@ -176,7 +176,7 @@ def test_a_return_as_an_item_is_in_frame_mission_to_px4(personality, frame):
 @pytest.mark.autopilots("2 read-back")
 @pytest.mark.autopilots("2 read-back", of="px4")
 @pytest.mark.parametrize("alt", [20.3, 33.333, 10.0, 119.999])
-def test_what_each_makes_of_an_altitude_is_no_difference_and_a_centimetre_more_is(personality, alt):
+def test_rounding_of_an_altitude_is_no_difference_but_a_further_centimetre_is(personality, alt):
     bench = FlyingBench(personality).prepared()
     items = bench.session.mission_items(plan(north=3, alt=alt))
     assert upload(bench, items).failure is None
@@ -187,7 +187,7 @@ def test_what_each_makes_of_an_altitude_is_no_difference_and_a_centimetre_more_i
 
 
 @pytest.mark.autopilots("2 read-back")
-def test_what_arducopter_drops_of_a_waypoint_is_no_difference_and_what_it_keeps_is():
+def test_dropped_parameters_of_a_waypoint_are_no_difference_but_kept_ones_are():
     bench = FlyingBench("ardupilot").prepared()
     items = with_item(bench, param1=2.7, param2=5.0, param3=6.0, param4=7.0)
     assert upload(bench, items).failure is None
@@ -231,7 +231,7 @@ def test_the_item_flown_is_never_written_over_and_the_new_one_is_chosen_by_what_
 
 
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", of="px4")
-def test_px4_is_told_its_first_item_by_message_and_that_it_heard_is_seen():
+def test_px4_gets_its_first_item_by_message_and_confirms_it():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.do("land", basic.land).failure is None
     assert bench.run(120, lambda: not bench.session.state.armed)
@@ -265,7 +265,7 @@ def orders_of(bench: FlyingBench, sent: int) -> list[str]:
 
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
 @pytest.mark.parametrize("how", EMPTIES)
-def test_a_px4_whose_mission_another_station_clears_loiters_and_is_left_to_it(how):
+def test_a_px4_whose_mission_another_station_clears_is_left_to_it(how):
     bench = FlyingBench("px4").flying(OLD)
     sent = len(bench.sent)
     bench.another_sends(EMPTIES[how])
@@ -281,7 +281,7 @@ def test_a_px4_whose_mission_another_station_clears_loiters_and_is_left_to_it(ho
 
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
 @pytest.mark.parametrize("how", EMPTIES)
-def test_a_px4_whose_mission_is_cleared_right_before_a_change_of_ours_is_left_to_it_too(how):
+def test_a_px4_whose_mission_is_cleared_right_before_a_swap_is_left_to_that_station(how):
     bench = FlyingBench("px4").flying(OLD)
     sent = len(bench.sent)
     bench.another_sends(EMPTIES[how])
@@ -306,7 +306,7 @@ def test_an_ardupilot_that_flies_its_mission_refuses_to_clear_it_and_flies_on():
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_an_ardupilot_that_takes_a_count_of_0_stands_still_and_ours_is_claimed_no_more():
+def test_an_ardupilot_with_a_count_of_0_stops_and_the_own_mission_is_dropped():
     """It says AUTO all the while."""
     bench = FlyingBench("ardupilot").flying(OLD)
     sent = len(bench.sent)
@@ -320,7 +320,7 @@ def test_an_ardupilot_that_takes_a_count_of_0_stands_still_and_ours_is_claimed_n
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_an_ardupilot_that_was_cleared_right_before_a_change_of_ours_is_left_to_who_did_it():
+def test_an_ardupilot_cleared_right_before_a_swap_is_left_to_that_station():
     """It says AUTO all the while; but it does not hold what the change was to go behind."""
     bench = FlyingBench("ardupilot").flying(OLD)
     sent = len(bench.sent)

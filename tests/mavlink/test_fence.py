@@ -94,7 +94,7 @@ def test_no_fence_goes_up_to_an_armed_vehicle(personality):
 @BOTH
 @pytest.mark.autopilots("2 fence")
 @pytest.mark.autopilots("2 fence", of="px4")
-def test_a_fence_whose_corners_do_not_add_up_is_another_fence(personality):
+def test_a_fence_with_a_wrong_vertex_count_differs(personality):
     """ArduPilot refuses it at its end; PX4 takes it, and nobody knows what it makes of it."""
     bench = on_the_ground(personality)
     items = tuple(replace(item, param1=6.0) for item in fence_items(SQUARE))
@@ -107,7 +107,7 @@ def test_a_fence_whose_corners_do_not_add_up_is_another_fence(personality):
 
 @BOTH
 @pytest.mark.autopilots("2 fence use")
-def test_who_turns_back_at_its_fence_is_not_sent_out_again(personality):
+def test_a_vehicle_that_turned_back_at_its_fence_is_not_sent_out_again(personality):
     """A mission that leads outside is accepted; and an order after the breach would win over the return."""
     fenced = {
         "ardupilot": {"FENCE_ENABLE": 1, "FENCE_TYPE": 4, "FENCE_ACTION": 1},
@@ -185,7 +185,7 @@ def test_another_fence_differs():
     assert "of command 5002" in gap, "to stay out of is not to stay inside of"
 
 
-def test_what_no_vehicle_would_keep_is_not_sent():
+def test_an_impossible_fence_is_not_sent():
     with pytest.raises(ValueError, match=r"\b2\b.* 3 to 60"):
         fence_items(SQUARE[:2])
     with pytest.raises(ValueError, match=r"\b61\b"):

@@ -29,7 +29,7 @@ def given(bench: Bench) -> list[tuple[int, float]]:
     return [(number, params[0]) for number, params in bench.copter.commands if number in (ARM, START)]
 
 
-def test_nobody_in_its_way_is_asked_for_before_it_is_armed_and_before_it_takes_off() -> None:
+def test_obstacles_are_checked_before_arming_and_before_the_take_off() -> None:
     bench, asked = Bench().prepared(), list[bool]()
 
     def clear() -> str:
@@ -40,13 +40,13 @@ def test_nobody_in_its_way_is_asked_for_before_it_is_armed_and_before_it_takes_o
     assert asked == [False, True]
 
 
-def test_somebody_in_its_way_before_it_is_armed_leaves_it_as_it_is() -> None:
+def test_an_obstacle_before_arming_leaves_the_vehicle_unchanged() -> None:
     bench = Bench().prepared()
     assert launched(bench, lambda: WHY) == LaunchBlocked(WHY)
     assert given(bench) == []
 
 
-def test_somebody_in_its_way_before_it_takes_off_has_it_disarmed() -> None:
+def test_an_obstacle_before_the_take_off_disarms_the_vehicle() -> None:
     bench = Bench().prepared()
     said: Iterator[str] = iter(["", WHY])
     assert launched(bench, lambda: next(said)) == LaunchBlocked(WHY, was_armed=True)

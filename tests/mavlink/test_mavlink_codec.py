@@ -30,7 +30,7 @@ def split(data: bytes) -> list[Frame]:
     return FrameSplitter().feed(data)
 
 
-def test_a_frame_tells_who_and_what_without_being_decoded():
+def test_a_frame_has_sender_and_message_id_without_decoding():
     (frame,) = split(heartbeat(sysid=200))
     assert frame[1:] == (200, 1, 0)
     assert frame.known
@@ -68,7 +68,7 @@ def test_a_good_frame_of_an_unknown_message_keeps_its_system_and_is_never_decode
     assert Decoder().decode(frames[1]) is None
 
 
-def test_a_frame_with_flags_nobody_knows_is_not_read():
+def test_a_frame_with_unknown_flags_is_skipped():
     mav = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
     data = bytearray(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3).pack(mav))
     data[2] = 0x02

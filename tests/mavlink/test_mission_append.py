@@ -42,7 +42,7 @@ def test_items_are_appended_each_announced_by_itself_whether_they_are_asked_for_
     assert append.result.round_trip_s == pytest.approx(0.1)
 
 
-def test_of_many_items_eight_are_on_their_way():
+def test_eight_of_many_items_are_under_way():
     append = Append(PEER, 7, MANY)
     assert items_of(append.start(0.0)) == list(range(7, 15))
     assert items_of(append.receive(mission_ack(0), 0.1)) == [15]
@@ -80,7 +80,7 @@ def test_after_a_loss_it_is_asked_what_it_holds_and_gets_the_rest():
     assert append.result.failure is None
 
 
-def test_of_what_goes_out_several_times_fewer_are_on_their_way():
+def test_fewer_items_are_under_way_when_each_goes_several_times():
     append = Append(PEER, 7, MANY)
     append.start(0.0)
     append.tick(0.5)
@@ -89,7 +89,7 @@ def test_of_what_goes_out_several_times_fewer_are_on_their_way():
     assert items_of(append.receive(count(8), 9.0)) == [seq for seq in range(8, 13) for _ in range(3)]
 
 
-def test_where_it_still_waits_for_an_item_what_is_missing_is_announced_anew():
+def test_missing_items_are_announced_again_while_the_vehicle_waits_for_one():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
@@ -162,7 +162,7 @@ def test_items_that_stand_already_are_not_answered_for():
     assert append.result is None
 
 
-def test_who_does_not_know_partial_lists_is_found_out_by_what_it_holds():
+def test_a_vehicle_without_partial_lists_is_recognised_by_its_count():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.tick(0.5)
@@ -172,7 +172,7 @@ def test_who_does_not_know_partial_lists_is_found_out_by_what_it_holds():
     assert "[no-append]" in append.result.failure
 
 
-def test_who_does_not_answer_is_given_up():
+def test_an_append_without_any_answer_ends():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     now = 0.0

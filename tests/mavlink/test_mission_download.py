@@ -47,21 +47,21 @@ def test_a_download_asks_for_eight_items_at_a_time(in_order):
     assert [i.x for i in download.result.items] == list(range(10, 20))
 
 
-def test_who_tells_items_in_any_order_is_asked_again_for_the_one_that_is_missing():
+def test_a_vehicle_that_serves_any_order_gets_a_new_request_for_a_missing_item():
     download, _asked = reading(3, in_order=False)
     download.receive(item(0), 4.0)
     download.receive(item(2), 4.0)
     assert [m.seq for m in download.tick(download.next_deadline)] == [1]
 
 
-def test_a_count_that_comes_late_makes_nobody_wait_long_for_an_item():
+def test_a_late_count_does_not_lengthen_the_wait_for_an_item():
     download = Download(PEER, window=8)
     download.start(0.0)
     download.receive(mavlink.MAVLink_mission_count_message(255, 190, 3, 0), 9.5)
     assert download.next_deadline == 13.5
 
 
-def test_who_tells_them_in_order_is_asked_for_nothing_again():
+def test_a_vehicle_that_serves_items_in_order_gets_no_repeated_request():
     download, _asked = reading(3, in_order=True)
     download.receive(item(0), 4.0)
     (closing,) = download.tick(download.next_deadline)
@@ -99,7 +99,7 @@ def test_only_errors_of_this_download_end_it(code, outcome):
     assert (download.result and download.result.outcome) == outcome
 
 
-def test_who_was_asked_for_items_in_the_wrong_order_refuses_by_error():
+def test_requests_in_the_wrong_order_are_refused_by_error():
     download, _asked = reading(3, in_order=True)
     download.receive(mission_ack(1), 3.0)
     assert download.result.outcome is DownloadOutcome.REFUSED

@@ -61,7 +61,7 @@ def test_the_count_is_announced_every_second_until_the_first_request():
         (3, mission_ack(0), UploadOutcome.ACCEPTED),
     ],
 )
-def test_what_each_answer_means_for_an_upload_of_three(asked, message, outcome):
+def test_each_answer_leads_to_its_outcome_of_an_upload_of_three(asked, message, outcome):
     upload = started_upload(asked=asked)
     assert upload.receive(message, 0.2) == []
     assert (upload.result and upload.result.outcome) == outcome
@@ -74,7 +74,7 @@ def answers(upload: Upload, seq: int, now: float) -> list[int]:
     return [item.seq for item in upload.receive(request(seq), now)]
 
 
-def test_eight_items_are_on_their_way_and_the_last_goes_to_who_asks_for_it():
+def test_eight_items_are_under_way_and_the_last_goes_out_on_request_only():
     upload = Upload(PEER, LONG)
     upload.start(0.0)
     assert answers(upload, 0, 2.0) == list(range(8))
@@ -85,7 +85,7 @@ def test_eight_items_are_on_their_way_and_the_last_goes_to_who_asks_for_it():
     assert answers(upload, len(LONG) - 1, 6.0) == [len(LONG) - 1]
 
 
-def test_what_is_asked_for_again_after_an_answer_could_have_come_is_sent_again_and_all_behind_it():
+def test_an_overdue_item_is_sent_again_with_all_items_behind_it():
     upload = Upload(PEER, LONG)
     upload.start(0.0)
     answers(upload, 0, 2.0)

@@ -58,7 +58,7 @@ def taken_over(
 
 
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
-def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script, faults):
+def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script, faults):
     foreign = 0
     for after_s in EVERY_TENTH:
         bench = Bench(script).flying(OLD)
@@ -73,7 +73,7 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script
 
 
 @pytest.mark.parametrize(("script", "faults"), WIRES[:2], ids=WIRE_NAMES[:2])
-def test_who_chooses_our_own_hold_mode_in_a_swap_that_does_not_hold_keeps_the_vehicle(script, faults):
+def test_a_pilot_that_sets_hold_mode_during_a_swap_in_flight_keeps_the_vehicle(script, faults):
     """Another station commands it in GUIDED. Only a swap that has it hold itself could not tell the two."""
     theirs = 0
     for after_s in EVERY_TENTH[:40]:
@@ -100,7 +100,7 @@ def test_a_swap_that_finds_it_in_hold_leaves_it_alone_unless_it_was_put_there():
 
 
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
-def test_a_pilot_who_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(script, faults):
+def test_a_pilot_that_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(script, faults):
     foreign = 0
     for after_s in EVERY_TENTH[:40]:
         bench = Bench(script).prepared()
@@ -136,7 +136,7 @@ def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
     assert "LOITER" in bench.session.result.failure
 
 
-def test_an_unanswered_command_is_repeated_where_nobody_has_taken_over():
+def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
     bench = Bench().flying(OLD)
     lost = []
 
@@ -257,7 +257,7 @@ def test_an_operators_order_goes_out_at_once_but_not_again_against_a_pilot(job):
 
 @pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
 @pytest.mark.parametrize("mode", [GUIDED, LOITER])
-def test_what_no_person_has_ordered_goes_out_only_after_a_look(job, mode):
+def test_a_command_without_an_operators_order_waits_for_a_new_heartbeat(job, mode):
     """A rule's order, while a pilot has acted a moment ago and no heartbeat has told of it."""
     bench = Bench(Script(heartbeats_unasked_only=True)).flying(OLD)
     heartbeats = bench.session.state

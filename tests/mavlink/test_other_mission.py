@@ -53,7 +53,7 @@ def states(bench: FlyingBench) -> list[VehicleState]:
 
 
 @AUTOPILOTS
-def test_another_mission_on_a_flying_vehicle_is_noticed_and_ours_forgotten(personality: str) -> None:
+def test_another_mission_on_a_flying_vehicle_is_noticed_and_the_own_one_dropped(personality: str) -> None:
     bench = FlyingBench(personality).flying(plan(north=8))
     bench.run(5.0)
     assert bench.session.items
@@ -65,7 +65,7 @@ def test_another_mission_on_a_flying_vehicle_is_noticed_and_ours_forgotten(perso
 
 
 @AUTOPILOTS
-def test_our_own_swaps_are_nobody_elses(personality: str) -> None:
+def test_own_swaps_do_not_count_as_another_mission(personality: str) -> None:
     bench = FlyingBench(personality).flying(plan(north=8))
     for north in (12, 5, 9):
         assert bench.swap(plan(north=north, east=0.001)).failure is None
@@ -75,7 +75,7 @@ def test_our_own_swaps_are_nobody_elses(personality: str) -> None:
 
 
 @AUTOPILOTS
-def test_a_mission_that_is_cleared_is_another_too_until_ours_is_put_there_again(personality: str) -> None:
+def test_a_cleared_mission_counts_as_another_until_the_own_one_is_uploaded_again(personality: str) -> None:
     bench = on_the_ground(personality)
     assert bench.upload(plan(north=4)).failure is None
     bench.run(5.0)
@@ -138,7 +138,7 @@ def test_another_id_is_another_mission_and_one_such_message_is_not_believed() ->
     assert watch.shows_other_mission(current(7, 6), 62.0 + OTHER_MISSION_LASTS_S)
 
 
-def test_an_order_of_ours_that_leaves_the_mission_as_it_is_leaves_its_id_too() -> None:
+def test_an_own_command_that_keeps_the_mission_keeps_its_id() -> None:
     """Somebody may change it meanwhile."""
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
@@ -159,7 +159,7 @@ def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
 
 
 @pytest.mark.parametrize("heard", [(6, 8), (6,)])
-def test_ours_put_there_again_after_another_may_have_another_id(heard: tuple[int, ...]) -> None:
+def test_the_own_mission_uploaded_again_may_have_another_id(heard: tuple[int, ...]) -> None:
     """As when a swap goes back. What was read back is not quite what was sent, and an answer may be lost."""
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
@@ -193,7 +193,7 @@ def test_another_mission_of_as_many_items_is_noticed_too(personality: str, withi
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.3])
-def test_where_no_id_is_told_an_item_is_asked_for_every_few_seconds_and_no_more(loss: float) -> None:
+def test_without_an_id_one_item_is_requested_every_few_seconds(loss: float) -> None:
     bench = FlyingBench("ardupilot").flying(plan(north=20))
     bench.spoil(Faults(loss=loss, max_delay_s=0.8, seed=3))
     before = len(bench.of("MISSION_REQUEST_INT"))
@@ -207,7 +207,7 @@ def test_where_no_id_is_told_an_item_is_asked_for_every_few_seconds_and_no_more(
     assert not any(state.other_mission for state in states(bench))
 
 
-def test_who_tells_an_id_is_asked_for_nothing() -> None:
+def test_a_vehicle_with_mission_ids_gets_no_requests() -> None:
     bench = FlyingBench("px4").flying(plan(north=8))
     before = len(bench.of("MISSION_REQUEST_INT")), len(bench.of("MISSION_REQUEST_LIST"))
     bench.run(60.0)

@@ -48,7 +48,7 @@ def test_more_names_than_a_vehicle_queues_are_read(personality):
 
 
 @BOTH
-def test_what_is_not_as_wanted_is_set_and_heard_back(personality):
+def test_a_parameter_that_differs_is_set_and_confirmed(personality):
     bench = on_the_ground(personality)
     assert write(bench, **{WHOLE[personality]: 1, REAL[personality]: 62.5}) is None
     assert bench.params[WHOLE[personality]] == 1
@@ -56,7 +56,7 @@ def test_what_is_not_as_wanted_is_set_and_heard_back(personality):
 
 
 @BOTH
-def test_what_is_as_wanted_already_is_not_sent(personality):
+def test_a_parameter_with_the_wanted_value_is_not_sent(personality):
     bench = on_the_ground(personality, params={WHOLE[personality]: 1})
     assert write(bench, **{WHOLE[personality]: 1}) is None
     assert bench.of("PARAM_SET") == []
@@ -99,7 +99,7 @@ def test_nothing_is_set_on_one_that_is_armed_while_it_is_asked(personality):
     assert bench.params[WHOLE[personality]] == before
 
 
-def test_a_value_that_the_vehicle_does_not_keep_is_said():
+def test_a_value_that_the_vehicle_does_not_keep_is_reported():
     bench = on_the_ground("ardupilot")
     failure = write(bench, FORMAT_VERSION=3)  # read-only there
     assert failure == "FORMAT_VERSION is 120 instead of 3"

@@ -151,7 +151,7 @@ def test_a_vehicle_that_comes_down_is_not_called_back():
 
 
 @pytest.mark.parametrize("mode", [5, 6, 9], ids=["LOITER", "RTL", "LAND"])
-def test_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(mode):
+def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(mode):
     bench = Bench().flying(OLD)
     bench.copter.mode = mode
     bench.run(2)
@@ -161,7 +161,7 @@ def test_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(mode):
     assert bench.mission_is(OLD)
 
 
-def test_a_pilot_who_takes_over_during_the_upload_keeps_the_vehicle():
+def test_a_pilot_that_takes_over_during_the_upload_keeps_the_vehicle():
     bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
     bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)

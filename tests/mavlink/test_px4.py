@@ -76,7 +76,7 @@ def test_it_may_look_where_it_flies():
     assert PX4.differences((items[1],), (replace(items[1], param4=0.0),))
 
 
-def test_a_plan_for_a_vehicle_that_has_told_no_place_is_refused():
+def test_a_plan_for_a_vehicle_without_a_position_is_refused():
     with pytest.raises(ValueError, match=r"\[no-position\]"):
         PX4.mission_items(plan())
 
@@ -179,7 +179,7 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     assert bench.of(SET_CURRENT) == [], "the item to fly came with the upload"
 
 
-def test_an_autopilot_that_overlooks_the_marked_item_is_told_by_message():
+def test_an_autopilot_that_overlooks_the_marked_item_gets_a_message():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.run(60, lambda: bench.session.state.mission_seq == 4)
     items = bench.session.mission_items(NEW)
@@ -234,7 +234,7 @@ def test_an_upload_that_dies_without_a_word_leaves_the_old_mission():
 
 
 @pytest.mark.parametrize("number", [3 << 16, 4 << 16 | 5 << 24], ids=["POSCTL", "AUTO.RTL"])
-def test_a_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(number):
+def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
     bench = FlyingBench("px4").flying(OLD)
     old = bench.session.items
     bench.vehicle.modes.enter(number)

@@ -82,7 +82,7 @@ def test_jumps_of_what_is_put_behind_other_items_lead_where_they_led() -> None:
     assert append_items(items[:1], items, 1) == items
 
 
-def test_what_it_reads_back_is_what_was_sent() -> None:
+def test_a_read_back_equals_the_mission_sent() -> None:
     sent = PLANE.mission_items(FIRST)
     stored = bench().uploaded(FIRST).stored
     assert PLANE.differences(sent, stored) == ()
@@ -90,7 +90,7 @@ def test_what_it_reads_back_is_what_was_sent() -> None:
     assert PLANE.differences(sent, (*stored[:4], elsewhere, *stored[5:])), "where it jumps to matters"
 
 
-def test_the_nearest_landing_is_that_whose_circle_is_nearest() -> None:
+def test_the_nearest_landing_has_the_nearest_circle() -> None:
     items = PLANE.mission_items(FIRST)
     lat_deg, lon_deg = FRAME.to_geodetic(380.0, 700.0)
     assert nearest_landing(items, VehicleState(lat_deg=lat_deg, lon_deg=lon_deg)) == AT_GOAL
@@ -102,7 +102,7 @@ def test_the_nearest_landing_is_that_whose_circle_is_nearest() -> None:
 # --- what is flown
 
 
-def test_it_flies_its_mission_over_its_goal_and_lands_where_it_was_told() -> None:
+def test_the_plane_flies_over_its_goal_and_lands_there() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: away_m(flown, GOAL) < 10.0)
@@ -177,7 +177,7 @@ def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
     assert away_m(flown, GOAL) < 60.0
 
 
-def test_who_gets_to_its_landing_while_a_new_mission_is_sent_lands_at_its_goal_all_the_same() -> None:
+def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -> None:
     longer = plan((200.0, 750.0), (250.0, 900.0))
     flown = in_flight()
     assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 30.0)
@@ -223,7 +223,7 @@ def test_it_returns_and_lands_at_home_in_the_mode_that_returns() -> None:
     ("track", "where"), [([(0.0, 300.0), (0.0, 600.0)], START), ([(0.0, 300.0), (300.0, 850.0)], GOAL)]
 )
 @pytest.mark.parametrize("held", [True, False])
-def test_told_to_land_it_goes_to_the_nearest_of_its_landings(track, where, *, held: bool) -> None:
+def test_a_command_to_land_leads_to_the_nearest_landing(track, where, *, held: bool) -> None:
     flown = in_flight(plan(*track))
     if where == GOAL:
         flown.run(60.0, lambda: away_m(flown, (300.0, 850.0)) < 150.0)
@@ -236,7 +236,7 @@ def test_told_to_land_it_goes_to_the_nearest_of_its_landings(track, where, *, he
     assert away_m(flown, where) < 60.0
 
 
-def test_on_its_way_home_it_may_be_told_to_land() -> None:
+def test_a_command_to_land_works_during_a_return() -> None:
     flown = in_flight()
     assert flown.do("return", basic.return_home).failure is None
     flown.run(5.0)
@@ -246,7 +246,7 @@ def test_on_its_way_home_it_may_be_told_to_land() -> None:
     assert away_m(flown, START) < 60.0
 
 
-def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
+def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL + 1), "its final"
@@ -256,7 +256,7 @@ def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
     assert landed(flown, 60.0)
 
 
-def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() -> None:
+def test_with_unknown_landings_the_plane_flies_to_the_one_that_it_knows() -> None:
     flown = in_flight()
     flown.session._require_context().verified_items = ()
     assert flown.do("land", basic.land).failure is None
@@ -265,7 +265,7 @@ def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() 
     assert away_m(flown, START) < 60.0
 
 
-def test_what_may_arm_it_is_not_sent_to_one_that_has_disarmed_meanwhile() -> None:
+def test_a_command_that_may_arm_is_not_sent_to_a_disarmed_plane() -> None:
     flown = in_flight()
     assert flown.do("return", basic.return_home).failure is None
     flown.block_down = lambda message: message.get_type() in ("HEARTBEAT", "EXTENDED_SYS_STATE")
@@ -277,7 +277,7 @@ def test_what_may_arm_it_is_not_sent_to_one_that_has_disarmed_meanwhile() -> Non
         assert not flown.vehicle.armed
 
 
-def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
+def test_a_command_to_land_on_the_ground_disarms() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.arm(flown.now, force=True)
     assert flown.run(5.0, lambda: flown.session.state.armed)

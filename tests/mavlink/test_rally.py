@@ -34,7 +34,7 @@ def another_puts(bench: FlyingBench, n: int, announced: int | None = None) -> No
 @BOTH
 @pytest.mark.autopilots("2 types 2 / 3 / 255")
 @pytest.mark.autopilots("2 types 2 / 3 / 255", of="px4")
-def test_their_number_is_told(personality: str) -> None:
+def test_the_number_of_rally_points_is_reported(personality: str) -> None:
     bench = on_the_ground(personality)
     assert counted(bench) == RallyPoints(0)
     another_puts(bench, 3)
@@ -52,13 +52,13 @@ def test_an_ardupilot_that_is_built_without_has_none() -> None:
 
 
 @pytest.mark.parametrize("points", [0, 2])
-def test_a_list_that_is_asked_for_is_told_by_its_type(points: int) -> None:
+def test_a_requested_list_is_recognised_by_its_type(points: int) -> None:
     bench = Bench(Script(rally_points=points)).connected()
     bench.copter.mission = [(16, 3, 0, 0, 20.0, 0, 0.0, 0.0, 0.0)] * 7
     assert counted(bench) == RallyPoints(points)
 
 
-def test_the_same_words_of_a_px4_are_no_number() -> None:
+def test_the_same_answer_of_a_px4_does_not_count() -> None:
     """It has them whatever it is built with."""
     bench = Bench(Script(rally_points=None))
     bench.copter.autopilot = mavlink.MAV_AUTOPILOT_PX4
@@ -80,7 +80,7 @@ def test_a_lost_answer_is_no_number(personality: str) -> None:
     assert counted(bench) == RallyPoints(0)
 
 
-def test_what_is_for_another_or_of_another_list_is_no_number() -> None:
+def test_an_answer_to_another_station_or_about_another_list_does_not_count() -> None:
     bench = on_the_ground("ardupilot")
     bench.block_down = lambda m: m.get_type() == "MISSION_COUNT" and m.target_system == 255
     other = mavlink.MAVLink_mission_request_list_message
@@ -103,7 +103,7 @@ def test_while_another_station_puts_some_there_it_is_asked_again() -> None:
     points=st.integers(0, 3),
     personality=st.sampled_from(["ardupilot", "px4"]),
 )
-def test_over_a_bad_link_it_is_told_or_not_known(
+def test_over_a_bad_link_the_number_is_right_or_unknown(
     loss: float, seed: int, points: int, personality: str
 ) -> None:
     bench = on_the_ground(personality, loss=loss, seed=seed)

@@ -43,7 +43,7 @@ PLACES = [
 @pytest.mark.parametrize(
     ("at", "item_ahead", "cross_track_m"), [p[1:] for p in PLACES], ids=[p[0] for p in PLACES]
 )
-def test_what_lies_ahead_is_the_end_of_the_leg_it_is_on(
+def test_the_item_ahead_is_the_end_of_the_present_leg(
     at: VehicleState, item_ahead: int, cross_track_m: float
 ) -> None:
     found = WAY.at(at)
@@ -80,7 +80,7 @@ def test_a_way_from_nowhere_begins_at_its_first_item() -> None:
     assert WAY.at(unknown).item == 0
 
 
-def test_what_comes_behind_an_item_without_a_place_is_no_way() -> None:
+def test_items_behind_one_without_a_position_are_not_part_of_the_route() -> None:
     """A fixed wing's landing begins with one."""
     way = RouteProgress(
         state(0.0, 0.0), (item(0.0, 100.0), MissionItem(189, 3, 0, 0, 0.0), item(500.0, 500.0))

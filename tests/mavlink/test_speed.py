@@ -17,7 +17,7 @@ def sent(bench: Bench) -> list:
     return [m for _, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.command == CHANGE_SPEED]
 
 
-def test_the_speed_over_ground_is_sent_once_and_a_refusal_is_said():
+def test_the_ground_speed_is_sent_once_and_a_refusal_is_reported():
     bench = Bench().flying(plan(north=8))  # the scripted copter does not know the command
     assert bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure == "DO_CHANGE_SPEED: UNSUPPORTED"
     (message,) = sent(bench)
@@ -33,7 +33,7 @@ def test_nothing_is_sent_to_a_vehicle_that_does_not_fly_its_mission(mode, number
     assert sent(bench) == []
 
 
-def test_while_nobody_answers_it_goes_out_again_but_not_for_ever():
+def test_an_unanswered_speed_is_sent_again_but_not_for_ever():
     bench = Bench().flying(plan(north=8))
     bench.block = lambda message: getattr(message, "command", None) == CHANGE_SPEED
     assert "no answer" in bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure

@@ -103,7 +103,7 @@ def test_corners_that_both_have_in_common_are_flown_wherever_it_has_got_to(perso
 
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-def test_who_is_past_where_the_new_plan_leaves_the_old_one_flies_on_along_that(personality: str) -> None:
+def test_a_vehicle_past_the_splice_point_flies_on_along_its_old_plan(personality: str) -> None:
     bench = flying(personality)
     turns_m = place(bench)[1] + 20.0
     new = [(0.0, turns_m), (150.0, turns_m)]
@@ -138,7 +138,7 @@ def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
 
 
 @pytest.mark.parametrize("n_lost", [0, 1, 3])
-def test_whose_order_is_lost_and_comes_past_the_corner_stays_on_the_ways_that_are_known(n_lost: int) -> None:
+def test_a_vehicle_whose_command_comes_after_the_corner_stays_on_a_known_route(n_lost: int) -> None:
     """And does not cross from one to the other, where neither plan leads."""
     bench = flying("ardupilot")
     turns_m = place(bench)[1] + 90.0
@@ -157,7 +157,7 @@ def test_whose_order_is_lost_and_comes_past_the_corner_stays_on_the_ways_that_ar
     assert max(beside_m) < TURNS_WITHIN_M
 
 
-def test_how_long_it_took_is_told_by_the_vehicles_clock() -> None:
+def test_the_time_of_a_swap_is_measured_by_the_vehicles_clock() -> None:
     """A question and its answer take 2 s: writing, reading back (two), looking, taking over."""
     bench = flying("ardupilot")
     north_m = place(bench)[1] + 290.0
@@ -183,7 +183,7 @@ def test_a_plan_that_is_flown_to_its_end_before_it_was_read_back_is_the_one_it_f
 
 
 @pytest.mark.parametrize("later_s", [6.0, 12.0, 25.0])
-def test_who_has_passed_corners_of_its_new_plan_before_it_was_read_back_is_not_sent_back(
+def test_a_vehicle_that_passed_corners_before_the_read_back_is_not_sent_back(
     later_s: float,
 ) -> None:
     """PX4 follows when the last item has come; which item it was given as the first, is on its way."""
@@ -200,7 +200,9 @@ def test_who_has_passed_corners_of_its_new_plan_before_it_was_read_back_is_not_s
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @pytest.mark.parametrize("blind_s", [0.0, 0.5, 1.0, 2.0, 3.0, 5.0])
-def test_who_does_not_tell_where_it_is_meanwhile_is_never_sent_back(personality: str, blind_s: float) -> None:
+def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
+    personality: str, blind_s: float
+) -> None:
     """On a thin radio no position may come while a mission goes up."""
     bench = flying(personality, 0.3)
     north_m = place(bench)[1]
@@ -221,7 +223,7 @@ def test_who_does_not_tell_where_it_is_meanwhile_is_never_sent_back(personality:
 
 
 @pytest.mark.parametrize("ahead_m", [40.0, 60.0])
-def test_who_gets_past_the_corner_without_a_word_of_where_it_is_keeps_its_old_plan(ahead_m: float) -> None:
+def test_a_vehicle_that_passes_the_corner_without_a_position_keeps_its_old_plan(ahead_m: float) -> None:
     bench = flying("px4")
     north_m = place(bench)[1] + ahead_m
     new = [(0.0, north_m), *((150.0, north_m + 20.0 * i) for i in range(28))]
@@ -235,7 +237,7 @@ def test_who_gets_past_the_corner_without_a_word_of_where_it_is_keeps_its_old_pl
 
 
 @pytest.mark.parametrize("silence_s", [3.0, 8.0, 14.0, 20.0])
-def test_who_is_silent_after_a_new_plan_was_complete_is_not_sent_back(silence_s: float) -> None:
+def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silence_s: float) -> None:
     """PX4 follows it at once; the old plan is behind by when it can be asked again."""
     bench = flying("px4", 0.2)
     north_m = place(bench)[1]

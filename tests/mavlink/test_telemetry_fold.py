@@ -87,7 +87,7 @@ def test_a_gps_that_was_there_and_is_not_any_more_is_lost(told, gps_ok):
     assert folded(*(of_gps(*bits) for bits in told)).state.gps_ok is gps_ok
 
 
-def test_what_gps_was_there_before_a_reboot_counts_no_more():
+def test_a_gps_from_before_a_reboot_does_not_count():
     booted = folded(position(60_000), of_gps(True, True), position(1000), of_gps(False, True))
     assert booted.reboots == 1
     assert booted.state.gps_ok is None
@@ -157,7 +157,7 @@ def test_a_clock_that_goes_back_is_a_reboot_and_forgets_what_was():
         (61.0, 70.0, 1),
     ],
 )
-def test_who_is_younger_than_it_was_not_heard_of_has_booted_since(uptime_s, silent_s, reboots):
+def test_a_clock_younger_than_the_silence_shows_a_reboot(uptime_s, silent_s, reboots):
     """Its clock may have come past where it was: it was silent for longer than it had run before."""
     telemetry = folded(position(60_000))
     telemetry.receive(position(round(1000 * uptime_s)), silent_s)
@@ -374,7 +374,7 @@ def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ende
     [heartbeat(0, autopilot=8, kind=18), heartbeat(0, autopilot=8, kind=26), heartbeat(0, kind=6)],
     ids=["a companion", "a gimbal", "a ground station"],
 )
-def test_what_speaks_as_the_autopilots_component_and_is_none_neither_lands_nor_answers_for_it(stranger):
+def test_another_sender_with_the_autopilots_component_id_is_ignored(stranger):
     """Companions are often set up with the vehicle's own system id and component 1."""
     session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(3, armed=True))
@@ -454,7 +454,7 @@ def test_one_that_was_overtaken_when_the_clock_wrapped_is_no_reboot() -> None:
     ("silent_s", "uptime_s", "reboots"),
     [(600.0, 540.0, 0), (600.0, 20.0, 1), (5.0, 4.0, 1), (70.0, 9.5, 0)],
 )
-def test_who_booted_while_its_clock_would_have_wrapped_is_found_out(silent_s, uptime_s, reboots) -> None:
+def test_a_reboot_near_the_wrap_of_the_clock_is_noticed(silent_s, uptime_s, reboots) -> None:
     """Heard a minute before its clock wraps."""
     telemetry = Telemetry(dialect_for(3, 2))
     telemetry.receive(at(WRAP_MS - 60_000), 0.0)
@@ -474,7 +474,7 @@ def system_time(boot_ms: int):
     return M.MAVLink_system_time_message(0, boot_ms)
 
 
-def test_who_tells_no_position_any_more_is_still_told_of_once_a_second():
+def test_a_vehicle_without_positions_still_gives_a_snapshot_every_second():
     """PX4 sends none without a valid one: battery, GPS and mode are judged by all the same."""
     session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
@@ -486,7 +486,7 @@ def test_who_tells_no_position_any_more_is_still_told_of_once_a_second():
     assert states[-1].battery_percent == 3
 
 
-def test_where_it_was_is_soon_forgotten_and_known_again_with_the_next_position():
+def test_an_old_position_is_dropped_until_the_next_one_comes():
     session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(), position())
     told(session, 2.0, heartbeat())
@@ -509,13 +509,13 @@ def test_its_clock_goes_on_without_a_position():
     assert session.state.time_boot_s == 10.0
 
 
-def test_a_clock_that_is_told_without_a_position_shows_a_reboot_too():
+def test_a_clock_without_positions_shows_a_reboot_too():
     session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(), position(60_000))
     assert VehicleRebooted() in told(session, 4.0, heartbeat(), system_time(3000))
 
 
-def test_a_state_says_when_what_it_is_made_of_was_told():
+def test_a_state_has_the_times_of_its_parts():
     session = Session(MavlinkPeer(1))
     told(session, 1.0, heartbeat())
     told(session, 2.0, sys_status())
@@ -550,7 +550,7 @@ def test_a_home_that_cannot_be_is_no_home():
     assert state.home_lat_deg is None
 
 
-def test_of_a_vehicle_that_talks_without_end_the_last_texts_are_kept():
+def test_only_the_last_texts_of_a_vehicle_are_kept():
     telemetry = folded(*(text(f"line {n}") for n in range(1000)))
     assert len(telemetry.texts) < 500
     assert telemetry.n_texts == 1000

@@ -19,7 +19,7 @@ INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 
 
 @BOTH
-def test_what_a_vehicle_tells_in_all_is_little_where_that_is_asked_for(personality: str) -> None:
+def test_a_low_position_rate_keeps_the_whole_telemetry_small(personality: str) -> None:
     bench = ThinBench(personality, 1500.0, SPARING).connected()
     bench.run(30.0)
     bench.n_lost = 0
@@ -43,7 +43,7 @@ def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(pe
 
 
 @BOTH
-def test_who_hears_too_few_positions_before_a_flight_says_how_many(personality: str) -> None:
+def test_too_few_positions_before_a_flight_are_reported_with_their_number(personality: str) -> None:
     """PX4 comes down to a twentieth of its rates where its radio is full (`Mavlink::update_rate_mult`)."""
     bench = ThinBench(personality, 6000.0).connected()
     bench.run(10.0)
