@@ -11,6 +11,7 @@ import typer
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import (
     config_or_example,
+    describe,
     keys_problem_lines,
     load_scenario_or_exit,
     require_flyable,
@@ -30,16 +31,11 @@ def check(
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
     require_flyable(config, scenario, out_folder, keys_problem_lines(config, _key_problems(scenario)))
-    n, grid = len(scenario.specs), scenario.grid
-    text = (
-        f"{config}: no problems. {n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of "
-        f"{grid.cell_size_m:g} m, {scenario.prior.count} hostiles announced."
-    )
-    out.print(text, highlight=False, soft_wrap=True)
+    out.print(f"{config}: no problems. {describe(scenario)}", highlight=False, soft_wrap=True)
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:
         text = f"preflight.endurance_s is not set, so {', '.join(real)} will fail the check `battery`"
-        out.print(f"{text}, unless the built-in simulator plays it", highlight=False, soft_wrap=True)
+        out.print(f"{text}, unless it is one of the built-in simulator", highlight=False, soft_wrap=True)
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:

@@ -48,6 +48,15 @@ def load_scenario_or_exit(path: Path) -> Scenario:
         fail(error.lines, USAGE)
 
 
+def describe(scenario: Scenario) -> str:
+    """Return one line on what is flown: vehicles, area, announced hostiles."""
+    n, grid = len(scenario.specs), scenario.grid
+    return (
+        f"{n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of {grid.cell_size_m:g} m, "
+        f"{scenario.prior.count} hostiles announced"
+    )
+
+
 def _checked(config: Config) -> Iterable[ConfigProblem]:
     """Check a configuration across its sections; routes over a large area are planned by machine code."""
     from swarmctl.cli import machine_code  # noqa: PLC0415

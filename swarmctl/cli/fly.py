@@ -11,6 +11,7 @@ import typer
 
 from swarmctl.cli.configuration import (
     config_or_example,
+    describe,
     keys_problem_lines,
     load_scenario_or_exit,
     require_flyable,
@@ -23,6 +24,7 @@ from swarmctl.cli.console import (
     OutOption,
     VerboseOption,
     fail,
+    out,
     run_folder,
 )
 from swarmctl.cli.flights import (
@@ -97,6 +99,7 @@ def fly(
         app.DEFAULT_OPTIONS, signer=_signer(config, scenario), waivers=parse_waivers_or_exit(waive, scenario)
     )
     folder = run_folder(out_folder, scenario.config.name)
+    out.print(f"{config}: {describe(scenario)}; connecting", highlight=False, soft_wrap=True)
     display = terminal(verbose=verbose)
     tune_collector()
     with uninterrupted() as run:
