@@ -155,7 +155,7 @@ def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
 def _words(rig: "Rig") -> str:
     count = len(rig.vehicles)
     seed = f"seed {rig.seed}, {count} vehicle{'' if count == 1 else 's'}, {rig.now:.2f} s simulated"
-    return "\n".join([seed, *rig.said])
+    return "\n".join([seed, *rig.operator_lines])
 
 
 def _command(item: pytest.Item, seed: int) -> str:

@@ -1,1 +1,1 @@
-"""What a vehicle stores and hands out: MAVLink FTP, flight logs, component metadata. Pure."""
+"""Files of a vehicle: MAVLink FTP, flight logs, component metadata. Pure; begin with `vehicle_files`."""

@@ -1,7 +1,7 @@
-"""What a component says of itself to ground stations: the metadata files and the messages that point at them.
+"""Component metadata: the files, and the messages with their URIs.
 
-The files are those of the component metadata protocol: a general one that lists the others with their
-checksums, and one that describes the parameters. Both are xz with a CRC-32, which small decoders understand.
+The files are those of the component metadata protocol: a general one, which lists the others with checksums,
+and one with the parameters. Both are xz with a CRC-32, which small decoders support.
 """
 
 import json
@@ -22,7 +22,7 @@ COMPONENT_INFORMATION = 395
 COMPONENT_INFORMATION_BASIC = 396
 COMPONENT_METADATA = 397
 
-# Id -> name and fields on the wire in their order; pymavlink's dialects have none of these messages.
+# Id -> name, and fields in wire order; pymavlink's dialects lack these messages.
 _MESSAGES: Mapping[int, tuple[str, tuple[tuple[str, str, int], ...]]] = {
     COMPONENT_INFORMATION: (
         "COMPONENT_INFORMATION",
@@ -57,7 +57,7 @@ _BYTES = {"uint32_t": 4, "uint64_t": 8}
 
 @cache
 def crc_extra(message_id: int) -> int:
-    """The seed of a message's checksum, from its definition as MAVLink reckons it."""
+    """Return CRC_EXTRA of a message, computed from its definition."""
     name, fields = _MESSAGES[message_id]
     crc = x25crc()
     crc.accumulate_str(f"{name} ")
@@ -69,7 +69,7 @@ def crc_extra(message_id: int) -> int:
 
 
 class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """One of the messages above, ready to be packed like pymavlink's own."""
+    """One of the messages above, packed like pymavlink's own."""
 
     def __init__(self, message_id: int, **values: int | str) -> None:
         name, fields = _MESSAGES[message_id]
@@ -92,7 +92,7 @@ class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 @dataclass(frozen=True, slots=True)
 class ParameterMeta:
-    """What is known of one parameter; an int default makes it an integer."""
+    """The metadata of one parameter; an int default makes it an integer."""
 
     name: str
     default: float | int
@@ -105,7 +105,7 @@ class ParameterMeta:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """Who a component is; versions are `major.minor.patch`."""
+    """The identity of a component; versions are `major.minor.patch`."""
 
     vendor: str
     model: str
@@ -114,9 +114,9 @@ class Component:
 
 
 class ComponentMetadata:
-    """The metadata files of one kind of vehicle under `directory`, and the messages that name them.
+    """The metadata files of one kind of vehicle under `directory`, and the messages with their URIs.
 
-    One object serves all vehicles of a kind: nothing in it changes.
+    One immutable object serves all vehicles of a kind.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class ComponentMetadata:
         }
 
     def message(self, message_id: int, time_boot_ms: int) -> ComponentMessage | None:
-        """COMPONENT_METADATA, COMPONENT_INFORMATION or COMPONENT_INFORMATION_BASIC; None for another id."""
+        """Return COMPONENT_METADATA, COMPONENT_INFORMATION or COMPONENT_INFORMATION_BASIC, or None."""
         uri = f"mftp://{self._general_path}"
         crc = checksum(self.files[self._general_path.lstrip("/")])
         component = self._component

@@ -1,7 +1,7 @@
-"""The vehicle's side of the MAVLink file transfer protocol, as a machine without I/O.
+"""The server of the MAVLink file transfer protocol, a state machine without I/O.
 
-Both autopilots serve one open file at a time; what they answer when something is wrong differs, and is data
-(`FtpRules`). Bursts are paced: what does not fit now goes out with the next ticks.
+Both autopilots serve one open file at a time; their answers to errors differ and are data (`FtpRules`).
+Bursts are paced: the rest follows with the next ticks.
 """
 
 import errno
@@ -21,7 +21,7 @@ from sim_vehicle.files.pacing import BYTES_S, MOST_BYTES_AT_ONCE, Pacer
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request's opcode, burst complete, offset
 SIZE = struct.Struct("<I")
 MOST_DATA = 239  # bytes of data in one message
-FRAME_BYTES = 277  # of one message on the link
+FRAME_BYTES = 277  # bytes of one message on the link
 
 
 class _Nak(Exception):
@@ -54,17 +54,17 @@ class _Burst:
     request: _Request
     offset: int
     seq: int
-    left: int  # messages until the client must ask again
+    left: int  # messages before the next request of the client
 
 
 class FtpServer:
-    """Answers FILE_TRANSFER_PROTOCOL on behalf of one vehicle.
+    """The answers of one vehicle to FILE_TRANSFER_PROTOCOL.
 
     Parameters
     ----------
-    files: what is served.
-    rules: whose server it is.
-    send: takes each outgoing message.
+    files: the served files.
+    rules: the behaviour of the autopilot.
+    send: called with each outgoing message.
     bytes_s, most_bytes_at_once: pace of bursts on the link.
     """
 
@@ -81,7 +81,7 @@ class FtpServer:
         self._pacer = Pacer(bytes_s, most_bytes_at_once)
         self._open: _Open | None = None
         self._burst: _Burst | None = None
-        self._last: tuple[_Request, bytes] | None = None  # the request answered last, and the answer
+        self._last: tuple[_Request, bytes] | None = None  # the latest request and its answer
         self._operations: dict[int, Callable[[_Request, float], tuple[bytes, int]]] = {
             Opcode.NONE: lambda _request, _now: (b"", 0),
             Opcode.TERMINATE_SESSION: self._terminate,
@@ -103,11 +103,11 @@ class FtpServer:
 
     @property
     def busy(self) -> bool:
-        """Whether a burst is under way, so that `tick` has something to send."""
+        """True during a burst, which needs `tick`."""
         return self._burst is not None
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one FILE_TRANSFER_PROTOCOL at `now` [s]."""
+        """Process one FILE_TRANSFER_PROTOCOL at `now` [s]."""
         payload = bytes(message.payload)
         seq, session, opcode, size, _, _, offset = HEADER.unpack_from(payload)
         if opcode in (Opcode.ACK, Opcode.NAK):
@@ -126,7 +126,7 @@ class FtpServer:
             self._reply_nak(request, _of_errno(error.number))
 
     def tick(self, now: float) -> None:
-        """Send what a burst may send by `now` [s], and close what was left idle."""
+        """Continue a burst by `now` [s], and close idle files."""
         while self._burst is not None and self._pacer.take(FRAME_BYTES, now):
             self._continue_burst(self._burst, now)
         opened = self._open
@@ -135,7 +135,7 @@ class FtpServer:
             self._abandon()
 
     def reset(self) -> None:
-        """The vehicle rebooted: what was open is closed; files that were written stay."""
+        """Close open files after a reboot; written files stay."""
         self._open = self._burst = self._last = None
 
     # -- answering ---------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ class FtpServer:
     # -- sessions ----------------------------------------------------------------------------------------
 
     def _check_session(self, request: _Request, now: float) -> None:
-        """A session of another number may not touch the open file, but takes over one that was left."""
+        """Check the session: another number may not use the open file, but replaces an idle one."""
         opened, opcode = self._open, request.opcode
         if not self._rules.client_names_session:
             if opcode == Opcode.READ_FILE and request.session != 0:
@@ -209,12 +209,12 @@ class FtpServer:
             self._files.close(opened.path)
 
     def _abandon(self) -> None:
-        """Close what a client left; there is nobody to tell that it was no good."""
+        """Close an abandoned file and ignore its errors."""
         with suppress(FileError):
             self._close()
 
     def _claim(self, request: _Request, now: float) -> int:
-        """The session for a file about to be opened."""
+        """Return the session for a file to be opened."""
         opened = self._open
         if opened is not None and now - opened.used_s > self._rules.idle_s:
             self._abandon()
@@ -326,7 +326,7 @@ class FtpServer:
 
 
 def checksum(content: bytes) -> int:
-    """CRC-32 as autopilots and ground stations reckon it here: the usual polynomial without any inversion."""
+    """Return CRC-32 in the protocol's form: the usual polynomial without inversions."""
     return zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 

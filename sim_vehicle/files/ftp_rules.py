@@ -1,4 +1,4 @@
-"""The vocabulary of the MAVLink file transfer protocol, and what differs between autopilots in serving it."""
+"""The numbers of the MAVLink file transfer protocol, and the differences between autopilots."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -47,20 +47,20 @@ OPENING = frozenset({Opcode.OPEN_FILE_RO, Opcode.CREATE_FILE, Opcode.OPEN_FILE_W
 
 @dataclass(frozen=True, slots=True)
 class FtpRules:
-    """What differs between autopilots."""
+    """The differences between autopilots."""
 
-    client_names_session: bool  # else a file is always opened in session 0
-    another_session: FtpError  # a request in a session other than the one that is open
-    second_open: FtpError  # an open while a file is open
-    nothing_open: FtpError  # a read or write without an open file
+    client_names_session: bool  # False: every file is opened in session 0
+    another_session: FtpError  # answer to a request in another session than the open one
+    second_open: FtpError  # answer to a second open
+    nothing_open: FtpError  # answer to a read or write without an open file
     terminate_needs_open: bool
-    obeys_read_size: bool  # else data messages are always full
-    reports_sizes: bool  # in the answers to create, open-for-writing and write
+    obeys_read_size: bool  # False: data messages are always full
+    reports_sizes: bool  # in answers to create, open-for-writing and write
     unknown_command: FtpError
     truncates: bool
-    lists_dots: bool  # `.` and `..` appear as entries to skip
-    idle_s: float  # a session idle for longer may be taken over, or is closed
-    burst_messages: int  # after so many the client must ask again
+    lists_dots: bool  # `.` and `..` are listed as entries to skip
+    idle_s: float  # idle time after which a session may be replaced, or is closed
+    burst_messages: int  # messages of a burst before the next request
 
 
 ARDUPILOT = FtpRules(

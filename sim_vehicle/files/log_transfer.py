@@ -1,7 +1,7 @@
-"""Listing, downloading and erasing the flight logs over MAVLink, as a machine without I/O.
+"""Listing, download and erasure of flight logs over MAVLink, a state machine without I/O.
 
-LOG_ENTRY and LOG_DATA name no receiver: a vehicle that serves one ground station at a time tells another that
-it is busy, one with an answer for each link serves them all.
+LOG_ENTRY and LOG_DATA have no target. One autopilot serves one ground station at a time and refuses others;
+the other serves all.
 """
 
 from collections.abc import Callable
@@ -20,12 +20,12 @@ MOST_STATIONS = 8
 
 @dataclass(frozen=True, slots=True)
 class LogRules:
-    """What differs between autopilots."""
+    """The differences between autopilots."""
 
     first_id: int
-    one_at_a_time: bool  # a transfer has to end before the next begins
-    refused_armed: str  # STATUSTEXT while armed, "" where logs can be had in flight
-    list_first: bool  # data only to who has asked for the list since the last LOG_REQUEST_END
+    one_at_a_time: bool  # a transfer must end before the next
+    refused_armed: str  # STATUSTEXT while armed; "": logs are served in flight
+    list_first: bool  # data requires a list request since the last LOG_REQUEST_END
 
 
 ARDUPILOT = LogRules(
@@ -36,24 +36,24 @@ PX4 = LogRules(first_id=0, one_at_a_time=False, refused_armed="", list_first=Tru
 
 @dataclass
 class _Transfer:
-    """What one ground station is being sent: entries (`log` is None) or the bytes of a log."""
+    """The transfer to one ground station: entries (`log` is None) or the bytes of a log."""
 
     next: int
-    last: int  # the last id of entries, the end of the bytes
+    last: int  # last id of entries, or the end of the bytes
     log: StoredLog | None = None
     log_id: int = 0
 
 
 class LogTransfer:
-    """Answers log messages on behalf of one vehicle.
+    """The answers of one vehicle to log messages.
 
     Parameters
     ----------
-    logs: the logs, oldest first.
+    logs: returns the logs, oldest first.
     erase: erases them.
-    rules: whose vehicle it is.
-    send, say: take each outgoing message and STATUSTEXT (severity, text).
-    armed: whether the vehicle is armed.
+    rules: the behaviour of the autopilot.
+    send, send_text: called with each outgoing message and STATUSTEXT (severity, text).
+    armed: returns True while the vehicle is armed.
     bytes_s, most_bytes_at_once: pace on the link.
     """
 
@@ -73,7 +73,7 @@ class LogTransfer:
         self._send, self._send_text, self._armed = send, send_text, armed
         self._pacer = Pacer(bytes_s, most_bytes_at_once)
         self._transfers: dict[tuple[int, int], _Transfer] = {}
-        self._listed: dict[tuple[int, int], None] = {}  # who has asked for the list, in order
+        self._listed: dict[tuple[int, int], None] = {}  # stations with a list request, in order
         self._warned = False
         self._handlers: dict[str, Callable[[Any, tuple[int, int]], None]] = {
             "LOG_REQUEST_LIST": self._request_list,
@@ -84,14 +84,14 @@ class LogTransfer:
 
     @property
     def busy(self) -> bool:
-        """Whether a transfer is under way, so that `tick` has something to send."""
+        """True during a transfer, which needs `tick`."""
         return bool(self._transfers)
 
     def handles(self, message_type: str) -> bool:
         return message_type in self._handlers
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one log message at `now` [s]."""
+        """Process one log message at `now` [s]."""
         if self._rules.refused_armed and self._armed():
             if not self._warned:
                 self._warned = True
@@ -103,7 +103,7 @@ class LogTransfer:
         self.tick(now)
 
     def tick(self, now: float) -> None:
-        """Send what may be sent by `now` [s], in turns to each ground station."""
+        """Continue the transfers by `now` [s], in turns for each ground station."""
         if self._rules.refused_armed and self._armed():
             return
         while self._transfers:
@@ -114,7 +114,7 @@ class LogTransfer:
                     del self._transfers[peer]
 
     def reset(self) -> None:
-        """The vehicle rebooted: transfers are forgotten, the logs stay."""
+        """Forget the transfers after a reboot; the logs stay."""
         self._transfers.clear()
         self._listed.clear()
         self._warned = False
@@ -124,7 +124,7 @@ class LogTransfer:
     def _is_busy_for(self, peer: tuple[int, int]) -> bool:
         if not (self._rules.one_at_a_time and self._transfers):
             return False
-        if peer not in self._transfers:  # who is being served may ask again without being told
+        if peer not in self._transfers:  # a served station may ask again without a refusal
             self._send_text(mavlink.MAV_SEVERITY_INFO, "Log download in progress")
         return True
 
@@ -175,7 +175,7 @@ class LogTransfer:
     # -- sending -----------------------------------------------------------------------------------------
 
     def _continue(self, transfer: _Transfer) -> bool:
-        """Send the next message; whether there are more."""
+        """Send the next message; return True if more follow."""
         if transfer.log is None:
             self._send_entry(transfer)
             transfer.next += 1
@@ -189,6 +189,6 @@ class LogTransfer:
     def _send_entry(self, transfer: _Transfer) -> None:
         logs, index = self._logs(), transfer.next - self._rules.first_id
         utc_s = size = 0
-        if 0 <= index < len(logs):  # else there is none, or the oldest have been erased since
+        if 0 <= index < len(logs):  # otherwise no log, or an erased one
             utc_s, size = max(int(logs[index].utc_s), 0), len(logs[index].content)
         self._send(mavlink.MAVLink_log_entry_message(transfer.next, len(logs), transfer.last, utc_s, size))

@@ -1,4 +1,4 @@
-"""How many bytes a second a long answer may take of the link, so that a slow link is not flooded."""
+"""The pace of long answers, so that a slow link is not flooded."""
 
 import math
 
@@ -7,7 +7,7 @@ MOST_BYTES_AT_ONCE = 40_000
 
 
 class Pacer:
-    """A bucket that fills at `bytes_s` [bytes/s] up to `most_bytes`; it is full when time begins."""
+    """A token bucket that fills at `bytes_s` [bytes/s] up to `most_bytes`; full at the start."""
 
     def __init__(self, bytes_s: float = BYTES_S, most_bytes: float = MOST_BYTES_AT_ONCE) -> None:
         self._bytes_s, self._most = bytes_s, most_bytes
@@ -15,7 +15,7 @@ class Pacer:
         self._filled_s = -math.inf
 
     def take(self, size: int, now: float) -> bool:
-        """Whether `size` bytes may go out at `now` [s]; if so they are taken."""
+        """Take `size` bytes at `now` [s]; return False if they must wait."""
         if now > self._filled_s:
             self._bytes = min(self._bytes + (now - self._filled_s) * self._bytes_s, self._most)
             self._filled_s = now

@@ -14,11 +14,11 @@ PARAMETERS_WITH_DEFAULTS_MAGIC = 0x671C
 PARAMETERS_HEADER = struct.Struct("<HHH")  # magic, parameters in this file, parameters of the vehicle
 MISSION_MAGIC = 0x763D
 MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, index of the first, items
-NO_CLEAR = 1  # option: items replace and extend what is there
+NO_CLEAR = 1  # option: uploaded items replace and extend the old ones
 MOST_NAME = 16
 
 _FLOAT = 4
-_INTEGERS = {8: 1, 16: 2, 32: 3}  # by their bits
+_INTEGERS = {8: 1, 16: 2, 32: 3}  # by number of bits
 _VALUES = {1: struct.Struct("<b"), 2: struct.Struct("<h"), 3: struct.Struct("<i"), 4: struct.Struct("<f")}
 _ITEM = mavlink.MAVLink_mission_item_int_message
 
@@ -33,10 +33,10 @@ class Parameter(NamedTuple):
 
 
 def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
-    """`param.pck` as the query wants it (`start=`, `count=`, `withdefaults=`); FileError for a bad query.
+    """Return `param.pck` for a query (`start=`, `count=`, `withdefaults=`); FileError for a bad query.
 
-    Names share their beginning with the name before. The content is fixed when the file is opened, so nothing
-    needs padding to survive a read again.
+    Names omit the beginning they share with the previous name. The content is fixed at the open, so later
+    reads need no padding.
     """
     wanted = _query(query)
     start, count, defaults = wanted["start"], wanted["count"], bool(wanted["withdefaults"])
@@ -60,7 +60,7 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
 
 
 def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
-    """What an uploaded `param.pck` sets (its header says its length); None if it is malformed."""
+    """Return the values in an uploaded `param.pck`, whose header has its length; None if malformed."""
     if len(content) < PARAMETERS_HEADER.size:
         return None
     magic, count, length = PARAMETERS_HEADER.unpack_from(content)
@@ -87,7 +87,7 @@ def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
 
 
 def pack_mission(mission_type: int, items: Iterable[Any]) -> bytes:
-    """`mission.dat`, `fence.dat` or `rally.dat` from MISSION_ITEM_INT messages."""
+    """Return `mission.dat`, `fence.dat` or `rally.dat` from MISSION_ITEM_INT messages."""
     packed = [
         _ITEM.unpacker.pack(*(getattr(item, field) for field in _ITEM.ordered_fieldnames)) for item in items
     ]
@@ -98,12 +98,12 @@ class UploadedMission(NamedTuple):
     """An uploaded mission file: its items replace those from index `start` on."""
 
     start: int
-    clear: bool  # everything that was there goes first
+    clear: bool  # the old items are removed first
     items: list[Any]  # MISSION_ITEM_INT
 
 
 def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
-    """What an uploaded mission file says; None if it is malformed, of another type or has holes."""
+    """Return an uploaded mission file; None if malformed, of another type or incomplete."""
     if len(content) < MISSION_HEADER.size:
         return None
     magic, kind, options, start, count = MISSION_HEADER.unpack_from(content)
@@ -112,7 +112,7 @@ def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
         return None
     items = []
     for at in range(MISSION_HEADER.size, len(content), size):
-        if not any(content[at : at + size]):  # the client left it out
+        if not any(content[at : at + size]):  # omitted by the client
             return None
         fields = _ITEM.unpacker.unpack_from(content, at)
         items.append(_ITEM(**dict(zip(_ITEM.ordered_fieldnames, fields, strict=True))))

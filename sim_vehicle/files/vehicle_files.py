@@ -1,4 +1,4 @@
-"""The file trees that the two autopilots show over MAVLink FTP."""
+"""The file trees of both autopilots over MAVLink FTP."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -36,12 +36,11 @@ def ardupilot_files(
     recorder: FlightRecorder,
     system: Mapping[str, Callable[[], str]],
 ) -> FileSystem:
-    """ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` can be written to.
+    """Return ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` is writable.
 
-    `parameters` in the order of their index; `set_parameter` is called for each known parameter of an upload;
-    `banner` sends the texts that accompany a download of parameters; `items(mission type)` are
-    MISSION_ITEM_INT, `set_items(mission type, upload)` says whether they could be used; `system` are the
-    texts under `@SYS`.
+    `parameters` are in the order of their index; `set_parameter` is called for each parameter of an upload.
+    `banner` sends the texts of a parameter download. `items(mission type)` are MISSION_ITEM_INT;
+    `set_items(mission type, upload)` returns False for unusable items. `system` has the texts under `@SYS`.
     """
 
     def pack(query: str) -> bytes:
@@ -70,7 +69,7 @@ def ardupilot_files(
 
 
 def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightRecorder) -> FileSystem:
-    """PX4's tree: `/etc/extras` with the metadata, the logs by day and time; the SD card is writable."""
+    """Return PX4's tree: `/etc/extras` with the metadata, the logs by date; the SD card is writable."""
 
     def sources() -> Mapping[str, Source]:
         fixed = {path: constant(content) for path, content in metadata().files.items()}
@@ -81,7 +80,7 @@ def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightReco
 
 
 def px4_log_name(log: StoredLog) -> str:
-    """`YYYY-MM-DD/hh_mm_ss.ulg`, when it was begun (UTC)."""
+    """Return `YYYY-MM-DD/hh_mm_ss.ulg`, the start of a log (UTC)."""
     days, seconds = divmod(max(int(log.begun_utc_s), 0), 86_400)
     year, month, day = _civil(days)
     minutes, second = divmod(seconds, 60)
@@ -89,7 +88,7 @@ def px4_log_name(log: StoredLog) -> str:
 
 
 def _civil(days: int) -> tuple[int, int, int]:
-    """Year, month and day of a number of days since 1970-01-01 (the proleptic Gregorian calendar)."""
+    """Return year, month and day of a number of days since 1970-01-01 (proleptic Gregorian calendar)."""
     era, day_of_era = divmod(days + 719_468, 146_097)  # eras of 400 years, each from the first of March
     year_of_era = (day_of_era - day_of_era // 1460 + day_of_era // 36_524 - day_of_era // 146_096) // 365
     day_of_year = day_of_era - (365 * year_of_era + year_of_era // 4 - year_of_era // 100)

@@ -1,4 +1,4 @@
-"""The only sockets of the package, one transport a file; they hand bytes over and know no MAVLink."""
+"""The links of a fleet, one transport a file; they carry bytes and know no MAVLink."""
 
 from collections.abc import Collection
 
@@ -11,9 +11,9 @@ __all__ = ["Batch", "Ends", "Link", "LinkError", "make_link"]
 
 
 def make_link(url: Url, ends: Ends, *, vehicles: Collection[int]) -> Link:
-    """The link of a URL, not open yet, for these vehicles."""
+    """Return the link of a URL, not open yet, for these vehicles."""
     if url.serial:
-        from sim_vehicle.links.serial import SerialLink  # noqa: PLC0415 - few need pyserial
+        from sim_vehicle.links.serial import SerialLink  # noqa: PLC0415 - pyserial is rarely needed
 
         return SerialLink(url, ends)
     if url.udp:

@@ -1,6 +1,6 @@
-"""What every transport is to the server, and how addresses and errors are read.
+"""The protocol of transports, their errors and addresses.
 
-The only clock of the links is that of the event loop they were opened in.
+The only clock of the links is that of their event loop.
 """
 
 import errno
@@ -11,77 +11,77 @@ from typing import Any, Protocol
 
 from sim_vehicle.links.url import Url
 
-HEARD_S = 10.0  # a ground station that has not spoken for so long is not counted any more
-RECEIVE_BYTES = 8192  # read at once; of a datagram that is longer the rest is lost
-DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # read before others, and the clock, have their turn
-AGAIN_S = 1.0  # between two attempts to get back what was lost
-FULL = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # it will be better later
-Address = tuple[Any, ...]  # as the socket module has it
+HEARD_S = 10.0  # a ground station silent for longer is not counted
+RECEIVE_BYTES = 8192  # bytes read at once; the rest of a longer datagram is lost
+DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # read before other sockets and the clock have their turn
+AGAIN_S = 1.0  # between two attempts to restore a link
+FULL = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # temporary shortages
+Address = tuple[Any, ...]  # in the form of the socket module
 Batch = Sequence[tuple[int, bytes]]
 
 
 class LinkError(OSError):
-    """The link cannot be opened; the text says why and what to do."""
+    """The link cannot be opened; the text has the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """Where a link hands over what it gets."""
+    """The receivers of a link's input."""
 
     received: Callable[[bytes, Hashable, Collection[int] | None], None]
-    """bytes, who sent them, and the vehicles that they reach (None: all of the link)"""
+    """called with bytes, their sender, and the vehicles they reach (None: all of the link)"""
     gone: Callable[[Hashable], None]
-    """a stream ended; nothing more comes from that sender"""
+    """called at the end of a stream, with its sender"""
     warn: Callable[[str], None]
-    """a line for the operator"""
+    """called with a line for the operator"""
 
 
 class Link(Protocol):
-    """One port, and the ground stations that are there; opened and closed within a running event loop."""
+    """One port and its ground stations; opened and closed within a running event loop."""
 
     @property
     def dropped(self) -> int:
-        """Datagrams or chunks that were not sent because the other end was too slow."""
+        """Datagrams or chunks dropped for slow receivers."""
 
     def open(self) -> None:
-        """Raise LinkError if that cannot be done."""
+        """Open the link; LinkError if that fails."""
 
     def send(self, batch: Batch) -> None:
-        """(vehicle, bytes of whole frames) to every ground station that is there; never blocks."""
+        """Send (vehicle, bytes of whole frames) to every ground station; never block."""
 
     def rebooted(self, index: int) -> None:
-        """A vehicle has come back from a reboot."""
+        """React to the end of a vehicle's reboot."""
 
     def stations(self) -> int:
-        """How many ground stations are there."""
+        """Return the number of ground stations."""
 
     def close(self) -> None: ...
 
 
 def resolve(url: Url, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Address]:
-    """Family and address of a URL's host; LinkError where nobody knows it."""
+    """Return family and address of a URL's host; LinkError for an unknown host."""
     flags = socket.AI_PASSIVE if url.listens else 0
     try:
         found = socket.getaddrinfo(url.host, url.port, type=kind, flags=flags)
     except OSError as error:
         raise LinkError(
-            f"{url}: the host {url.host!r} is not known ({error.strerror or error}); "
-            "check its spelling, or give its address"
+            f"{url}: unknown host {url.host!r} ({error.strerror or error}); "
+            "check the name, or use an address [unknown-host]"
         ) from error
     family, _, _, _, address = found[0]
     return family, address
 
 
 def cannot_open(url: Url, error: OSError) -> LinkError:
-    """The error for a port that cannot be had."""
+    """Return the error for a port that cannot be opened."""
     if error.errno == errno.EADDRINUSE:
-        cure = "Is another program using it? Choose another port with --url."
+        cure = "another program may use it; choose another port with --url [port-in-use]"
     elif error.errno == errno.EADDRNOTAVAIL:
-        cure = "This machine has no such address; choose another one with --url."
+        cure = "this machine has no such address; choose another one with --url [no-such-address]"
     elif error.errno in (errno.EACCES, errno.EPERM):
-        cure = "You may not use it; choose another address, or a port above 1023, with --url."
+        cure = "choose another address, or a port above 1023, with --url [not-permitted]"
     elif error.errno in (errno.EMFILE, errno.ENFILE):
-        cure = "Allow more open files (ulimit -n), or use fewer ports."
+        cure = "allow more open files (ulimit -n), or use fewer ports [too-many-files]"
     else:
-        cure = "Check the network, and the address given with --url."
-    return LinkError(f"cannot open {url}: {error.strerror or error}. {cure}")
+        cure = "check the network, and the address given with --url"
+    return LinkError(f"cannot open {url}: {error.strerror or error}; {cure}")

@@ -10,12 +10,12 @@ from sim_vehicle.links.base import AGAIN_S, Batch, Ends, LinkError
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.url import Url
 
-BACKLOG_S = 0.5  # of the line's speed: an autopilot's buffer is small too, and old telemetry is of no use
+BACKLOG_S = 0.5  # of the line's speed; longer backlogs would only delay telemetry
 BITS_PER_BYTE = 10  # with start and stop bit
 
 
 class SerialLink:
-    """One device that is opened again when it comes back; what a slow line cannot carry is dropped."""
+    """One device, reopened when it returns; a slow line drops frames."""
 
     def __init__(self, url: Url, ends: Ends) -> None:
         self._url, self._ends = url, ends
@@ -33,8 +33,8 @@ class SerialLink:
             self._open()
         except (OSError, ValueError) as error:
             raise LinkError(
-                f"cannot open {self._url}: {error}. Check the cable, the device's name, the baud rate, "
-                "and that you may use it (group dialout)."
+                f"cannot open {self._url}: {error}; check the cable, the device's name, the baud rate, "
+                "and its permissions (group dialout)"
             ) from error
 
     def _open(self) -> None:
@@ -50,7 +50,9 @@ class SerialLink:
         )
 
     def _ended(self, why: str) -> None:
-        self._ends.warn(f"{self._url}: the device is gone ({why}); trying again every {AGAIN_S:g} s")
+        self._ends.warn(
+            f"{self._url}: the device is lost ({why}); trying again every {AGAIN_S:g} s [device-lost]"
+        )
         self._close()
         self._later()
 
@@ -63,17 +65,17 @@ class SerialLink:
         except (OSError, ValueError):
             self._later()
         else:
-            self._ends.warn(f"{self._url}: the device is back")
+            self._ends.warn(f"{self._url}: the device has returned [device-returned]")
 
     def send(self, batch: Batch) -> None:
         if self._stream is not None:
             self._stream.send(batch)
 
     def rebooted(self, index: int) -> None:
-        """The line stays."""
+        """Do nothing: the line stays."""
 
     def stations(self) -> int:
-        """A line does not say whether somebody is at its other end."""
+        """Return 1 for an open device; a line does not show its other end."""
         return int(self._stream is not None)
 
     def _close(self) -> None:

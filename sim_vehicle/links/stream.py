@@ -1,15 +1,15 @@
-"""A connected stream of bytes on the event loop: whole frames or nothing, and never more kept than agreed."""
+"""A connected byte stream on the event loop: whole frames or none, with a limited backlog."""
 
 import asyncio
 from collections.abc import Callable
 
 from sim_vehicle.links.base import RECEIVE_BYTES, Batch
 
-STALLED_S = 30.0  # a reader that has taken nothing for so long is given up
+STALLED_S = 30.0  # a connection is closed after this time without progress
 
 
 class Stream:
-    """Reads what comes and writes what fits; beyond the limit chunks of frames are dropped and counted."""
+    """A stream that drops and counts chunks of frames beyond its backlog limit."""
 
     def __init__(
         self,
@@ -21,7 +21,7 @@ class Stream:
         received: Callable[[bytes], None],
         ended: Callable[[str], None],
     ) -> None:
-        """`file`: a descriptor with its non-blocking `read` and `write`; `ended` is called once, with why."""
+        """`file`: descriptor of the non-blocking `read` and `write`; `ended` is called once with a reason."""
         self.dropped = 0
         self._file, self._read, self._write = file, read, write
         self._limit = backlog_bytes
@@ -46,7 +46,7 @@ class Stream:
             self._end("closed by the other end")
 
     def send(self, batch: Batch) -> None:
-        """(vehicle, frames) in order; what does not fit any more is dropped."""
+        """Send (vehicle, frames) in order; drop frames beyond the limit."""
         if not self._open:
             return
         waiting = bool(self._backlog)
@@ -84,7 +84,7 @@ class Stream:
             self._ended(why)
 
     def detach(self) -> None:
-        """Let go of the descriptor, which the owner closes."""
+        """Stop using the descriptor, which the owner closes."""
         if self._open:
             self._open = False
             self._loop.remove_reader(self._file)

@@ -1,4 +1,4 @@
-"""TCP: a server for many ground stations, or a client that connects again and again."""
+"""TCP: a server for several ground stations, or a client that reconnects."""
 
 import asyncio
 import contextlib
@@ -22,7 +22,7 @@ class _Connections:
     def __init__(self, url: Url, ends: Ends) -> None:
         self._url, self._ends = url, ends
         self._open: dict[Stream, tuple[socket.socket, Hashable]] = {}
-        self._dropped = 0  # by those that have ended
+        self._dropped = 0  # on ended connections
 
     @property
     def dropped(self) -> int:
@@ -33,7 +33,7 @@ class _Connections:
 
     def _add(self, connected: socket.socket, peer: Hashable) -> None:
         connected.setblocking(False)
-        with contextlib.suppress(OSError):  # the other end has left already, which reading will tell
+        with contextlib.suppress(OSError):  # the other end may have closed; the next read shows it
             connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
         def ended(_why: str) -> None:
@@ -54,7 +54,7 @@ class _Connections:
         self._ends.received(data, peer, None)
 
     def _ended(self) -> None:
-        """A connection has ended."""
+        """React to the end of a connection."""
 
     def _remove(self, stream: Stream) -> None:
         self._dropped += stream.dropped
@@ -73,7 +73,7 @@ class _Connections:
 
 
 class TcpIn(_Connections):
-    """A server; the reboot of a vehicle that has the port to itself closes its connections, as SITL does."""
+    """A server; the reboot of the port's only vehicle closes its connections, as on SITL."""
 
     def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
         super().__init__(url, ends)
@@ -103,24 +103,28 @@ class TcpIn(_Connections):
     def _accept(self, server: socket.socket) -> None:
         try:
             connected, address = server.accept()
-        except OSError as error:  # it was gone before we came
+        except OSError as error:  # the client has disconnected
             if error.errno in FULL:
                 self._pause(server, error)
             return
         if len(self._open) >= MAX_CLIENTS:
-            self._ends.warn(f"{self._url}: {MAX_CLIENTS} are connected; one more was turned away")
+            self._ends.warn(
+                f"{self._url}: {MAX_CLIENTS} clients are connected; another one was refused [refused]"
+            )
             connected.close()
         else:
             self._add(connected, (self._url, address))
 
     def _pause(self, server: socket.socket, error: OSError) -> None:
-        """Whoever knocks waits; the listener would stay readable, and the event loop busy with it."""
+        """Stop accepting for a while; the waiting client would keep the event loop busy."""
         loop = asyncio.get_running_loop()
         loop.remove_reader(server)
         self._again = loop.call_later(AGAIN_S, self._listen, server)
         if not self._said:
             self._said = True
-            self._ends.warn(f"{self._url}: nobody more can connect for now ({error.strerror or error})")
+            self._ends.warn(
+                f"{self._url}: no more connections for now ({error.strerror or error}) [no-connections]"
+            )
 
     def rebooted(self, index: int) -> None:
         if self._alone:
@@ -137,7 +141,7 @@ class TcpIn(_Connections):
 
 
 class TcpOut(_Connections):
-    """A client; it goes on trying, and says once that nobody is there, until somebody has spoken."""
+    """A client that retries; it warns once of an absent server, until the server sends data."""
 
     def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
         super().__init__(url, ends)
@@ -173,10 +177,10 @@ class TcpOut(_Connections):
         asyncio.get_running_loop().remove_writer(dialling)
         number = dialling.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         try:
-            # On loopback a dialler can meet itself.
+            # On loopback a client can connect to itself.
             if not number and dialling.getsockname() == dialling.getpeername():
                 number = errno.ECONNREFUSED
-        except OSError as error:  # it has hung up since
+        except OSError as error:  # the connection has ended
             number = error.errno or errno.ENOTCONN
         if number:
             self._failed(os.strerror(number))
@@ -185,7 +189,7 @@ class TcpOut(_Connections):
             self._add(dialling, self._url)
 
     def _received(self, data: bytes, peer: Hashable) -> None:
-        self._said = False  # not as soon as it is connected: some accept, only to hang up
+        self._said = False  # not at the connection, because some servers accept and close at once
         super()._received(data, peer)
 
     def _failed(self, why: str) -> None:
@@ -194,7 +198,9 @@ class TcpOut(_Connections):
             self._dialling = None
         if not self._said:
             self._said = True
-            self._ends.warn(f"{self._url}: nobody is there ({why}); trying again every {RECONNECT_S:g} s")
+            self._ends.warn(
+                f"{self._url}: no server ({why}); trying again every {RECONNECT_S:g} s [no-server]"
+            )
         self._later()
 
     def _ended(self) -> None:

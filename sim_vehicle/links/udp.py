@@ -1,7 +1,7 @@
-"""UDP, to one address or to whoever has spoken; one datagram carries whole frames of one vehicle.
+"""UDP, to one address or to every known sender; one datagram has whole frames of one vehicle.
 
-Sockets are used directly: that costs less a datagram than a transport of the event loop. A datagram that does
-not fit into the kernel's buffer is dropped and counted, as a radio would drop it.
+Sockets are used directly, which costs less than a transport of the event loop. A datagram that does not fit
+into the kernel's buffer is dropped and counted.
 """
 
 import asyncio
@@ -24,15 +24,15 @@ from sim_vehicle.links.base import (
 from sim_vehicle.links.url import Url
 
 SEND_BUFFER_BYTES = 4_000_000
-RECEIVE_BUFFER_BYTES = 500_000  # a flood must not be worked off long after it is over
+RECEIVE_BUFFER_BYTES = 500_000  # small, so that a flood is not processed long after its end
 MAX_PEERS = 32
-SILENT_S = 60.0  # then a peer of a listening port is forgotten; ground stations send a heartbeat a second
+SILENT_S = 60.0  # then a listening port forgets a peer; ground stations send a heartbeat each second
 
 
 class UdpOut:
-    """To one address, as SITL does: out of one socket that hears only that address.
+    """A socket to one address, as on SITL, which receives only from that address.
 
-    A vehicle that reboots comes back from a socket, and so a port, of its own.
+    A rebooted vehicle gets a socket, and so a port, of its own.
     """
 
     def __init__(self, url: Url, ends: Ends, vehicles: Collection[int]) -> None:
@@ -43,7 +43,7 @@ class UdpOut:
         self._family = socket.AF_INET
         self._shared: socket.socket | None = None
         self._sharing: frozenset[int] | None = None  # vehicles; None: all
-        # Of vehicles that have been rebooted; None: there was none to be had, and the vehicle is silent.
+        # Sockets of rebooted vehicles; None: no socket was available, and the vehicle is silent.
         self._own: dict[int, socket.socket | None] = {}
         self._timer: asyncio.TimerHandle | None = None
         self._heard_s: float | None = None
@@ -73,13 +73,13 @@ class UdpOut:
                 data = opened.recv(RECEIVE_BYTES)
             except BlockingIOError:
                 return
-            except OSError:  # nobody listens at the other end (yet); real vehicles go on sending too
+            except OSError:  # no listener at the other end yet
                 continue
             self._heard_s = asyncio.get_running_loop().time()
-            # A ground station that sends to all addresses it knows is heard once by each vehicle.
+            # A message sent to all known addresses reaches each vehicle once.
             self._ends.received(data, (self._url, index), self._sharing if index is None else (index,))
             left -= len(data)
-            if opened.fileno() < 0 or left <= 0:  # closed by what it said, or somebody floods us
+            if opened.fileno() < 0 or left <= 0:  # closed by the message, or a flood
                 return
 
     def send(self, batch: Batch) -> None:
@@ -91,7 +91,7 @@ class UdpOut:
                 to.send(data)
             except BlockingIOError:
                 self.dropped += 1
-            except OSError:  # what came of an earlier datagram, reported only now
+            except OSError:  # the error of an earlier datagram
                 self._again(to, data)
 
     def _again(self, to: socket.socket, data: bytes) -> None:
@@ -99,7 +99,7 @@ class UdpOut:
             to.send(data)
         except BlockingIOError:
             self.dropped += 1
-        except OSError:  # no way there at the moment: lost, as it is for a real vehicle
+        except OSError:  # unreachable: lost, as on a real vehicle
             pass
 
     def rebooted(self, index: int) -> None:
@@ -113,7 +113,7 @@ class UdpOut:
             self._come_back()
 
     def _come_back(self) -> None:
-        """A socket for each vehicle that has none; while the network is away, there may be none."""
+        """Open the missing sockets; without a network, try again later."""
         tried_before, self._timer = self._timer is not None, None
         try:
             for index in [index for index, opened in self._own.items() if opened is None]:
@@ -123,7 +123,7 @@ class UdpOut:
             if not tried_before:
                 why = error.strerror or error
                 again = f"trying again every {AGAIN_S:g} s"
-                self._ends.warn(f"{self._url}: no way back for a rebooted vehicle ({why}); {again}")
+                self._ends.warn(f"{self._url}: no socket for a rebooted vehicle ({why}); {again} [no-socket]")
 
     def stations(self) -> int:
         if self._heard_s is None:
@@ -140,13 +140,13 @@ class UdpOut:
 
 
 class UdpIn:
-    """On a port of its own, to everybody who has spoken there lately."""
+    """A listening port, which sends to every recent sender."""
 
     def __init__(self, url: Url, ends: Ends) -> None:
         self.dropped = 0
         self._url, self._ends = url, ends
         self._socket: socket.socket | None = None
-        self._heard_s: dict[Address, float] = {}  # by peer, the one that has been silent longest first
+        self._heard_s: dict[Address, float] = {}  # by peer, the longest silent first
 
     def open(self) -> None:
         family, address = resolve(self._url, socket.SOCK_DGRAM)
@@ -197,11 +197,11 @@ class UdpIn:
                     self._socket.sendto(data, address)
                 except BlockingIOError:
                     self.dropped += 1
-                except OSError:  # no way there at the moment
+                except OSError:  # unreachable
                     continue
 
     def rebooted(self, index: int) -> None:
-        """A listening port stays what it is."""
+        """Do nothing: a listening port stays."""
 
     def stations(self) -> int:
         if not self._heard_s:

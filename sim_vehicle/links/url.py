@@ -1,4 +1,4 @@
-"""Where the fleet talks: `udpout:127.0.0.1:14550`, `serial:/dev/ttyUSB0:57600` and so on; // may follow."""
+"""URLs of links: `udpout:127.0.0.1:14550`, `serial:/dev/ttyUSB0:57600` and so on; // is optional."""
 
 import re
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD"
 KINDS = ("udpout", "udpin", "tcpin", "tcpout")
 _ALIASES = {"tcp": "tcpout", "tcpclient": "tcpout", "tcpserver": "tcpin", "": "udpout"}  # of other tools
-_AMBIGUOUS = {"udp": "udpout:HOST:PORT sends there, udpin:HOST:PORT waits for whoever speaks first"}
+_AMBIGUOUS = {"udp": "udpout:HOST:PORT sends there, udpin:HOST:PORT listens"}
 _NETWORK = re.compile(r"(?:(?P<kind>[a-z]+):(?://)?)?(?P<host>\[[^\]\s]*\]|[^:/\[\]\s]*):(?P<port>\d+)/?")
 _SERIAL = re.compile(r"serial:(?://(?=/))?(?P<device>[^:\s]+):(?P<baud>\d+)")
 MAX_PORT = 65_535
@@ -14,12 +14,12 @@ MAX_BAUD = 12_500_000
 
 
 class UrlError(ValueError):
-    """The URL cannot be used; the text says what was expected."""
+    """The URL is unusable; the text has the expected form."""
 
 
 @dataclass(frozen=True, slots=True)
 class Url:
-    """One place to talk; `host` is the device and `port` the baud rate of a serial one."""
+    """One link; on a serial line `host` is the device and `port` the baud rate."""
 
     kind: str
     host: str
@@ -41,19 +41,19 @@ class Url:
         return self.kind.endswith("in")
 
     def shifted(self, ports: int) -> "Url":
-        """The same so many ports further on."""
+        """Return this URL with a higher port."""
         return replace(self, port=self.port + ports)
 
 
 def parse_url(text: str) -> Url:
-    """Parse one of the forms; `tcp:` is tcpout, HOST:PORT alone udpout; UrlError otherwise."""
+    """Parse a URL; `tcp:` is tcpout, HOST:PORT alone is udpout; UrlError otherwise."""
     stripped = text.strip()
     if stripped.startswith("serial:"):
         return _serial(stripped, text)
     match = _NETWORK.fullmatch(stripped)
     kind = "" if match is None or match["kind"] is None else match["kind"]
     if kind in _AMBIGUOUS:
-        raise UrlError(f"--url {text!r}: {kind} can mean two things; {_AMBIGUOUS[kind]}")
+        raise UrlError(f"--url {text!r}: {kind} is ambiguous; {_AMBIGUOUS[kind]}")
     kind = _ALIASES.get(kind, kind)
     if match is None or kind not in KINDS or not (match["kind"] or match["host"]):
         raise UrlError(f"--url {text!r} is not understood; expected {FORMS}")

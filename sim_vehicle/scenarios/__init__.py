@@ -1,4 +1,7 @@
-"""Scenarios: what a file may say (`model`, `plan`, `steps`) and how it is read (`file`)."""
+"""Scenarios: their file format (`model`, `plan`, `steps`), its reader (`file`) and their runs.
+
+Begin with `file.load_scenario` and `runner.Run`. Only `command` prints and reads the wall clock.
+"""
 
 from sim_vehicle.scenarios.file import ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenarios.model import Area, Gps, Scenario, VehicleSpec, Wind

@@ -1,4 +1,4 @@
-"""What every section of a scenario has in common."""
+"""Types and base classes of the sections of a scenario."""
 
 from typing import Annotated, Any, Self
 
@@ -16,24 +16,24 @@ SystemId = Annotated[int, Field(strict=True, ge=1, le=250)]
 
 
 class Section(BaseModel):
-    """Unknown keys are errors, and nothing changes after loading."""
+    """A section: unknown keys are errors, and nothing changes after loading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Nothing(Section):
+class NoSettings(Section):
     """A key without settings."""
 
 
 class OneOf(Section):
-    """Exactly one of the optional fields is given, beside those named in `common`.
+    """A section with exactly one of its optional fields, besides those in `common`.
 
-    A bare word is the same as the word with nothing behind it: `rtl` is `rtl: {}`.
+    A bare word stands for the word with empty settings: `rtl` is `rtl: {}`.
     """
 
     @classmethod
     def common(cls) -> frozenset[str]:
-        """Fields that may accompany each choice."""
+        """Return the fields that may accompany each choice."""
         return frozenset()
 
     @classmethod
@@ -48,22 +48,22 @@ class OneOf(Section):
         if not isinstance(data, dict):
             return data
         filled = {key: value for key, value in data.items() if value is not None}
-        if not filled.keys() & set(cls.choices()):  # `rtl:` with nothing behind it
+        if not filled.keys() & set(cls.choices()):  # `rtl:` without settings
             filled = {key: {} if value is None else value for key, value in data.items()}
         unknown = [key for key in filled if key not in cls.model_fields]
         found = [key for key in filled if key in cls.choices()]
         if not unknown and len(found) != 1:
             names = " and ".join(found) or "none"
-            raise ValueError(f"exactly one of {', '.join(cls.choices())} is needed here, found {names}")
+            raise ValueError(f"needs exactly one of {', '.join(cls.choices())}, found {names}")
         return filled
 
     @property
     def chosen(self) -> str:
-        """The name of the field that is given."""
+        """Return the name of the given field."""
         return next(name for name in self.choices() if getattr(self, name) is not None)
 
     @model_validator(mode="after")
     def _one_is_given(self) -> Self:
         if not any(getattr(self, name) is not None for name in self.choices()):
-            raise ValueError(f"exactly one of {', '.join(self.choices())} is needed here")
+            raise ValueError(f"needs exactly one of {', '.join(self.choices())}, found none")
         return self

@@ -1,7 +1,7 @@
-"""Checks: one-line named questions that a scenario asks of every vehicle, on every step.
+"""Checks: named conditions that a scenario evaluates for each vehicle at every step.
 
-A check is a function of the `View` and of its argument: whether it holds, (n,), and the number found, (n,).
-Another one is one more function here.
+A check is a function of the `RunView` and its argument. It returns whether it holds, (n,), and the measured
+value, (n,). A new check is one more function here.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,15 +18,15 @@ from sim_vehicle.truth import Truth
 Bools = npt.NDArray[np.bool_]
 When = Literal["always", "eventually", "end"]
 Need = Literal["goal", "fence", "area", "mission", "hostiles", "others"]
-Found = Floats | Sequence[str]
+Measured = Floats | Sequence[str]
 TIMES = ("from_s", "until_s", "by_s")
 COMMON = ("vehicles", "when", *TIMES)
 BOUND = 1e9  # of every argument that is a number
 
 
 @dataclass(frozen=True)
-class View:
-    """What checks look at: the truth, and what a ground station has heard; (n,) in the scenario's order.
+class RunView:
+    """The input of checks: the true state and the received messages, (n,) in the scenario's order.
 
     Lengths are metres east, north, up (above mean sea level) in one plane for all vehicles.
     """
@@ -35,20 +35,18 @@ class View:
     truth: Truth
     position_m: Floats  # (n, 3)
     start_m: Floats  # (n, 3)
-    goal_m: Floats  # (n, 2), NaN where there is none
-    bound_for_goal: (
-        Bools  # the mission's item that names the goal is flown, or past; True without such an item
-    )
-    flown: Bools  # has been in the air
+    goal_m: Floats  # (n, 2), NaN without a goal
+    bound_for_goal: Bools  # the mission item of the goal is current or past; True without such an item
+    flown: Bools  # was airborne before
     silent_s: Floats  # since the last heartbeat
     mission_done: Bools
     outside_fence_m: Floats  # beyond the fence, 0 inside
     area_m: tuple[float, float, float, float] | None  # west, south, east, north edges
-    texts: Sequence[Sequence[str]]  # of STATUSTEXT, put together from their chunks, a vehicle
+    texts: Sequence[Sequence[str]]  # STATUSTEXT of each vehicle, assembled from chunks
 
     @cached_property
     def height_m(self) -> Floats:
-        """Above the start, where home is."""
+        """Return the height above the start, which is home."""
         return self.position_m[:, 2] - self.start_m[:, 2]
 
     @cached_property
@@ -61,8 +59,8 @@ class View:
 
     @cached_property
     def separation_m(self) -> Floats:
-        """From each vehicle in the air to the nearest other one in the air; infinite for the others."""
-        from scipy.spatial import KDTree  # noqa: PLC0415 (a tenth of a second that every start would pay)
+        """Return the distance of each airborne vehicle to the nearest other; infinite on the ground."""
+        from scipy.spatial import KDTree  # noqa: PLC0415 (saves 0.1 s at every start)
 
         found = np.full(len(self.position_m), np.inf)
         flying = np.flatnonzero(self.truth.airborne)
@@ -82,10 +80,10 @@ class View:
             np.maximum(0, np.maximum(west - x, x - east)), np.maximum(0, np.maximum(south - y, y - north))
         )
 
-    def heard(self, words: str) -> Bools:
-        """Whether a text had these words in it, in whatever case."""
+    def received_text(self, words: str) -> Bools:
+        """Return which vehicles sent a text with these words, in any case."""
         wanted = words.casefold()
-        return np.array([any(wanted in said.casefold() for said in texts) for texts in self.texts])
+        return np.array([any(wanted in text.casefold() for text in texts) for texts in self.texts])
 
 
 def _distance(a: Floats, b: Floats) -> Floats:
@@ -93,30 +91,30 @@ def _distance(a: Floats, b: Floats) -> Floats:
     return distance
 
 
-CheckFunction = Callable[[View, Any], tuple[Bools, Found]]
-AwayFunction = Callable[[View], Floats]
+CheckFunction = Callable[[RunView, Any], tuple[Bools, Measured]]
+AwayFunction = Callable[[RunView], Floats]
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A check with what a scenario's author has to know of it."""
+    """A check and its description for authors of scenarios."""
 
     name: str
     summary: str
     when: When
     function: CheckFunction
-    argument: str | None  # the name of its argument, None: takes none
+    argument: str | None  # name of its argument; None: without an argument
     default: float | str | None  # None: the argument must be given
-    text: bool  # the argument is words, not a number
+    text: bool  # the argument is text, not a number
     unit: str
     needs: Need | None
-    least: float  # of the argument: below it a check says nothing, or cannot hold
+    least: float  # lower bound of the argument; below it a check is meaningless
     most: float
-    away_m: AwayFunction | None  # how far from what should come about; inf: not on the way to it
+    away_m: AwayFunction | None  # distance to the expected event; inf: not on the way to it
 
     @property
     def bounds(self) -> str:
-        """As words behind "a number"; empty where there are none."""
+        """Return the bounds as words after "a number"; empty without bounds."""
         if self.most < BOUND:
             return f" from {self.least:g} to {self.most:g}"
         return f" of at least {self.least:g}" if self.least > -BOUND else ""
@@ -137,7 +135,7 @@ def check(
     most: float = BOUND,
     away_m: AwayFunction | None = None,
 ) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a check under its function's name; its docstring is its summary."""
+    """Register a check under its function's name; its docstring is the summary."""
 
     def register(function: CheckFunction) -> CheckFunction:
         name = function.__name__
@@ -151,125 +149,125 @@ def check(
 
 
 @check("always")
-def no_crash(view: View, _: None) -> tuple[Bools, Found]:
-    """It has not hit the ground too hard."""
-    return ~view.truth.crashed, ["crashed" if broken else "whole" for broken in view.truth.crashed]
+def no_crash(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle has not hit the ground too hard."""
+    return ~view.truth.crashed, ["crashed" if broken else "undamaged" for broken in view.truth.crashed]
 
 
 @check("eventually")
-def crashed(view: View, _: None) -> tuple[Bools, Found]:
-    """It has hit the ground too hard."""
-    return view.truth.crashed, ["crashed" if broken else "whole" for broken in view.truth.crashed]
+def crashed(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle has hit the ground too hard."""
+    return view.truth.crashed, ["crashed" if broken else "undamaged" for broken in view.truth.crashed]
 
 
 @check("always", "metres", unit="m", needs="others", least=0.1)
-def min_separation_m(view: View, metres: float) -> tuple[Bools, Found]:
-    """In the air it is so far from the nearest other vehicle in the air."""
+def min_separation_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
+    """In the air the vehicle is at least this far from the nearest other."""
     return view.separation_m >= metres, view.separation_m
 
 
 @check("always", "metres", unit="m")
-def max_height_m(view: View, metres: float) -> tuple[Bools, Found]:
-    """It is no higher above its start."""
+def max_height_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
+    """The vehicle is at most this high above its start."""
     return view.height_m <= metres, view.height_m
 
 
 @check("always", "metres", unit="m")
-def min_height_m(view: View, metres: float) -> tuple[Bools, Found]:
-    """It is no lower above its start (give `from_s` and `until_s`)."""
+def min_height_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
+    """The vehicle is at least this high above its start (give `from_s` and `until_s`)."""
     return view.height_m >= metres, view.height_m
 
 
 @check("always", "speed", unit="m/s", least=0)
-def max_speed_m_s(view: View, speed: float) -> tuple[Bools, Found]:
-    """It is no faster over the ground."""
+def max_speed_m_s(view: RunView, speed: float) -> tuple[Bools, Measured]:
+    """The vehicle is at most this fast over the ground."""
     return view.truth.speed_m_s <= speed, view.truth.speed_m_s
 
 
 @check("always", "metres", unit="m", least=0)
-def stays_within_m(view: View, metres: float) -> tuple[Bools, Found]:
-    """It stays so near to its start."""
+def stays_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
+    """The vehicle stays within this distance of its start."""
     return view.from_start_m <= metres, view.from_start_m
 
 
 @check("always", "margin_m", default=0.0, unit="m outside", needs="area", least=0)
-def stays_in_area(view: View, margin_m: float) -> tuple[Bools, Found]:
-    """It stays inside the scenario's area."""
+def stays_in_area(view: RunView, margin_m: float) -> tuple[Bools, Measured]:
+    """The vehicle stays inside the scenario's area."""
     return view.outside_area_m <= margin_m, view.outside_area_m
 
 
 @check("always", "margin_m", default=0.0, unit="m outside", needs="fence", least=0)
-def no_fence_breach(view: View, margin_m: float) -> tuple[Bools, Found]:
-    """It does not cross its fence by more than the margin."""
+def no_fence_breach(view: RunView, margin_m: float) -> tuple[Bools, Measured]:
+    """The vehicle does not cross its fence by more than the margin."""
     return view.outside_fence_m <= margin_m, view.outside_fence_m
 
 
 @check("always", "share", unit="of the charge", least=0, most=1)
-def battery_above(view: View, share: float) -> tuple[Bools, Found]:
+def battery_above(view: RunView, share: float) -> tuple[Bools, Measured]:
     """More than this share of the charge is left."""
     return view.truth.battery_remaining > share, view.truth.battery_remaining
 
 
 @check("always", needs="hostiles")
-def no_strike(view: View, _: None) -> tuple[Bools, Found]:
-    """No hostile has hit it."""
+def no_strike(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """No hostile has hit the vehicle."""
     return view.truth.strikes == 0, view.truth.strikes.astype(float)
 
 
 @check("always", "count", unit="strikes", needs="hostiles", least=0)
-def strikes_at_most(view: View, count: float) -> tuple[Bools, Found]:
-    """Hostiles have hit it no more often."""
+def strikes_at_most(view: RunView, count: float) -> tuple[Bools, Measured]:
+    """Hostiles have hit the vehicle at most this often."""
     return view.truth.strikes <= count, view.truth.strikes.astype(float)
 
 
 @check("always", "silence_s", default=3.0, unit="s silent", least=0)
-def alive(view: View, silence_s: float) -> tuple[Bools, Found]:
-    """The ground station hears its heartbeat, never silent for longer."""
+def alive(view: RunView, silence_s: float) -> tuple[Bools, Measured]:
+    """The ground station receives a heartbeat of the vehicle at least this often."""
     return view.silent_s <= silence_s, view.silent_s
 
 
 @check("always", "words", text=True)
-def never_says(view: View, words: str) -> tuple[Bools, Found]:
-    """It says no text with these words in it."""
-    heard = view.heard(words)
-    return ~heard, ["said" if said else "not said" for said in heard]
+def never_says(view: RunView, words: str) -> tuple[Bools, Measured]:
+    """The ground station receives no text with these words."""
+    received = view.received_text(words)
+    return ~received, ["received" if text else "not received" for text in received]
 
 
 @check("eventually", "words", text=True)
-def heard_text(view: View, words: str) -> tuple[Bools, Found]:
-    """The ground station hears a text with these words in it."""
-    heard = view.heard(words)
-    return heard, ["said" if said else "not said" for said in heard]
+def heard_text(view: RunView, words: str) -> tuple[Bools, Measured]:
+    """The ground station receives a text with these words."""
+    received = view.received_text(words)
+    return received, ["received" if text else "not received" for text in received]
 
 
 @check("eventually", "mode", text=True)
-def mode_is(view: View, mode: str) -> tuple[Bools, Found]:
-    """It is in this mode, or in one of several (`RTL|Return`)."""
+def mode_is(view: RunView, mode: str) -> tuple[Bools, Measured]:
+    """The vehicle is in this mode, or in one of several (`RTL|Return`)."""
     wanted = mode.casefold().split("|")
     return np.array([now.casefold() in wanted for now in view.truth.mode]), view.truth.mode
 
 
 @check("eventually")
-def armed(view: View, _: None) -> tuple[Bools, Found]:
-    """It is armed."""
+def armed(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle is armed."""
     return view.truth.armed, ["armed" if is_armed else "disarmed" for is_armed in view.truth.armed]
 
 
 @check("end")
-def disarmed(view: View, _: None) -> tuple[Bools, Found]:
-    """It is disarmed."""
+def disarmed(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle is disarmed."""
     return ~view.truth.armed, ["armed" if is_armed else "disarmed" for is_armed in view.truth.armed]
 
 
 @check("eventually")
-def airborne(view: View, _: None) -> tuple[Bools, Found]:
-    """It is in the air."""
+def airborne(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle is in the air."""
     return view.truth.airborne, view.height_m
 
 
 @check("eventually")
-def landed(view: View, _: None) -> tuple[Bools, Found]:
-    """It has flown, is on the ground in one piece, and disarmed."""
+def landed(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle has flown and is on the ground, undamaged and disarmed."""
     return _down(view) & ~view.truth.armed, [
         "crashed"
         if view.truth.crashed[i]
@@ -280,8 +278,8 @@ def landed(view: View, _: None) -> tuple[Bools, Found]:
 
 
 @check("end", "metres", least=0)
-def lands_within_m(view: View, metres: float) -> tuple[Bools, Found]:
-    """It has flown and stands, in one piece, so near to its start."""
+def lands_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
+    """The vehicle has flown and stands, undamaged, within this distance of its start."""
     return _down(view) & (view.from_start_m <= metres), [
         f"{far:.4g} m from its start{', crashed' if view.truth.crashed[i] else ''}"
         f"{', in the air' if view.truth.airborne[i] else ''}{'' if view.flown[i] else ', not flown yet'}"
@@ -289,17 +287,17 @@ def lands_within_m(view: View, metres: float) -> tuple[Bools, Found]:
     ]
 
 
-def _down(view: View) -> Bools:
+def _down(view: RunView) -> Bools:
     return view.flown & ~view.truth.airborne & ~view.truth.crashed
 
 
-def _to_goal_m(view: View) -> Floats:
+def _to_goal_m(view: RunView) -> Floats:
     return np.where(view.flown & view.bound_for_goal, view.from_goal_m, np.inf)
 
 
 @check("eventually", "within_m", default=5.0, needs="goal", least=0, away_m=_to_goal_m)
-def reached_goal(view: View, within_m: float) -> tuple[Bools, Found]:
-    """It has flown and comes so near to its goal: `goal`, or its mission's last place, bound for that."""
+def reached_goal(view: RunView, within_m: float) -> tuple[Bools, Measured]:
+    """The vehicle has flown and is this near to `goal`, or to its mission's last place while bound for it."""
     reached = view.flown & view.bound_for_goal & (view.from_goal_m <= within_m)
     short = np.where(view.bound_for_goal, "", ", not bound for it yet")
     short = np.where(view.flown, short, ", not flown yet")
@@ -307,14 +305,14 @@ def reached_goal(view: View, within_m: float) -> tuple[Bools, Found]:
 
 
 @check("eventually", needs="mission")
-def mission_complete(view: View, _: None) -> tuple[Bools, Found]:
-    """It has flown, and says that its mission is complete; PX4, that the last item is reached."""
+def mission_complete(view: RunView, _: None) -> tuple[Bools, Measured]:
+    """The vehicle has flown and reports its mission complete; PX4: it has reached the last item."""
     complete = view.flown & view.mission_done
     return complete, ["complete" if done else "not complete" for done in complete]
 
 
 def settings_of(data: Any) -> Any:
-    """A check as a scenario writes it -> the fields of a CheckSpec; ValueError says what is wrong.
+    """Return the fields of a CheckSpec from a check as written; ValueError for a mistake.
 
     `no_crash`, `min_separation_m: 5` and `landed: {by_s: 300, vehicles: [2]}` are all checks.
     """
@@ -327,10 +325,10 @@ def settings_of(data: Any) -> Any:
     elif isinstance(data, dict) and len(data) == 1:
         ((name, given),) = data.items()
     else:
-        raise ValueError(f"a check is a name, or `name: argument`, found {data!r}; see `run --list-checks`")
+        raise ValueError(f"must be a name, or `name: argument`, found {data!r}; see `run --list-checks`")
     known = CHECKS.get(name)
     if known is None:
-        raise ValueError(f"no such check: {name!r}; known are {', '.join(CHECKS)}")
+        raise ValueError(f"unknown check {name!r}; the checks are {', '.join(CHECKS)}")
     if given is None:
         given = {}
     if not isinstance(given, dict):
@@ -344,23 +342,23 @@ def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
     for key in given.keys() - fields.keys():
         if known.argument is None or key not in ("value", known.argument):
             takes = ", ".join([*([known.argument] if known.argument else []), *COMMON])
-            raise ValueError(f"{known.name} does not take {key!r}; it takes {takes}")
+            raise ValueError(f"{known.name} has no setting {key!r}; the settings are {takes}")
         fields["value"] = given[key]
     if known.argument is None:
         return fields
     value = fields.setdefault("value", known.default)
     if value is None:
         raise ValueError(
-            f"{known.name} needs its argument, as in `{known.name}: {'RTL' if known.text else 5}`"
+            f"{known.name} needs an argument, for example `{known.name}: {'RTL' if known.text else 5}`"
         )
     if not _fits(known, value):
-        kind = "words" if known.text else f"a number{known.bounds}"
+        kind = "text" if known.text else f"a number{known.bounds}"
         raise ValueError(f"{known.name} takes {kind} ({known.argument}), found {value!r:.60}")
     return fields
 
 
 def _fits(known: Check, value: Any) -> bool:
-    """Whether the argument means something: every text has no words in it, and nothing compares with NaN."""
+    """Return True for a meaningful argument; empty text and NaN are none."""
     if known.text:
         return isinstance(value, str) and bool(value.strip())
     number = isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,8 +1,10 @@
-"""`python -m sim_vehicle run`: fly scenarios, judge them, exit with the verdict."""
+"""`python -m sim_vehicle run`: fly scenarios, check them, exit with the verdict."""
 
+import difflib
 import json
 import shlex
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -13,9 +15,11 @@ from rich.text import Text
 
 from sim_vehicle.scenarios import Scenario, ScenarioError, load_scenario
 from sim_vehicle.scenarios.checks import CHECKS
-from sim_vehicle.scenarios.report import folded, show, tlogs, write_verdict
+from sim_vehicle.scenarios.report import fold, print_verdict, write_verdict
 from sim_vehicle.scenarios.runner import Run
-from sim_vehicle.scenarios.shipped import find, shipped
+from sim_vehicle.serving.tlog import tlogs
+
+FOLDER = Path(__file__).parent
 
 FAILED, UNUSABLE = 1, 2
 LAG_REPORTED_S = 0.5
@@ -27,35 +31,37 @@ def run(
         typer.Argument(help="Scenario files, or names of shipped scenarios.", show_default=False),
     ] = None,
     out: Annotated[
-        Path, typer.Option(help="Where a folder for each scenario is made, with its tlogs and verdict.json.")
+        Path, typer.Option(help="Folder for one folder a scenario, with its tlogs and verdict.json.")
     ] = Path("runs"),
-    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed, instead of the scenario's.")] = None,
     speedup: Annotated[
         float | None,
-        typer.Option(min=0.1, max=1000, help="Simulated seconds per second, instead of as fast as it goes."),
+        typer.Option(min=0.1, max=1000, help="Simulated seconds per second; default: unlimited."),
     ] = None,
     list_scenarios: Annotated[bool, typer.Option("--list", help="Show the shipped scenarios.")] = False,
-    list_checks: Annotated[bool, typer.Option("--list-checks", help="Show what can be checked.")] = False,
+    list_checks: Annotated[bool, typer.Option("--list-checks", help="Show the checks.")] = False,
     show_scenario: Annotated[
-        str | None, typer.Option("--show", metavar="NAME", help="Print a shipped scenario, to begin with.")
+        str | None, typer.Option("--show", metavar="NAME", help="Print a shipped scenario as a start.")
     ] = None,
 ) -> None:
-    """Fly scenarios on the virtual clock and judge them.
+    """Fly scenarios on the virtual clock and check them.
 
-    Exits with 0 if every check of every scenario passed, 1 if one failed, 2 if a scenario cannot be used, 130
-    if it was interrupted: then no verdict is written of the scenario that was flown.
+    Exit codes: 0 every check of every scenario passed; 1 a check failed; 2 a scenario is unusable; 130
+    interrupted, without a verdict of the scenario in flight.
     """
     console = Console(highlight=False)
     if list_scenarios or list_checks:
         _list(console, with_scenarios=list_scenarios, with_checks=list_checks)
         return
     if show_scenario is not None:
-        _print(show_scenario)
+        _print_scenario(show_scenario)
         return
     if not scenarios:
-        raise typer.BadParameter("name a scenario file, or one of `run --list`", param_hint="SCENARIOS")
+        raise typer.BadParameter(
+            "a scenario file is missing, or a name of `run --list`", param_hint="SCENARIOS"
+        )
     try:
-        loaded = [(text, load_scenario(find(text), flown=True)) for text in scenarios]
+        loaded = [(text, load_scenario(find_scenario(text), flown=True)) for text in scenarios]
     except ScenarioError as error:
         for line in str(error).splitlines():
             typer.echo(f"sim_vehicle: {line}", err=True)
@@ -67,15 +73,17 @@ def run(
 
 def schema() -> None:
     """Print the JSON schema of scenario files, for editors that complete and check keys."""
-    from sim_vehicle.scenarios.schema import file_schema  # noqa: PLC0415 (a run needs none of it)
+    from sim_vehicle.scenarios.schema import file_schema  # noqa: PLC0415 (not needed for a run)
 
     typer.echo(json.dumps(file_schema(), indent=1))
 
 
-def _print(name: str) -> None:
+def _print_scenario(name: str) -> None:
     names = {scenario.name: scenario.path for scenario in shipped()}
     if name not in names:
-        raise typer.BadParameter(f"{name!r} is none of {', '.join(names)}", param_hint="--show")
+        raise typer.BadParameter(
+            f"{name!r} is no shipped scenario; the names are {', '.join(names)}", param_hint="--show"
+        )
     typer.echo(names[name].read_text(encoding="utf-8"), nl=False)
 
 
@@ -85,25 +93,30 @@ def _fly(
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
     folder = out / scenario.name
-    pace = _Pace(speedup or scenario.speedup)
+    wall_clock = _WallClock(speedup or scenario.speedup)
     try:
-        with tlogs(folder, scenario.vehicles) as heard:
-            run = Run(scenario, heard=heard, said=lambda line: console.print(f"[red]{escape(line)}"))
-            verdict = run.run(pace.wait)
+        with tlogs(folder, scenario.vehicles) as record_frame:
+            run = Run(
+                scenario,
+                on_frame=record_frame,
+                on_failure=lambda line: console.print(f"[red]{escape(line)}"),
+            )
+            verdict = run.run(wall_clock.wait)
         write_verdict(folder, verdict)
     except OSError as error:
         typer.echo(
-            f"sim_vehicle: {folder}: {error.strerror or error}; choose another folder by --out", err=True
+            f"sim_vehicle: {folder}: {error.strerror or error}; choose another folder with --out", err=True
         )
         raise typer.Exit(UNUSABLE) from error
-    show(console, verdict)
-    took_s = pace.took_s()
+    print_verdict(console, verdict)
+    took_s = wall_clock.took_s()
     word = "[green]passed[/]" if verdict.passed else "[red]FAILED[/]"
     speed = f"{verdict.simulated_s:.1f} s simulated in {took_s:.1f} s"
     console.print(f"{scenario.name}: {word}, {speed}; {escape(str(folder))}", soft_wrap=True)
-    if pace.lost_s > LAG_REPORTED_S:
+    if wall_clock.lost_s > LAG_REPORTED_S:
         typer.echo(
-            f"sim_vehicle: could not keep up with {pace.speedup:g}x, {pace.lost_s:.1f} s lost", err=True
+            f"sim_vehicle: could not keep up with {wall_clock.speedup:g}x, {wall_clock.lost_s:.1f} s lost",
+            err=True,
         )
     if not verdict.passed:
         command = f"python -m sim_vehicle run {shlex.quote(text)} --seed {scenario.seed}"
@@ -111,8 +124,8 @@ def _fly(
     return verdict.passed
 
 
-class _Pace:
-    """Waits for the wall clock, `speedup` times slower than the simulated one; None: never."""
+class _WallClock:
+    """The wall clock: keeps the simulation at `speedup` times real time; None: unlimited."""
 
     def __init__(self, speedup: float | None) -> None:
         self.speedup = speedup
@@ -141,7 +154,34 @@ def _list(console: Console, *, with_scenarios: bool, with_checks: bool) -> None:
             argument = f" ({check.argument}{default})"
         listed.append((check.name, f"{argument}, {check.when}: {check.summary}"))
     for name, text in listed:
-        first, *others = folded(Text(name + text), console.width if console.is_terminal else None, "    ")
+        first, *others = fold(Text(name + text), console.width if console.is_terminal else None, "    ")
         first.stylize("bold", 0, len(name))
         for line in (first, *others):
             console.print(line, soft_wrap=True)
+
+
+@dataclass(frozen=True, slots=True)
+class ShippedScenario:
+    name: str
+    about: str
+    path: Path
+
+
+def shipped() -> list[ShippedScenario]:
+    """Return the shipped scenarios, by name."""
+    return [
+        ShippedScenario(path.stem, load_scenario(path).about, path) for path in sorted(FOLDER.glob("*.yaml"))
+    ]
+
+
+def find_scenario(text: str) -> Path:
+    """Return the file of this path, or the shipped scenario of this name; ScenarioError without either."""
+    path = Path(text)
+    if path.exists():
+        return path
+    names = {file.stem: file for file in FOLDER.glob("*.yaml")}
+    if text in names:
+        return names[text]
+    near = difflib.get_close_matches(path.stem, names, n=1)
+    meant = f"; did you mean {near[0]}?" if near else ""
+    raise ScenarioError(f"{text}: no such file and no shipped scenario{meant}; `run --list` shows the names")

@@ -1,4 +1,4 @@
-"""From a scenario file to a Scenario: short forms written out, every finding with its line and its cure."""
+"""The reader of scenario files: expands short forms, reports every problem with line and cure."""
 
 import difflib
 import inspect
@@ -11,20 +11,22 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenarios.base import Altitude, Latitude, Length, Longitude, Metres, Section
-from sim_vehicle.scenarios.model import Finding, MisfitError, Scenario
-from sim_vehicle.scenarios.steps import Step
+from sim_vehicle.scenarios.model import Finding, InconsistentScenarioError, Scenario
+from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.scenarios.yaml_lines import Document, FileSyntaxError, KeyPath, parse
 
-SPACING_M = 5.0  # between vehicles that are only counted, eastward
+SPACING_M = 5.0  # eastward distance between counted vehicles
 PER_LINK = 250
 PLACE = ("lat_deg", "lon_deg", "alt_amsl_m")
 Model = TypeVar("Model", bound=BaseModel)
 SHORT_FORMS = ("count", "spacing_m", "east_m", "north_m")
 SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
-# What pydantic finds, in the words of somebody who writes a file.
-WANTED = {
+# pydantic's error types in plain words.
+EXPECTED = {
     **dict.fromkeys(SECTION_TYPES, "must be a section with keys"),
-    **dict.fromkeys(("list_type", "tuple_type"), "must be a list: `[one, another]`, or a line `- one` each"),
+    **dict.fromkeys(
+        ("list_type", "tuple_type"), "must be a list: `[one, another]`, or one line `- one` each"
+    ),
     **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
     "finite_number": "must be a finite number",
@@ -36,13 +38,13 @@ WANTED = {
     "greater_than": "must be more than {gt:g}",
     "less_than_equal": "must be at most {le:g}",
     "less_than": "must be less than {lt:g}",
-    "too_short": "must have {min_length} or more in it",
-    "too_long": "must have {max_length} at most in it",
+    "too_short": "must have at least {min_length} entries",
+    "too_long": "must have at most {max_length} entries",
 }
 
 
 class ScenarioError(ValueError):
-    """The scenario cannot be used; the text says where and why, one line a finding."""
+    """The scenario is unusable; the text has one line for each problem."""
 
 
 class Home(Section):
@@ -51,11 +53,11 @@ class Home(Section):
     alt_amsl_m: Altitude = 10.0
 
 
-NOWHERE = Home(lat_deg=0.0, lon_deg=0.0)
+NO_HOME = Home(lat_deg=0.0, lon_deg=0.0)
 
 
 class Shorthand(BaseModel):
-    """The keys of a vehicle that stand for others: `count` alike, side by side, metres from `home`."""
+    """Short forms of a vehicle: `count` vehicles side by side, offsets in metres from `home`."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -66,9 +68,9 @@ class Shorthand(BaseModel):
 
 
 def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
-    """Read and check a scenario file, YAML or JSON; ScenarioError lists all that is wrong with it.
+    """Read and check a scenario file, YAML or JSON; ScenarioError lists every problem.
 
-    `flown`: it is to be run by itself, so that something has to happen in it.
+    `flown`: the scenario is run alone, so it must have something to fly or check.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -80,16 +82,14 @@ def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
 
 
 def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool = False) -> Scenario:
-    """Check the text of a scenario file; `where` begins each line of a ScenarioError."""
+    """Check the text of a scenario file; `where` starts each line of a ScenarioError."""
     try:
         document = parse(text, as_json=where.endswith(".json"))
     except FileSyntaxError as error:
         raise ScenarioError(f"{where}:{error.line}: {error.text}") from error
     if not isinstance(document.data, dict):
-        raise ScenarioError(
-            f"{where}:1: a scenario is a mapping with `vehicles`, found {document.data!r:.60}"
-        )
-    findings, data, sources = _written_out(document.data)
+        raise ScenarioError(f"{where}:1: must be a mapping with `vehicles`, found {document.data!r:.60}")
+    findings, data, sources = _expanded(document.data)
     if data.get("name", "") == "":
         data["name"] = default_name
     try:
@@ -102,7 +102,7 @@ def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool
 
 
 def parse_data(data: dict[str, Any]) -> Scenario:
-    """A scenario without short forms; ScenarioError lists all that is wrong with it."""
+    """Return a scenario from data without short forms; ScenarioError lists every problem."""
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
@@ -110,32 +110,33 @@ def parse_data(data: dict[str, Any]) -> Scenario:
         raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
 
 
-def read_step(action: str, value: Any) -> Step:
-    """One step of a script by its name and what is behind it; ScenarioError says what is wrong with it."""
-    actions = [name for name in Step.choices() if name != "heartbeat"]  # which is nothing a vehicle does
+def read_step(action: str, value: Any) -> ScriptStep:
+    """Return one step of a script from its name and value; ScenarioError for a mistake."""
+    actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # not an action of a vehicle
     if action not in actions:
         near = difflib.get_close_matches(str(action), actions, n=1)
-        cure = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(actions)}"
-        raise ScenarioError(f"no such action: {action!r}; {cure}")
+        cure = f"did you mean {near[0]!r}?" if near else f"the actions are {', '.join(actions)}"
+        raise ScenarioError(f"unknown action {action!r}; {cure}")
     try:
-        return Step.model_validate({action: value})
+        return ScriptStep.model_validate({action: value})
     except ValidationError as error:
-        words = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], Step)]
+        words = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], ScriptStep)]
         raise ScenarioError("\n".join(word.removeprefix(": ") for word in words)) from None
 
 
-def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
-    """Without `home`, `count` and metres: findings, the data, and each vehicle's place in the file.
+def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
+    """Expand `home`, `count` and metres: return findings, data, and each vehicle's index in the file.
 
-    What is wrong with them is found here; the data then go on with something in its place, so that what is
-    wrong elsewhere is found as well.
+    A wrong short form gets a substitute, so that later problems are found as well.
     """
     findings: list[Finding] = []
     rest = {key: value for key, value in data.items() if key not in ("home", "count")}
-    home = (_checked(Home, data["home"], ("home",), findings) or NOWHERE) if "home" in data else None
+    home = (_checked(Home, data["home"], ("home",), findings) or NO_HOME) if "home" in data else None
     if "count" in data:
         if "vehicles" in data:
-            findings.append((("count",), "`count` is short for `vehicles: [{count: ...}]`; keep one of them"))
+            findings.append(
+                (("count",), "`count` is short for `vehicles: [{count: ...}]`; remove one of them")
+            )
         else:
             rest["vehicles"] = [{"count": data["count"]}]
     entries = rest.get("vehicles")
@@ -144,7 +145,7 @@ def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], l
         return findings, rest, []
     vehicles: list[Any] = []
     sources: list[int] = []
-    used: dict[int, int] = {}  # link -> last system id given
+    used: dict[int, int] = {}  # link -> last used system id
     for index, entry in enumerate(entries):
         where = () if counted else ("vehicles", index)
         made = _vehicles(entry, home, where, used, findings) if isinstance(entry, dict) else [entry]
@@ -156,21 +157,23 @@ def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], l
 def _vehicles(
     entry: dict[Any, Any], home: Home | None, where: KeyPath, used: dict[int, int], findings: list[Finding]
 ) -> list[dict[Any, Any]]:
-    """The vehicles that one entry of the list stands for."""
+    """Return the vehicles of one entry of the list."""
     short = _checked(Shorthand, entry, where, findings) or Shorthand()
     rest = {key: value for key, value in entry.items() if key not in SHORT_FORMS}
     offsets = [key for key in ("east_m", "north_m") if key in entry]
     if "lat_deg" in entry or "lon_deg" in entry:
         if offsets:
             findings.append(
-                ((*where, offsets[0]), "metres are from `home`; keep them or lat_deg and lon_deg")
+                ((*where, offsets[0]), "metres count from `home`; remove them, or lat_deg and lon_deg")
             )
         if short.count == 1 and "sysid" in entry:
             return [rest]
         home = _checked(Home, {key: entry[key] for key in PLACE if key in entry}, where, findings)
     elif home is None:
-        findings.append((where, "a vehicle needs lat_deg and lon_deg, or the scenario a `home` to stand at"))
-    home = home or NOWHERE
+        findings.append(
+            (where, "the position is missing; add lat_deg and lon_deg, or `home` to the scenario")
+        )
+    home = home or NO_HOME
     frame = LocalFrame(home.lat_deg, home.lon_deg)
     numbers = _numbers(entry, short.count, used)
     return [
@@ -191,10 +194,10 @@ def _vehicles(
 
 
 def _numbers(entry: dict[Any, Any], count: int, used: dict[int, int]) -> list[dict[str, Any]]:
-    """System ids and links for `count` vehicles: from `sysid` on, else the next free ones."""
+    """Return system ids and links for `count` vehicles: from `sysid` on, else the next free ones."""
     link, first = entry.get("link", 0), entry.get("sysid")
     if not isinstance(link, int) or not isinstance(first, int | None):
-        return [{"sysid": first or 1}]  # the model says what is wrong with it
+        return [{"sysid": first or 1}]  # the model reports the mistake
     if first is not None:
         used[link] = max(used.get(link, 0), first + count - 1)
         return [{"sysid": first + i} for i in range(count)]
@@ -215,7 +218,7 @@ def _findings(error: ValidationError, sources: list[int], model: type[BaseModel]
     found: list[Finding] = []
     for detail in error.errors():
         cause = detail.get("ctx", {}).get("error")
-        if isinstance(cause, MisfitError):
+        if isinstance(cause, InconsistentScenarioError):
             misfits = [(_in_file(path, sources), text) for path, text in cause.findings]
             found += [finding for finding in dict.fromkeys(misfits) if finding not in found]
             continue
@@ -228,7 +231,7 @@ def _findings(error: ValidationError, sources: list[int], model: type[BaseModel]
 
 
 def _in_file(path: KeyPath, sources: list[int]) -> KeyPath:
-    """The place in the file of a place in the scenario: vehicles that are counted have one entry."""
+    """Return the path in the file of a path in the scenario; counted vehicles share one entry."""
     if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int) and sources:
         return ("vehicles", sources[path[1]], *path[2:])
     return path
@@ -238,8 +241,8 @@ def _words(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
     if detail["type"] == "extra_forbidden":
         allowed = _keys_at(model, loc[:-1])
         near = difflib.get_close_matches(str(loc[-1]), allowed, n=1)
-        return "no such key" + (
-            f"; did you mean `{near[0]}`?" if near else f"; known are {', '.join(allowed)}"
+        return "unknown key" + (
+            f"; did you mean `{near[0]}`?" if near else f"; the keys are {', '.join(allowed)}"
         )
     if detail["type"] == "missing":
         return "is missing; add it"
@@ -247,18 +250,18 @@ def _words(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
         return str(detail["msg"].removeprefix("Value error, "))
     found = detail["input"]
     written = "nothing" if found is None or found == {} else repr(found)
-    wanted = WANTED.get(detail["type"])
+    wanted = EXPECTED.get(detail["type"])
     if wanted is None:
         return f"{detail['msg'][0].lower()}{detail['msg'][1:]}, found {written:.60}"
     section = _section_at(model, loc) if detail["type"] in SECTION_TYPES else None
     if section is not None and not section.model_fields:
-        return f"takes nothing behind it, found {written:.60}"
+        return f"takes no value, found {written:.60}"
     keys = f" ({', '.join(section.model_fields)})" if section is not None else ""
     return f"{wanted.format(**detail.get('ctx', {}))}{keys}, found {written:.60}"
 
 
 def _keys_at(model: Any, loc: KeyPath) -> list[str]:
-    """The keys that the section at `loc` may have."""
+    """Return the allowed keys of the section at `loc`."""
     section = _section_at(model, loc)
     return list(section.model_fields) if section is not None else []
 
@@ -274,7 +277,7 @@ def _section_at(model: Any, loc: KeyPath) -> type[BaseModel] | None:
 
 
 def section_of(annotation: Any) -> type[BaseModel] | None:
-    """The model inside an annotation like `Annotated[list[Model], ...] | None`."""
+    """Return the model inside an annotation like `Annotated[list[Model], ...] | None`."""
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
         return annotation
     for inner in typing.get_args(annotation):
@@ -301,10 +304,10 @@ def default_scenario(
     kind: str = "copter",
     per_link: int = PER_LINK,
 ) -> Scenario:
-    """`count` vehicles side by side, eastward from home (latitude, longitude [deg], altitude [m]).
+    """Return a scenario of vehicles in a row, eastward from home (latitude, longitude [deg], altitude [m]).
 
-    Each `per_link` of them share a link, where system ids begin with `first_sysid` again. The personality
-    "mixed" is all of them in turn.
+    Every `per_link` vehicles share a link; on each link system ids start at `first_sysid`. The personality
+    "mixed" alternates between all personalities.
     """
     lat_deg, lon_deg, alt_amsl_m = home
     frame = LocalFrame(lat_deg, lon_deg)

@@ -1,4 +1,4 @@
-"""A scenario: which vehicles stand where, what blows, breaks and threatens them, and what is checked."""
+"""A scenario: vehicles, wind, faults, threats, script and checks, and their consistency."""
 
 import difflib
 import math
@@ -30,8 +30,8 @@ from sim_vehicle.scenarios.base import (
     SystemId,
 )
 from sim_vehicle.scenarios.checks import CHECKS
-from sim_vehicle.scenarios.plan import FenceShape, Leg, Point
-from sim_vehicle.scenarios.steps import CheckSpec, Step
+from sim_vehicle.scenarios.plan import FenceShape, Leg, StartOffset, jump_problem
+from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep
 from sim_vehicle.scenarios.yaml_lines import KeyPath
 
 FARTHEST_M = 50_000.0
@@ -39,8 +39,8 @@ FARTHEST_M = 50_000.0
 Finding = tuple[KeyPath, str]
 
 
-class MisfitError(ValueError):
-    """Parts of a scenario that do not fit together; `findings` says where each is."""
+class InconsistentScenarioError(ValueError):
+    """A scenario with contradictions; `findings` has the path of each."""
 
     def __init__(self, findings: list[Finding]) -> None:
         super().__init__("\n".join(text for _, text in findings))
@@ -48,7 +48,7 @@ class MisfitError(ValueError):
 
 
 class VehicleSpec(Section):
-    """One vehicle: system id, autopilot and where it stands; `params` are set at its first boot."""
+    """One vehicle: system id, autopilot, position; `params` are set at its first boot."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_by_name=True, validate_by_alias=True)
 
@@ -65,36 +65,35 @@ class VehicleSpec(Section):
     params: Annotated[dict[str, Number], Field(default_factory=dict)]
     mission: tuple[Leg, ...] = ()
     fence: tuple[FenceShape, ...] = ()
-    goal: Point | None = None
+    goal: StartOffset | None = None
 
     @model_validator(mode="after")
     def _parameters_exist(self) -> Self:
         if self.kind not in PERSONALITIES.get(self.personality, {}):
             there = [f"{name} {kind}" for name, kinds in PERSONALITIES.items() for kind in kinds]
-            raise ValueError(f"there is no {self.personality} {self.kind}; there are: {', '.join(there)}")
+            raise ValueError(f"no {self.personality} {self.kind} exists; the vehicles are {', '.join(there)}")
         known = personality_of(self.personality, self.kind).parameters
         unknown = sorted(set(self.params) - set(known))
         if unknown:
-            whose = f"{self.personality} {self.kind}"
-            raise ValueError(
-                f"no such parameters of {whose}: {', '.join(unknown)}; known: {', '.join(sorted(known))}"
-            )
+            vehicle = f"{self.personality} {self.kind}"
+            names = ", ".join(sorted(known))
+            raise ValueError(f"unknown parameters of {vehicle}: {', '.join(unknown)}; they are {names}")
         return self
 
     def goal_m(self) -> tuple[float, float] | None:
-        """East and north [m] of the start: `goal`, or the last place of the mission."""
+        """Return the goal east and north [m] of the start: `goal`, or the mission's last place."""
         if self.goal is not None:
             return self.goal.east_m, self.goal.north_m
         leg = self._last_place()
         return None if leg is None else self.mission[leg].place()
 
     def goal_item(self) -> int | None:
-        """The mission's item whose place is the goal; None where `goal` says where that is."""
+        """Return the mission item of the goal; None if `goal` gives it."""
         leg = self._last_place()
         return None if self.goal is not None or leg is None else self.item_of(leg)
 
     def item_of(self, leg: int) -> int:
-        """Number on the wire of an entry of the mission: with some autopilots item 0 is home."""
+        """Return the MAVLink number of a mission entry; on some autopilots item 0 is home."""
         return leg + int(personality_of(self.personality, self.kind).home_item)
 
     def _last_place(self) -> int | None:
@@ -103,12 +102,12 @@ class VehicleSpec(Section):
 
 
 def _fault(value: Any) -> Any:
-    """As on the command line, or with the fields of a FaultSpec."""
+    """Parse a fault in its command-line form; leave the fields of a FaultSpec."""
     return parse_fault(value) if isinstance(value, str) else value
 
 
 class Area(Section):
-    """The square cells; the origin is the south-west corner of cell (0, 0)."""
+    """The grid of square cells; the origin is the south-west corner of cell (0, 0)."""
 
     origin_lat_deg: Latitude
     origin_lon_deg: Longitude
@@ -118,7 +117,7 @@ class Area(Section):
 
 
 class Wind(Section):
-    """Steady wind, where it comes from, and the standard deviation of its gusts."""
+    """Steady wind with its origin, and the standard deviation of its gusts."""
 
     speed_m_s: Annotated[float, Field(strict=True, ge=0, le=60)] = 0.0
     from_deg: Annotated[float, Field(strict=True, ge=0, le=360)] = 0.0
@@ -126,26 +125,28 @@ class Wind(Section):
 
 
 class Gps(Section):
-    """Standard deviation of the receiver's noise, and of its slow drift."""
+    """Standard deviation of the GPS receiver's noise and of its slow drift."""
 
-    noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None  # None: a good receiver's
+    noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None  # None: that of a good receiver
     drift_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
 
 
 def _folder(name: str) -> str:
-    """What a run writes goes to a folder of this name, and nowhere else."""
+    """Check the name of the folder that a run writes to."""
     if name in (".", "..") or not name.isprintable() or set(name) & set("/\\"):
-        raise ValueError(f"a run writes to a folder of this name, without / and \\ in it, found {name!r:.60}")
+        raise ValueError(
+            f"must be a folder's name, without / and \\, for the files of a run; found {name!r:.60}"
+        )
     return name
 
 
 class Scenario(Section):
-    """Everything a fleet starts from, and what a run of it is judged by."""
+    """The start of a fleet, and the script and checks of a run."""
 
     name: Annotated[str, AfterValidator(_folder)] = ""
     about: str = ""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = None  # None: the autopilot's own
+    ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = None  # None: that of the autopilot
     vehicles: Annotated[list[VehicleSpec], Field(min_length=1)]
     wind: Wind = Wind()
     gps: Gps = Gps()
@@ -153,35 +154,45 @@ class Scenario(Section):
     firing_strength: tuple[Probability, Probability, Probability] | None = None
     hostiles: tuple[tuple[int, int], ...] = ()
     faults: tuple[Annotated[FaultSpec, BeforeValidator(_fault)], ...] = ()
-    script: tuple[Step, ...] = ()
+    script: tuple[ScriptStep, ...] = ()
     checks: tuple[CheckSpec, ...] = ()
     until_s: Annotated[float, Field(strict=True, gt=0, le=86_400)] = 600.0
-    speedup: Annotated[float, Field(strict=True, gt=0, le=1000)] | None = None  # None: as fast as it goes
+    speedup: Annotated[float, Field(strict=True, gt=0, le=1000)] | None = None  # None: unlimited
 
     @model_validator(mode="after")
     def _fits_together(self, info: ValidationInfo) -> Self:
-        findings = [*self._twice(), *self._missions_wrong(), *self._threats_wrong(), *self._strangers()]
-        findings += [*self._steps_wrong(), *self._checks_lacking(), *self._modes_unknown(), *self._too_late()]
-        findings += self._far_away()
-        # Elsewhere there may be no run: a served fleet has no end.
+        findings = [
+            *self._duplicate_sysids(),
+            *self._mission_problems(),
+            *self._threat_problems(),
+            *self._unknown_sysids(),
+        ]
+        findings += [
+            *self._step_problems(),
+            *self._check_requirements(),
+            *self._mode_problems(),
+            *self._late_steps_and_checks(),
+        ]
+        findings += self._distant_vehicles()
+        # A served fleet has no end.
         if info.context and info.context.get("whole"):
-            findings += self._faults_too_late()
+            findings += self._late_faults()
         if info.context and info.context.get("flown"):
-            findings += self._nothing_happens()
+            findings += self._idle_problems()
         if findings:
-            raise MisfitError(findings)
+            raise InconsistentScenarioError(findings)
         return self
 
-    def _twice(self) -> list[Finding]:
+    def _duplicate_sysids(self) -> list[Finding]:
         counted = Counter((v.link, v.sysid) for v in self.vehicles)
         twice = sorted({sysid for (_, sysid), n in counted.items() if n > 1})
         if not twice:
             return []
-        text = f"system ids on one link must differ, but these occur more than once: {twice}"
+        text = f"system ids on one link must differ; these occur more than once: {twice}"
         return [(("vehicles",), text)]
 
-    def _far_away(self) -> list[Finding]:
-        """One plane touches the earth for the whole fleet, and its north is that of its middle only."""
+    def _distant_vehicles(self) -> list[Finding]:
+        """Find vehicles too far away for the fleet's common tangent plane."""
         area, first = self.area, self.vehicles[0]
         middle = (area.origin_lat_deg, area.origin_lon_deg) if area else (first.lat_deg, first.lon_deg)
         frame = LocalFrame(*middle)
@@ -189,93 +200,97 @@ class Scenario(Section):
         for index, vehicle in enumerate(self.vehicles):
             away_m = math.hypot(*frame.point_to_local(vehicle.lat_deg, vehicle.lon_deg))
             if away_m > FARTHEST_M:
-                of = "the area's origin" if area else "the first vehicle"
-                text = f"starts {away_m / 1000:.0f} km from {of}; {FARTHEST_M / 1000:.0f} km at most"
+                origin = "the area's origin" if area else "the first vehicle"
+                text = f"starts {away_m / 1000:.0f} km from {origin}; the limit is {FARTHEST_M / 1000:.0f} km"
                 findings.append((("vehicles", index), text))
         return findings
 
-    def _missions_wrong(self) -> list[Finding]:
+    def _mission_problems(self) -> list[Finding]:
         findings: list[Finding] = []
         for index, vehicle in enumerate(self.vehicles):
             where: KeyPath = ("vehicles", index, "mission")
             legs = vehicle.mission
             if legs and not any(leg.flown or leg.item is not None for leg in legs):
-                findings.append(
-                    (where, "has nothing to fly, only speeds and jumps; add a takeoff or a waypoint")
-                )
-            findings += [((*where, i), text) for i in range(len(legs)) if (text := _jump_wrong(legs, i))]
+                findings.append((where, "has only speeds and jumps; add a takeoff or a waypoint"))
+            findings += [((*where, i), text) for i in range(len(legs)) if (text := jump_problem(legs, i))]
         return findings
 
-    def _threats_wrong(self) -> list[Finding]:
+    def _threat_problems(self) -> list[Finding]:
         findings: list[Finding] = []
         if self.firing_strength is not None:
             own, nearest, diagonal = self.firing_strength
             if not own > nearest > diagonal:
-                text = "must decrease (Eq. 1: own cell, nearest, diagonal), found"
+                text = "must decrease from own cell to nearest to diagonal (Eq. 1), found"
                 findings.append((("firing_strength",), f"{text} {own}, {nearest}, {diagonal}"))
         if not self.hostiles:
             return findings
         where: KeyPath = ("hostiles",)
         if self.area is None or self.firing_strength is None:
-            return [*findings, (where, "hostiles need `area` and `firing_strength` as well")]
+            return [*findings, (where, "needs `area` and `firing_strength` as well")]
         rows, cols = self.area.rows, self.area.cols
         outside = [cell for cell in self.hostiles if not (0 <= cell[0] < rows and 0 <= cell[1] < cols)]
         if outside:
-            findings.append((where, f"{outside} are outside the area of {rows} rows and {cols} columns"))
+            findings.append((where, f"{outside} are outside of the area of {rows} rows and {cols} columns"))
         twice = [cell for cell, n in Counter(self.hostiles).items() if n > 1]
         if twice:
-            findings.append((where, f"a cell holds at most one hostile, but these are named twice: {twice}"))
+            findings.append(
+                (where, f"a cell has at most one hostile; these cells occur more than once: {twice}")
+            )
         return findings
 
-    def _strangers(self) -> list[Finding]:
-        """System ids that steps, faults and checks name and no vehicle has."""
+    def _unknown_sysids(self) -> list[Finding]:
+        """Find system ids in steps, faults and checks that no vehicle has."""
         known = {v.sysid for v in self.vehicles}
         named: list[tuple[KeyPath, Collection[int] | None]] = []
         named += [(("script", i), step.vehicles) for i, step in enumerate(self.script)]
         named += [(("faults", i), fault.vehicles) for i, fault in enumerate(self.faults)]
         named += [(("checks", i), check.vehicles) for i, check in enumerate(self.checks)]
         return [
-            (where, f"no vehicle has system id {sorted(strange)}; there are {sorted(known)}")
+            (where, f"no vehicle has system id {sorted(unknown)}; the system ids are {sorted(known)}")
             for where, sysids in named
-            if (strange := set(sysids or ()) - known)
+            if (unknown := set(sysids or ()) - known)
         ]
 
-    def _steps_wrong(self) -> list[Finding]:
-        """Modes and parameters that the vehicles do not have, missions and fences that are not there."""
+    def _step_problems(self) -> list[Finding]:
+        """Find modes, parameters, missions and fences in steps that their vehicles lack."""
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             for vehicle in self.meant(step.vehicles):
-                text = _step_wrong(step, vehicle)
+                text = _step_problem(step, vehicle)
                 if text:
                     findings.append((("script", index), f"{step.chosen}: vehicle {vehicle.sysid} {text}"))
         return findings
 
-    def _checks_lacking(self) -> list[Finding]:
+    def _check_requirements(self) -> list[Finding]:
         findings: list[Finding] = []
         for index, check in enumerate(self.checks):
             need, where = CHECKS[check.name].needs, ("checks", index)
             if need in ("area", "hostiles", "others"):
-                findings += [(where, f"{check.name} needs {text}") for text in self._lacking(need)]
+                findings += [(where, f"{check.name} needs {text}") for text in self._missing_parts(need)]
                 continue
-            lacking = [v.sysid for v in self.meant(check.vehicles) if need is not None and not _has(v, need)]
-            if lacking:
+            without_need = [
+                v.sysid for v in self.meant(check.vehicles) if need is not None and not _has(v, need)
+            ]
+            if without_need:
                 what = "`goal` or a mission with a place" if need == "goal" else f"`{need}`"
-                cure = "give them one, or name others in the check's `vehicles`"
-                findings.append((where, f"{check.name} needs {what} of vehicles {lacking}; {cure}"))
+                cure = "add it, or name other vehicles in the check's `vehicles`"
+                findings.append(
+                    (where, f"{check.name} needs {what}, missing on vehicles {without_need}; {cure}")
+                )
         return findings
 
-    def _lacking(self, need: str) -> list[str]:
-        """What the scenario as a whole has to have, and has not."""
+    def _missing_parts(self, need: str) -> list[str]:
+        """Return the missing parts of the scenario that a check needs."""
         if need == "area" and self.area is None:
             return ["the scenario's `area`"]
         if need == "hostiles" and not self.hostiles:
-            return ["the scenario's `hostiles`: where there are none, nothing can strike"]
+            return ["the scenario's `hostiles`, without which nothing can strike"]
         if need == "others" and len(self.vehicles) < 2:
-            return ["two vehicles or more: one alone is near to nobody"]
+            return ["two vehicles or more"]
         return []
 
-    def _modes_unknown(self) -> list[Finding]:
-        """Of steps and checks: words that are no mode of any vehicle that is meant."""
+    def _mode_problems(self) -> list[Finding]:
+        """Find words in steps and checks that are no mode of the selected vehicles."""
         asked: list[tuple[KeyPath, str, str, Collection[int] | None]] = []
         for index, step in enumerate(self.script):
             if step.mode is not None:
@@ -287,13 +302,13 @@ class Scenario(Section):
         for where, what, words, sysids in asked:
             kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.meant(sysids)}
             there = {kind: _mode_names(*kind, selectable=what == "mode") for kind in sorted(kinds)}
-            text = _modes_wrong(words, there)
-            if text and there:  # where nobody is meant, that is what is wrong
+            text = _mode_problem(words, there)
+            if text and there:  # without a selected vehicle another finding says so
                 findings.append((where, f"{what}: {text}"))
         return findings
 
-    def _too_late(self) -> list[Finding]:
-        """Steps and checks that the run does not get to: what is not looked at has not been checked."""
+    def _late_steps_and_checks(self) -> list[Finding]:
+        """Find steps and checks after the end of the run."""
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             if step.at_s >= self.until_s:
@@ -306,44 +321,44 @@ class Scenario(Section):
             findings += [(("checks", index), self._after_the_end(check.name, *times)) for times in late[:1]]
         return findings
 
-    def _faults_too_late(self) -> list[Finding]:
+    def _late_faults(self) -> list[Finding]:
         return [
             (("faults", index), self._after_the_end(fault.fault, "at_s", fault.at_s))
             for index, fault in enumerate(self.faults)
             if fault.at_s >= self.until_s
         ]
 
-    def _nothing_happens(self) -> list[Finding]:
-        """What a run would only wait for; a fleet that is served has somebody else to fly it."""
+    def _idle_problems(self) -> list[Finding]:
+        """Find a run without anything to do; a served fleet is flown from outside."""
         if not self.script and not self.checks:
-            text = "nothing is flown and nothing checked; add a `script` (`[fly_mission]`), or `checks`"
+            text = "has neither `script` nor `checks`; add a `script` (`[fly_mission]`), or `checks`"
             return [((), text)]
         uploaded: set[int] = set()
         for step in self.script:
             if step.chosen in ("fly_mission", "upload_mission"):
                 uploaded |= {v.sysid for v in self.meant(step.vehicles)}
         return [
-            (("vehicles", index, "mission"), "nobody uploads and flies it; add `script: [fly_mission]`")
+            (("vehicles", index, "mission"), "is not uploaded; add `script: [fly_mission]`")
             for index, vehicle in enumerate(self.vehicles)
             if vehicle.mission and vehicle.sysid not in uploaded
         ]
 
     @staticmethod
-    def misfit(step: Step, vehicle: VehicleSpec) -> str:
-        """Why this vehicle cannot do this; empty if it can try."""
+    def step_problem(step: ScriptStep, vehicle: VehicleSpec) -> str:
+        """Return the reason against this step on this vehicle; empty if it is possible."""
         if step.mode is not None:
             names = _mode_names(vehicle.personality, vehicle.kind, selectable=True)
             known = {name.casefold() for name in names}
             if not known & set(step.mode.casefold().split("|")):
-                return f"has no mode {step.mode!r}; it has {', '.join(names)}"
-        return _step_wrong(step, vehicle)
+                return f"has no mode {step.mode!r}; its modes are {', '.join(names)}"
+        return _step_problem(step, vehicle)
 
     def _after_the_end(self, what: str, name: str, time_s: float) -> str:
         end = f"the run's end, the scenario's `until_s` ({self.until_s:g} s)"
         return f"{what}: `{name}` ({time_s:g} s) must be before {end}; make it earlier, or the run longer"
 
     def meant(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
-        """The vehicles with these system ids, on whatever link; all for None."""
+        """Return the vehicles with these system ids, on any link; all for None."""
         return [v for v in self.vehicles if sysids is None or v.sysid in sysids]
 
 
@@ -351,46 +366,31 @@ def _has(vehicle: VehicleSpec, need: str) -> bool:
     return bool({"goal": vehicle.goal_m(), "fence": vehicle.fence, "mission": vehicle.mission}[need])
 
 
-def _jump_wrong(legs: Sequence[Leg], index: int) -> str:
-    jump = legs[index].jump
-    if jump is None:
-        return ""
-    if jump.to > len(legs):
-        return (
-            f"jump: there is no entry {jump.to}, the mission has {len(legs)}; "
-            "to send it all the same, write it as `item: {command: DO_JUMP, param1: ..., param2: ...}`"
-        )
-    back = jump.to - 1 <= index
-    if jump.times < 0 and back and not any(leg.flown for leg in legs[jump.to - 1 : index]):
-        return f"jump: goes back to entry {jump.to} for ever, and nothing between them is flown"
-    return ""
-
-
 def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:
     modes = personality_of(personality, kind).modes.values()
     return [mode.name for mode in modes if mode.selectable or not selectable]
 
 
-def _modes_wrong(words: str, there: Mapping[tuple[str, str], Sequence[str]]) -> str:
-    """What is wrong with `RTL|Return`: each word is a mode of somebody, and everybody has one of them."""
+def _mode_problem(words: str, there: Mapping[tuple[str, str], Sequence[str]]) -> str:
+    """Return the problem with modes like `RTL|Return`: each must exist, and each vehicle must have one."""
     wanted = words.split("|")
     known = {name.casefold(): name for names in there.values() for name in names}
     for word in wanted:
         if word.casefold() not in known:
             near = difflib.get_close_matches(word.casefold(), known, n=1)
             every = dict.fromkeys(name for names in there.values() for name in names)
-            cure = f"did you mean {known[near[0]]}?" if near else f"there are {', '.join(every)}"
-            return f"no vehicle that is meant has a mode {word!r}; {cure}"
+            cure = f"did you mean {known[near[0]]}?" if near else f"the modes are {', '.join(every)}"
+            return f"no selected vehicle has a mode {word!r}; {cure}"
     for (personality, kind), names in there.items():
         if not {name.casefold() for name in names} & {word.casefold() for word in wanted}:
             return (
-                f"a {personality} {kind} has no mode {words!r}; it has {', '.join(names)} "
-                "(several: `RTL|Return`)"
+                f"a {personality} {kind} has no mode {words!r}; its modes are {', '.join(names)} "
+                "(alternatives: `RTL|Return`)"
             )
     return ""
 
 
-def _step_wrong(step: Step, vehicle: VehicleSpec) -> str:
+def _step_problem(step: ScriptStep, vehicle: VehicleSpec) -> str:
     personality = personality_of(vehicle.personality, vehicle.kind)
     if step.chosen in ("fly_mission", "upload_mission") and not vehicle.mission:
         return "has no `mission`"

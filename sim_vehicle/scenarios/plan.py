@@ -1,4 +1,4 @@
-"""Missions and fences as a scenario writes them: in metres from where the vehicle stands."""
+"""Missions and fences of a scenario, in metres from the vehicle's start."""
 
 import math
 from collections.abc import Sequence
@@ -8,56 +8,56 @@ from pydantic import BeforeValidator, Field, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import LocalFrame
-from sim_vehicle.scenarios.base import Length, Metres, Nothing, Number, OneOf, Seconds, Section
+from sim_vehicle.scenarios.base import Length, Metres, NoSettings, Number, OneOf, Seconds, Section
 from sim_vehicle.vehicle.mission import NAVIGATION, Item
 
 Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
 LANDINGS = frozenset(
     {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
 )
-NARROWEST_M = 0.02  # of a polygon: the wire's unit of 1e-7 degrees is 1.1 cm
-MOST_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # that fits on the wire
+NARROWEST_M = 0.02  # narrowest polygon; MAVLink's unit of 1e-7 degrees is 1.1 cm
+MOST_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # largest number of the MAVLink field
 
 
-class Point(Section):
-    """Metres east and north of the vehicle's start."""
+class StartOffset(Section):
+    """A position, metres east and north of the vehicle's start."""
 
     east_m: Metres
     north_m: Metres
 
 
-class Waypoint(Point):
-    """A place in the air; heights are above home."""
+class Waypoint(StartOffset):
+    """A position in the air; heights are above home."""
 
     height_m: Height
     hold_s: Seconds = 0.0
 
 
 class Takeoff(Section):
-    """Climb; a plane does it toward a place, if one is given. A number alone is the height."""
+    """A climb; a plane climbs toward a position, if given. A number alone is the height."""
 
     height_m: Height
     east_m: Metres = 0.0
     north_m: Metres = 0.0
 
 
-class Loiter(Point):
-    """Circle (a copter stays) at a place for a number of turns, a time, or for ever."""
+class Loiter(StartOffset):
+    """A circle (a copter hovers) at a position for a number of turns, a time, or without end."""
 
     height_m: Height
     turns: Annotated[float, Field(strict=True, gt=0, le=255)] | None = None
     for_s: Seconds | None = None
-    radius_m: Number = 0.0  # 0: the vehicle's own; negative: counter-clockwise
+    radius_m: Number = 0.0  # 0: the vehicle's default; negative: counter-clockwise
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
         if self.turns is not None and self.for_s is not None:
-            raise ValueError("a loiter ends after `turns` or `for_s`, not both")
+            raise ValueError("has both `turns` and `for_s`; remove one of them")
         return self
 
 
 class Land(Section):
-    """Land at a place, or where the leg before leads to."""
+    """A landing at a position, or at the end of the previous leg."""
 
     east_m: Metres | None = None
     north_m: Metres | None = None
@@ -65,19 +65,19 @@ class Land(Section):
     @model_validator(mode="after")
     def _both_or_none(self) -> Self:
         if (self.east_m is None) != (self.north_m is None):
-            raise ValueError("a place needs both `east_m` and `north_m`")
+            raise ValueError("a position needs both `east_m` and `north_m`")
         return self
 
 
 class Jump(Section):
-    """Go back to the entry of the mission with this number (the first is 1), so many times."""
+    """A jump to the entry of the mission with this number (the first is 1), `times` times."""
 
     to: Annotated[int, Field(strict=True, ge=1, le=65_534)]
     times: Annotated[int, Field(strict=True, ge=-1, le=32_767)] = 1
 
 
 class RawItem(Section):
-    """Any mission command; the place in metres from the start, z as the frame has it."""
+    """Any mission command; the position in metres from the start, z as in the frame."""
 
     command: str | int
     frame: str | int = "GLOBAL_RELATIVE_ALT"
@@ -109,20 +109,20 @@ class Leg(OneOf):
     speed_m_s: Annotated[float, Field(strict=True, gt=0, le=200)] | None = None
     delay_s: Seconds | None = None
     jump: Jump | None = None
-    rtl: Nothing | None = None
+    rtl: NoSettings | None = None
     land: Land | None = None
     item: RawItem | None = None
 
     @property
     def flown(self) -> bool:
-        """Whether it takes the vehicle somewhere, or keeps it there, and is not done on the way."""
+        """Return True if the leg moves or holds the vehicle, unlike a speed or a jump."""
         if self.item is not None:
             return number("MAV_CMD_", self.item.command) in NAVIGATION
         return self.speed_m_s is None and self.jump is None
 
     @property
     def lands(self) -> bool:
-        """Whether the vehicle is down after it."""
+        """Return True if the vehicle is on the ground after this leg."""
         if self.item is not None:
             return number("MAV_CMD_", self.item.command) in LANDINGS
         return self.rtl is not None or self.land is not None
@@ -134,8 +134,8 @@ class Leg(OneOf):
         return self.rtl is not None
 
     def place(self) -> tuple[float, float] | None:
-        """East and north [m] of where this leg leads, if it names a place."""
-        if not self.flown:  # a region of interest is a place as well
+        """Return the position of this leg, east and north [m], or None."""
+        if not self.flown:  # a region of interest has a position too
             return None
         for where in (self.takeoff, self.waypoint, self.loiter, self.land, self.item):
             if where is not None and where.east_m is not None and where.north_m is not None:
@@ -143,7 +143,23 @@ class Leg(OneOf):
         return None
 
 
-class Circle(Point):
+def jump_problem(legs: Sequence[Leg], index: int) -> str:
+    """Return the problem with a jump of a mission; empty without one."""
+    jump = legs[index].jump
+    if jump is None:
+        return ""
+    if jump.to > len(legs):
+        return (
+            f"jump: entry {jump.to} does not exist, the mission has {len(legs)}; "
+            "to send it anyway, write it as `item: {command: DO_JUMP, param1: ..., param2: ...}`"
+        )
+    back = jump.to - 1 <= index
+    if jump.times < 0 and back and not any(leg.flown for leg in legs[jump.to - 1 : index]):
+        return f"jump: returns to entry {jump.to} without end, and nothing in between is flown"
+    return ""
+
+
+class Circle(StartOffset):
     radius_m: Length
 
 
@@ -159,9 +175,7 @@ class FenceShape(OneOf):
     def _has_an_inside(self) -> Self:
         corners = self.keep_in or self.keep_out
         if corners is not None and _width_m(corners) < NARROWEST_M:
-            raise ValueError(
-                "all corners of this polygon are on one line, so nothing is inside; move one off it"
-            )
+            raise ValueError("all corners of this polygon are on one line; move one of them")
         return self
 
     @property
@@ -170,7 +184,7 @@ class FenceShape(OneOf):
 
 
 def _width_m(corners: Sequence[tuple[float, float]]) -> float:
-    """How far the corners are off the line from the first one to that farthest from it."""
+    """Return the largest distance of a corner from the line between the first and its farthest corner."""
     first = corners[0]
     farthest = max(corners, key=lambda corner: math.dist(first, corner))
     length_m = math.dist(first, farthest)
@@ -181,31 +195,33 @@ def _width_m(corners: Sequence[tuple[float, float]]) -> float:
 
 
 def number(prefix: str, value: str | int) -> int:
-    """The number of a MAVLink enumeration's member, by number or by name with or without its prefix."""
+    """Return the number of a MAVLink enumeration's member, from its number or name."""
     if isinstance(value, int):
         if not 0 <= value <= MOST_NUMBER[prefix]:
-            raise ValueError(f"a {prefix}* is a number from 0 to {MOST_NUMBER[prefix]}, found {value!r:.60}")
+            raise ValueError(
+                f"{prefix}* must be a number from 0 to {MOST_NUMBER[prefix]}, found {value!r:.60}"
+            )
         return value
     members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}
     name = value if value.startswith(prefix) else prefix + value
     if name not in members or name == f"{prefix}ENUM_END":
-        raise ValueError(f"{value!r} is no {prefix}*; write a name of the MAVLink enumeration, or its number")
+        raise ValueError(f"{value!r} is no {prefix}*; use a name of the MAVLink enumeration, or its number")
     return int(members[name])
 
 
 class PlanWriter:
-    """Turns legs and shapes into items of the wire, around one vehicle's start [deg]."""
+    """Converts legs and shapes into MAVLink items around one vehicle's start [deg]."""
 
     def __init__(self, lat_deg: float, lon_deg: float) -> None:
         self._frame = LocalFrame(lat_deg, lon_deg)
 
     def place(self, east_m: float, north_m: float) -> tuple[int, int]:
-        """Latitude and longitude [1e-7 deg]."""
+        """Return latitude and longitude [1e-7 deg]."""
         lat_deg, lon_deg = self._frame.point_to_geodetic(east_m, north_m)
         return round(lat_deg * 1e7), round(lon_deg * 1e7)
 
     def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[Item]:
-        """`home_first`: item 0 is a placeholder for home (ArduPilot)."""
+        """Return the mission's items; `home_first`: item 0 is a placeholder for home (ArduPilot)."""
         items = [self._at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
         first, before = len(items), (0.0, 0.0)
         for leg in legs:

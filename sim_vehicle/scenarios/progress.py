@@ -1,4 +1,4 @@
-"""How far a vehicle says it has come with its mission."""
+"""The progress of a mission, as reported by the vehicle."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,16 +10,16 @@ from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import Leg
 from sim_vehicle.vehicle.behaviour import Behaviour
 
-MOST_STEPS = 200_000  # through a mission's jumps; one that takes more has no end
-REPEATED_S = 1.0  # a frame with the same sequence number within this time is the same frame
+MOST_STEPS = 200_000  # longest simulation of a mission's jumps; a longer mission has no end
+REPEATED_S = 1.0  # an equal sequence number within this time is the same frame
 
 
 class MissionProgress:
-    """`done` once the whole mission is reported as flown, and not when its last item is passed on the way.
+    """The completion of one vehicle's mission; an early pass of its last item does not count.
 
-    An autopilot that tells the mission's state says it by that. From another one it takes
-    MISSION_ITEM_REACHED of the last item in every round of the jumps; where that item returns, another mode
-    takes over (PX4) and it is never reported, but it is current, and the mission has been flown.
+    An autopilot with a mission state reports completion by it. For another one, MISSION_ITEM_REACHED of the
+    last item counts in every round of the jumps. If that item returns, another mode takes over (PX4) and the
+    item is never reported; then the mission is complete when the item is current.
     """
 
     def __init__(self, spec: VehicleSpec) -> None:
@@ -36,27 +36,27 @@ class MissionProgress:
         self._frame: tuple[int, float] | None = None  # sequence number and time of the last arrival
         self.done = False
 
-    def note(self, message: Any, now: float) -> None:
-        """Any message of the vehicle."""
+    def receive(self, message: Any, now: float) -> None:
+        """Process any message of the vehicle."""
         kind = message.get_type()
         if kind == "HEARTBEAT":
             armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
             self._flown = self._flown or bool(armed and message.custom_mode == self._mode)
         elif kind == "MISSION_ITEM_REACHED" and message.seq == self._last:
             self._last_seen = True
-            self._arrive(message.get_seq(), now)
+            self._note_arrival(message.get_seq(), now)
         elif kind == "MISSION_CURRENT":
             self._last_seen = self._last_seen or message.seq == self._last
-            self.done = self.done or self._says_so(message)
+            self.done = self.done or self._reported_complete(message)
 
-    def _says_so(self, message: Any) -> bool:
+    def _reported_complete(self, message: Any) -> bool:
         if not self._tells_state:
             return self._returns and self._flown and bool(message.seq == self._last)
-        # A landing on the way is an end as well, from which the rest has not been flown.
+        # A landing before the last item also ends the mission, with the rest not flown.
         whole = self._last_seen or not self._lands_before
         return whole and getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
 
-    def _arrive(self, frame: int, now: float) -> None:
+    def _note_arrival(self, frame: int, now: float) -> None:
         repeated = self._frame is not None and self._frame[0] == frame and now - self._frame[1] < REPEATED_S
         self._frame = frame, now
         self._arrived += not repeated
@@ -64,7 +64,7 @@ class MissionProgress:
 
 
 def _arrivals(legs: Sequence[Leg], last: int) -> int:
-    """How often the entry `last` is flown until the mission ends; 0 if it never ends."""
+    """Return how often the entry `last` is flown until the mission ends; 0 if it never ends."""
     taken = [0] * len(legs)
     index = arrivals = 0
     for _ in range(MOST_STEPS):

@@ -1,43 +1,21 @@
-"""What a run leaves: a tlog a vehicle and verdict.json, and the tables for a terminal."""
+"""The verdict of a run, as verdict.json and as tables for a terminal."""
 
-import contextlib
 import json
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
-from sim_vehicle.scenarios.model import VehicleSpec
-from sim_vehicle.scenarios.runner import VehicleEnd, Verdict
+from sim_vehicle.scenarios.runner import FinalVehicleState, Verdict
 from sim_vehicle.serving.columns import Column, table
-from sim_vehicle.serving.tlog import Tlog
-from sim_vehicle.station.client import Heard
 
 SHOWN_FAILURES, SHOWN_VEHICLES = 3, 40
 TEXT_LEAST = 20  # characters, cut
 INDENT = " " * 8
 DECIMALS = 6
-
-
-@contextlib.contextmanager
-def tlogs(folder: Path, vehicles: Sequence[VehicleSpec]) -> Iterator[Heard]:
-    """Open a tlog for each vehicle; yields what writes into them."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with contextlib.ExitStack() as files:
-        logs = [Tlog(files.enter_context(_open(folder, spec))) for spec in vehicles]
-
-        def heard(index: int, frame: bytes, now: float) -> None:
-            logs[index].write(frame, now)
-
-        yield heard
-
-
-def _open(folder: Path, spec: VehicleSpec) -> BinaryIO:
-    link = f"link-{spec.link}-" if spec.link else ""
-    return (folder / f"{link}vehicle-{spec.sysid}.tlog").open("wb")
 
 
 def write_verdict(folder: Path, verdict: Verdict) -> None:
@@ -47,7 +25,7 @@ def write_verdict(folder: Path, verdict: Verdict) -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """Without the dust that sums of seconds leave: 75.1 and not 75.10000000000001."""
+    """Round sums of seconds: 75.1 and not 75.10000000000001."""
     if isinstance(value, dict):
         return {key: _rounded(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
@@ -55,21 +33,21 @@ def _rounded(value: Any) -> Any:
     return round(value, DECIMALS) if isinstance(value, float) else value
 
 
-def show(console: Console, verdict: Verdict) -> None:
-    """The checks, the steps that failed, and how each vehicle ended; on a pipe no line is folded or cut."""
+def print_verdict(console: Console, verdict: Verdict) -> None:
+    """Print checks, failed steps and final states; lines are neither wrapped nor cut on a pipe."""
     width = console.width if console.is_terminal else None
-    lines = folded(Text(f"{verdict.scenario}, seed {verdict.seed}"), width, "  ")
+    lines = fold(Text(f"{verdict.scenario}, seed {verdict.seed}"), width, "  ")
     lines[0].stylize("bold")
     for check in verdict.checks:
-        lines += _verdict(check.check, width, passed=check.passed)
+        lines += _verdict_lines(check.check, width, passed=check.passed)
         found = [f"vehicle {f.sysid} at {f.t_s:.2f} s: {f.found}" for f in check.failures[:SHOWN_FAILURES]]
         more = len(check.failures) - len(found)
         for text in [*found, *([f"and {more} more"] if more else [])]:
-            lines += folded(Text(f"{INDENT}{text}"), width, INDENT + "  ")
+            lines += fold(Text(f"{INDENT}{text}"), width, INDENT + "  ")
     for failed in verdict.steps_failed:
-        lines += _verdict(f"step {failed.index + 1}: {failed.action}", width, passed=False)
+        lines += _verdict_lines(f"step {failed.index + 1}: {failed.action}", width, passed=False)
         text = f"vehicle {failed.sysid} at {failed.t_s:.2f} s: {failed.text}"
-        lines += folded(Text(f"{INDENT}{text}"), width, INDENT + "  ")
+        lines += fold(Text(f"{INDENT}{text}"), width, INDENT + "  ")
     lines += [Text(), *table(_columns(verdict.vehicles[:SHOWN_VEHICLES]), width)]
     if len(verdict.vehicles) > SHOWN_VEHICLES:
         lines.append(Text(f"and {len(verdict.vehicles) - SHOWN_VEHICLES} more vehicles, in verdict.json"))
@@ -77,23 +55,23 @@ def show(console: Console, verdict: Verdict) -> None:
         console.print(line, soft_wrap=True)
 
 
-def _verdict(about: str, width: int | None, *, passed: bool) -> list[Text]:
+def _verdict_lines(about: str, width: int | None, *, passed: bool) -> list[Text]:
     word = "passed" if passed else "FAILED"
-    lines = folded(Text(f"{word}  {about}"), width, INDENT)
+    lines = fold(Text(f"{word}  {about}"), width, INDENT)
     lines[0].stylize("green" if passed else "red", 0, len(word))
     return lines
 
 
-def folded(text: Text, width: int | None, indent: str) -> list[Text]:
-    """The lines of a text at most `width` wide, with all but the first indented; None: one line."""
+def fold(text: Text, width: int | None, indent: str) -> list[Text]:
+    """Wrap a text to `width`, with all lines but the first indented; None: one line."""
     if width is None:
         return [text]
     parts = textwrap.wrap(text.plain, width, subsequent_indent=indent, break_on_hyphens=False)
     return [Text(part) for part in parts]
 
 
-def _columns(vehicles: Sequence[VehicleEnd]) -> list[Column]:
-    """What each vehicle ended with; what says least goes first where there is no room."""
+def _columns(vehicles: Sequence[FinalVehicleState]) -> list[Column]:
+    """Return the columns of final states; the least important disappears first."""
 
     def column(heading: str, cells: Iterable[str], stays: int, **how: Any) -> Column:
         return Column(heading, [Text(cell) for cell in cells], stays, **how)

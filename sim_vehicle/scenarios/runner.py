@@ -1,6 +1,7 @@
-"""One run of a scenario: the fleet, its ground station and the checks under one simulated clock; no I/O."""
+"""One run of a scenario: fleet, ground station and checks on one simulated clock; no I/O."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -9,20 +10,22 @@ import numpy as np
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
-from sim_vehicle.scenarios.checks import View
-from sim_vehicle.scenarios.geometry import outside_m
-from sim_vehicle.scenarios.judging import Failure, Judge
+from sim_vehicle.scenarios.checking import CheckFailure, RunningCheck
+from sim_vehicle.scenarios.checks import RunView
 from sim_vehicle.scenarios.model import Scenario
-from sim_vehicle.station.client import Heard, Station, StepFailure
+from sim_vehicle.scenarios.plan import FenceShape
+from sim_vehicle.station.client import FrameSink, Station, StepFailure
 from sim_vehicle.truth import Truth
 
+Corner = tuple[float, float]
+
 STEP_S = 0.05
-SETTLE_S = 2.0  # after everything has ended, so that the last messages are in the logs
+SETTLE_S = 2.0  # time after the end, so that the logs have the last messages
 
 
 @dataclass(frozen=True, slots=True)
-class VehicleEnd:
-    """One vehicle when the run was over."""
+class FinalVehicleState:
+    """The state of one vehicle at the end of the run."""
 
     sysid: int
     link: int
@@ -40,57 +43,57 @@ class VehicleEnd:
 
 
 @dataclass(frozen=True, slots=True)
-class CheckEnd:
-    """One check's verdict."""
+class CheckVerdict:
+    """The verdict of one check."""
 
     check: str
     passed: bool
-    failures: list[Failure]
+    failures: list[CheckFailure]
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What came of a run."""
+    """The verdict of a run."""
 
     scenario: str
     seed: int
     simulated_s: float
-    checks: list[CheckEnd]
+    checks: list[CheckVerdict]
     steps_failed: list[StepFailure]
-    vehicles: list[VehicleEnd] = field(default_factory=list)
+    vehicles: list[FinalVehicleState] = field(default_factory=list)
 
     @property
     def passed(self) -> bool:
         return not self.steps_failed and all(check.passed for check in self.checks)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the verdict as data for JSON."""
         return {"passed": self.passed, **asdict(self)}
 
 
 class Run:
-    """Steps through a scenario.
+    """A run of a scenario.
 
     Parameters
     ----------
-    heard: takes vehicle index, frame and time of every message between the vehicles and the ground station.
-    said: takes a line about what has just failed.
+    on_frame: called with vehicle index, frame and time for every message, in both directions.
+    on_failure: called with a line about each new failure.
     """
 
     def __init__(
         self,
         scenario: Scenario,
         *,
-        heard: Heard = lambda _index, _frame, _now: None,
-        said: Callable[[str], None] = lambda _line: None,
+        on_frame: FrameSink = lambda _index, _frame, _now: None,
+        on_failure: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self.scenario = scenario
         self.fleet = Fleet(scenario)
-        self.station = Station(scenario, heard=heard)
+        self.station = Station(scenario, on_frame=on_frame)
         self.now = 0.0
-        self._said = said
-        self._judges = [Judge(spec, scenario) for spec in scenario.checks]
-        self._steps_told = 0
+        self._on_failure = on_failure
+        self._running_checks = [RunningCheck(spec, scenario) for spec in scenario.checks]
+        self._failures_reported = 0
         area, first = scenario.area, scenario.vehicles[0]
         self._frame = (
             LocalFrame(area.origin_lat_deg, area.origin_lon_deg)
@@ -114,52 +117,54 @@ class Run:
         self._over_s: float | None = None
 
     def step(self) -> bool:
-        """Advance by one tick of 0.05 s and look at the checks; False when the run is over."""
+        """Advance by one tick of 0.05 s and evaluate the checks; return False at the end of the run."""
         for index, data in self.fleet.step(self.now):
             self.station.receive(index, data, self.now)
         for link, data in self.station.step(self.now):
             for index, answer in self.fleet.receive(data, self.now, link=link):
                 self.station.receive(index, answer, self.now)
         view = self._view()
-        for judge in self._judges:
-            for failure in judge.look(view):
-                self._said(str(failure))
-        for failed in self.station.failures[self._steps_told :]:
-            self._said(f"t={failed.t_s:.2f} s, vehicle {failed.sysid}: {failed.action} failed, {failed.text}")
-        self._steps_told = len(self.station.failures)
+        for running in self._running_checks:
+            for failure in running.observe(view):
+                self._on_failure(str(failure))
+        for failed in self.station.failures[self._failures_reported :]:
+            self._on_failure(
+                f"t={failed.t_s:.2f} s, vehicle {failed.sysid}: {failed.action} failed, {failed.text}"
+            )
+        self._failures_reported = len(self.station.failures)
         if self._ended(view) or self.now + EPSILON_S >= self.scenario.until_s:
             return False
         self.now = round(self.now / STEP_S + 1) * STEP_S
         return True
 
     def run(self, pace: Callable[[float], None] = lambda _now: None) -> Verdict:
-        """To the end; `pace` is called with the simulated time before each step and may wait."""
+        """Run to the end; `pace` is called with the simulated time before each step and may wait."""
         pace(self.now)
         while self.step():
             pace(self.now)
         return self.verdict()
 
     def verdict(self) -> Verdict:
-        """The judgement, with everything that was still open closed now."""
+        """End all checks and return the verdict."""
         view = self._view()
-        for judge in self._judges:
-            for failure in judge.end(view):
-                self._said(str(failure))
+        for running in self._running_checks:
+            for failure in running.end(view):
+                self._on_failure(str(failure))
         return Verdict(
             scenario=self.scenario.name,
             seed=self.scenario.seed,
             simulated_s=round(self.now, 3),
-            checks=[CheckEnd(j.words, not j.failures, j.failures) for j in self._judges],
+            checks=[CheckVerdict(j.description, not j.failures, j.failures) for j in self._running_checks],
             steps_failed=[*self.station.failures, *self.station.unfinished()],
             vehicles=self._vehicles(view),
         )
 
-    def _ended(self, view: View) -> bool:
-        """Whether nothing more can happen: all is done, and everybody is down again."""
+    def _ended(self, view: RunView) -> bool:
+        """Return True if every step, fault and check has ended and all vehicles have landed."""
         quiet = (
             self.station.done
             and self.now >= self._last_fault_s
-            and all(judge.settled(self.now) for judge in self._judges)
+            and all(running.is_settled(self.now) for running in self._running_checks)
             and bool(view.flown.all())
             and not (view.truth.airborne | view.truth.armed).any()
         )
@@ -173,7 +178,7 @@ class Run:
         east_m, north_m = self._frame.to_local(lat_deg, lon_deg)
         return np.column_stack([east_m, north_m, alt_amsl_m])
 
-    def _view(self) -> View:
+    def _view(self) -> RunView:
         truth: Truth = self.fleet.truth()
         position_m = self._local(truth.lat_deg, truth.lon_deg, truth.alt_amsl_m)
         moved = position_m - self._before_m
@@ -182,7 +187,7 @@ class Run:
         self._flown |= truth.airborne
         contacts, area = self.station.contacts, self.scenario.area
         from_start = position_m - self._start_m
-        return View(
+        return RunView(
             now=self.now,
             truth=truth,
             position_m=position_m,
@@ -195,7 +200,7 @@ class Run:
                 ]
             ),
             flown=self._flown,
-            silent_s=self.now - np.array([contact.heard_s for contact in contacts]),
+            silent_s=self.now - np.array([contact.last_heartbeat_s for contact in contacts]),
             mission_done=np.array([contact.progress.done for contact in contacts]),
             outside_fence_m=np.array(
                 [
@@ -207,9 +212,9 @@ class Run:
             texts=[contact.texts for contact in contacts],
         )
 
-    def _vehicles(self, view: View) -> list[VehicleEnd]:
+    def _vehicles(self, view: RunView) -> list[FinalVehicleState]:
         return [
-            VehicleEnd(
+            FinalVehicleState(
                 sysid=contact.spec.sysid,
                 link=contact.spec.link,
                 personality=contact.spec.personality,
@@ -226,3 +231,41 @@ class Run:
             )
             for i, contact in enumerate(self.station.contacts)
         ]
+
+
+def outside_m(shapes: Sequence[FenceShape], east_m: float, north_m: float) -> float:
+    """Return the distance beyond the most violated shape [m], 0 inside all, by a computation of its own."""
+    return max((_beyond_m(shape, east_m, north_m) for shape in shapes), default=0.0)
+
+
+def _beyond_m(shape: FenceShape, east_m: float, north_m: float) -> float:
+    circle = shape.keep_in_circle or shape.keep_out_circle
+    if circle is not None:
+        inside_m = circle.radius_m - math.hypot(east_m - circle.east_m, north_m - circle.north_m)
+    else:
+        polygon = shape.keep_in or shape.keep_out or ()
+        edge_m = min(_edge_m(a, b, east_m, north_m) for a, b in _edges(polygon))
+        inside_m = edge_m if _inside(polygon, east_m, north_m) else -edge_m
+    return max(0.0, -inside_m if shape.inclusion else inside_m)
+
+
+def _edges(polygon: Sequence[Corner]) -> list[tuple[Corner, Corner]]:
+    return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
+
+
+def _inside(polygon: Sequence[Corner], east_m: float, north_m: float) -> bool:
+    """Return True if a ray to the east crosses an odd number of edges."""
+    crossed = False
+    for (east_a, north_a), (east_b, north_b) in _edges(polygon):
+        if (north_a > north_m) != (north_b > north_m):
+            at_m = east_a + (north_m - north_a) / (north_b - north_a) * (east_b - east_a)
+            crossed ^= east_m < at_m
+    return crossed
+
+
+def _edge_m(a: Corner, b: Corner, east_m: float, north_m: float) -> float:
+    along = (b[0] - a[0], b[1] - a[1])
+    squared = along[0] ** 2 + along[1] ** 2
+    share = ((east_m - a[0]) * along[0] + (north_m - a[1]) * along[1]) / squared if squared else 0.0
+    share = min(1.0, max(0.0, share))
+    return math.hypot(east_m - a[0] - share * along[0], north_m - a[1] - share * along[1])

@@ -1,4 +1,4 @@
-"""The JSON schema of a scenario file, for editors, short forms included."""
+"""The JSON schema of scenario files, including short forms, for editors."""
 
 from typing import Any
 
@@ -10,15 +10,15 @@ from sim_vehicle.scenarios.checks import CHECKS, COMMON, Check
 from sim_vehicle.scenarios.file import SHORT_FORMS, Home, Shorthand, section_of
 from sim_vehicle.scenarios.model import Scenario
 from sim_vehicle.scenarios.plan import FenceShape, Leg
-from sim_vehicle.scenarios.steps import CheckSpec, Step
+from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-PLACED = ("sysid", "lat_deg", "lon_deg")  # of a vehicle: `home` and the order give them as well
+PLACED = ("sysid", "lat_deg", "lon_deg")  # keys of a vehicle that `home` and the order can replace
 
 
 def file_schema() -> Schema:
-    """What `load_scenario` reads, so far as a schema can say it."""
+    """Return the schema of the files that `load_scenario` reads."""
     whole = Scenario.model_json_schema(ref_template="#/$defs/{model}")
     kinds: Schema = whole["$defs"]
     short = Shorthand.model_json_schema()["properties"]
@@ -26,7 +26,7 @@ def file_schema() -> Schema:
     vehicle["properties"] |= {name: short[name] for name in SHORT_FORMS}
     vehicle["properties"]["kind"] = vehicle["properties"]["type"]
     vehicle["required"] = [name for name in vehicle.get("required", []) if name not in PLACED]
-    for model in (Leg, FenceShape, Step):
+    for model in (Leg, FenceShape, ScriptStep):
         kinds[model.__name__] = _one_of(model, kinds[model.__name__])
     takeoff = kinds["Leg"]["anyOf"][-1]["properties"]
     takeoff["takeoff"] = {"anyOf": [takeoff["takeoff"], {"type": "number", "exclusiveMinimum": 0}]}
@@ -39,7 +39,7 @@ def file_schema() -> Schema:
 
 
 def _one_of(model: type[OneOf], found: Schema) -> Schema:
-    """A bare word, or a mapping with one of the choices."""
+    """Return the schema of a bare word or a mapping with one choice."""
     bare = [name for name in model.choices() if _needs_nothing(model, name)]
     properties = {
         name: value if name in bare else _given(value) for name, value in found["properties"].items()
@@ -54,7 +54,7 @@ def _needs_nothing(model: type[BaseModel], name: str) -> bool:
 
 
 def _given(value: Schema) -> Schema:
-    """Without the null that stands for what is left out."""
+    """Return a schema without its null alternative."""
     kinds = [kind for kind in value.get("anyOf", []) if kind != {"type": "null"}]
     rest = {key: it for key, it in value.items() if key not in ("anyOf", "default")}
     return {**rest, **kinds[0]} if len(kinds) == 1 else value

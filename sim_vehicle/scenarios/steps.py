@@ -1,16 +1,16 @@
-"""What a scenario's ground station does, and what its checks ask, as the file writes them."""
+"""Steps of the ground station and checks, as written in a file."""
 
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from sim_vehicle.scenarios.base import Metres, Nothing, Number, OneOf, Seconds, Section, SystemId
+from sim_vehicle.scenarios.base import Metres, NoSettings, Number, OneOf, Seconds, Section, SystemId
 from sim_vehicle.scenarios.checks import When, settings_of
 from sim_vehicle.scenarios.plan import Height, number
 
 
 class GoTo(Section):
-    """A place from the vehicle's start, height above home [m]."""
+    """A position from the vehicle's start, with its height above home [m]."""
 
     east_m: Metres
     north_m: Metres
@@ -30,11 +30,11 @@ class RawCommand(Section):
         return value
 
 
-class Step(OneOf):
-    """One thing the ground station does with each vehicle that is meant.
+class ScriptStep(OneOf):
+    """One action of the ground station with each selected vehicle.
 
-    It begins at `at_s` [s], but not before the vehicle's step before has ended; it is tried again for
-    `timeout_s` while the vehicle answers nothing or "not now".
+    It begins at `at_s` [s], but after the end of the vehicle's previous step. It is repeated for up to
+    `timeout_s` without an answer or after a temporary refusal.
     """
 
     at_s: Seconds = 0.0
@@ -42,26 +42,26 @@ class Step(OneOf):
     vehicles: Annotated[tuple[SystemId, ...], Field(min_length=1)] | None = None  # None: all
     expect: Literal["accepted", "refused", "any"] = "accepted"
 
-    fly_mission: Nothing | None = None  # upload, arm and start, as the autopilot wants it
-    upload_mission: Nothing | None = None
-    upload_fence: Nothing | None = None
-    start_mission: Nothing | None = None
-    arm: Nothing | None = None
-    disarm: Nothing | None = None
-    takeoff: Height | None = None  # m above home; arms
+    fly_mission: NoSettings | None = None  # upload, arm and start
+    upload_mission: NoSettings | None = None
+    upload_fence: NoSettings | None = None
+    start_mission: NoSettings | None = None
+    arm: NoSettings | None = None
+    disarm: NoSettings | None = None
+    takeoff: Height | None = None  # m above home; also arms
     mode: str | None = None
-    rtl: Nothing | None = None
-    land: Nothing | None = None
+    rtl: NoSettings | None = None
+    land: NoSettings | None = None
     goto: GoTo | None = None
     command: RawCommand | None = None
     param: Annotated[dict[str, Number], Field(min_length=1)] | None = None
     heartbeat: bool | None = None  # of the ground station, to all vehicles
-    reboot: Nothing | None = None
+    reboot: NoSettings | None = None
 
     @model_validator(mode="after")
     def _heartbeats_reach_all(self) -> Self:
         if self.heartbeat is not None and self.vehicles is not None:
-            raise ValueError("heartbeats reach all vehicles; leave `vehicles` out")
+            raise ValueError("heartbeats reach all vehicles; remove `vehicles`")
         return self
 
     @classmethod
@@ -70,10 +70,10 @@ class Step(OneOf):
 
 
 class CheckSpec(Section):
-    """One check: its name in the registry, its argument, and whom and when it is about.
+    """One check: its name in the registry, its argument, its vehicles and its times.
 
-    always: true on every step from `from_s` to `until_s`. eventually: true on one step by `by_s` (or the end
-    of the run). end: true when the run ends.
+    always: true at every step from `from_s` to `until_s`. eventually: true at one step by `by_s` (or the end
+    of the run). end: true at the end of the run.
     """
 
     name: str
@@ -87,17 +87,19 @@ class CheckSpec(Section):
     @model_validator(mode="before")
     @classmethod
     def _from_one_line(cls, data: Any) -> Any:
-        """`no_crash`, `min_separation_m: 5` or `landed: {by_s: 300}` are all checks."""
+        """Accept `no_crash`, `min_separation_m: 5` and `landed: {by_s: 300}`."""
         return settings_of(data)
 
     @model_validator(mode="after")
     def _times_fit(self) -> Self:
         if self.by_s is not None and self.when != "eventually":
-            raise ValueError(f"`by_s` is for what happens eventually; {self.name} is looked at {self.when}")
+            raise ValueError(
+                f"`by_s` needs `when: eventually`; {self.name} has `when: {self.when}`; remove `by_s`"
+            )
         if self.when == "end" and (self.from_s > 0 or self.until_s is not None):
             raise ValueError(
-                f"{self.name} is looked at when the run ends, not from `from_s` to `until_s`; "
-                "leave them out, or say `when: always` or `when: eventually`"
+                f"{self.name} is evaluated at the end of the run, not from `from_s` to `until_s`; "
+                "remove them, or add `when: always` or `when: eventually`"
             )
         for name, time_s in (("until_s", self.until_s), ("by_s", self.by_s)):
             if time_s is not None and time_s <= self.from_s:

@@ -1,4 +1,4 @@
-"""YAML and JSON that remember on which line each key stands."""
+"""YAML and JSON with the line number of each key."""
 
 import json
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ KeyPath = tuple[str | int, ...]
 
 
 class FileSyntaxError(ValueError):
-    """Neither YAML nor JSON, or a key given twice; `line` counts from 1."""
+    """A syntax error or a duplicate key; `line` counts from 1."""
 
     def __init__(self, line: int, text: str) -> None:
         super().__init__(text)
@@ -19,13 +19,13 @@ class FileSyntaxError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """What a file holds, and where: the line of each key path."""
+    """The content of a file, and the line of each key path."""
 
     data: Any
     lines: dict[KeyPath, int]
 
     def line_of(self, path: KeyPath) -> int:
-        """The line of the deepest part of `path` that the file has."""
+        """Return the line of the longest prefix of `path` in the file."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.lines:
                 return self.lines[path[:length]]
@@ -33,18 +33,16 @@ class Document:
 
 
 def parse(text: str, *, as_json: bool = False) -> Document:
-    """Read one document; FileSyntaxError says where it breaks off.
+    """Parse one document; FileSyntaxError has the line of an error.
 
-    JSON is read by its own rules; its lines are found by YAML, which it is a subset of but for tabs.
+    JSON is parsed by its own rules. Its lines come from the YAML parser, because JSON without tabs is YAML.
     """
     if not as_json:
         return _parse_yaml(text)
     try:
         data = json.loads(text)
     except json.JSONDecodeError as error:
-        raise FileSyntaxError(
-            error.lineno, f"this is not JSON: {error.msg} (column {error.colno})"
-        ) from error
+        raise FileSyntaxError(error.lineno, f"invalid JSON: {error.msg} (column {error.colno})") from error
     return Document(data, _parse_yaml(text.replace("\t", " ")).lines)
 
 
@@ -54,18 +52,18 @@ def _parse_yaml(text: str) -> Document:
         loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if node is None:
-            raise FileSyntaxError(1, "the file is empty; it must hold at least `vehicles` or `count`")
+            raise FileSyntaxError(1, "the file is empty; add at least `vehicles` or `count`")
         lines: dict[KeyPath, int] = {}
         _walk(node, (), lines)
         return Document(loader.construct_document(node), lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
-        raise FileSyntaxError(line, f"this is not YAML: {error.problem or error.context}") from error
+        raise FileSyntaxError(line, f"invalid YAML: {error.problem or error.context}") from error
     except yaml.YAMLError as error:
-        raise FileSyntaxError(1, f"this is not YAML: {str(error).splitlines()[0]}") from error
+        raise FileSyntaxError(1, f"invalid YAML: {str(error).splitlines()[0]}") from error
     except RecursionError as error:
-        raise FileSyntaxError(1, "this is nested too deeply") from error
+        raise FileSyntaxError(1, "the nesting is too deep") from error
     finally:
         if loader is not None:
             loader.dispose()
@@ -78,7 +76,7 @@ def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
             line = key_node.start_mark.line + 1
             if here in lines:
                 raise FileSyntaxError(
-                    line, f"key {here[-1]!r} is given twice, first on line {lines[here]}; keep one of them"
+                    line, f"key {here[-1]!r} is a duplicate of line {lines[here]}; remove one of them"
                 )
             lines[here] = line
             _walk(value_node, here, lines)

@@ -1,4 +1,4 @@
-"""The process around the fleet: pace, ports, options, table, logs of a run.
+"""The process around a fleet: pace, ports, options, table, logs.
 
-Here and in `links` are the only sockets and clocks.
+Only this room and `links` have sockets and clocks. Begin with `serve.serve` and `server.Server`.
 """

@@ -1,4 +1,4 @@
-"""A table as wide as it may be: each column whole or not there, but the last one, which may be cut."""
+"""A table of limited width: each column is whole or absent; only the last one may be cut."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ GAP = 2  # between columns
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """What stands in a column, and what becomes of it where there is no room for all.
+    """A column, and its behaviour without room for all.
 
-    stays: the column with the lowest goes first; least: how wide it is at least; cut: whether it takes what
-    the others leave, down to `cut` characters, rather than go. At most one column is cut, the last.
+    stays: the column with the lowest value disappears first. least: minimum width. cut: minimum width of a
+    column that is cut rather than removed, None for others. At most one column is cut, the last.
     """
 
     heading: str
@@ -33,7 +33,7 @@ class Column:
 
 
 def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
-    """Those that `width` characters have room for, in their order, one in any case; None: all."""
+    """Return the columns that fit into `width` characters, at least one; None: all."""
     kept = list(columns)
     while width is not None and len(kept) > 1 and _needed(kept) > width:
         kept.remove(min(kept, key=lambda column: column.stays))
@@ -41,7 +41,7 @@ def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
 
 
 def table(columns: Sequence[Column], width: int | None) -> list[Text]:
-    """The headings and the rows, a line each, none wider than `width`; None: as wide as they are."""
+    """Return headings and rows, one line each, at most `width` wide; None: unlimited."""
     kept = fitting(columns, width)
     widths = [column.width for column in kept]
     if width is not None:
@@ -68,7 +68,7 @@ def _line(cells: Sequence[Text], columns: Sequence[Column], widths: Sequence[int
 
 
 def one_line(words: Sequence[str], width: int, style: str) -> Text:
-    """As many of these, the first ones, as there is room for; the first is cut if it has to be."""
+    """Return the first words that fit into `width`; the first is cut if necessary."""
     shown = list(words)
     while len(shown) > 1 and len("  ".join(shown)) > width:
         shown.pop()

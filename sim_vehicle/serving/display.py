@@ -1,4 +1,4 @@
-"""A live table of the fleet for a terminal: as many vehicles as fit, page after page, and a line on all."""
+"""A live table of the fleet for a terminal, in pages, with a summary line."""
 
 import asyncio
 import math
@@ -15,7 +15,7 @@ from sim_vehicle.truth import Truth
 
 REFRESH_S = 0.5
 PAGE_S = 5.0
-FRAME_LINES = 5  # two of the header, headings, summary, and the last warning
+FRAME_LINES = 5  # two header lines, headings, summary, and the last warning
 MODES_NAMED = 4
 LATE_S = 0.05
 LOW_BATTERY = 0.2
@@ -23,21 +23,21 @@ FAULTS_LEAST = 12  # characters, cut
 
 
 class Display:
-    """What the terminal shows; remembers what it takes to say messages per second."""
+    """The live table; it keeps the previous counts for messages per second."""
 
     def __init__(self, server: Server, warning: Callable[[], str] = str) -> None:
-        """`warning`: the last thing to be said of what went wrong, if there is one."""
+        """`warning`: returns the last warning, or an empty text."""
         self._server, self._warning = server, warning
         scenario = server.fleet.scenario
         self._types = [f"{spec.personality} {spec.kind}" for spec in scenario.vehicles]
         self._sent, self._sent_s = list(server.sent), 0.0
         self._rates = [0.0] * len(self._types)
         self._began_s: float | None = None
-        # Columns only grow: a table whose columns come and go with each number cannot be read.
+        # Columns only grow, because a table that changes with each number is unreadable.
         self._widest: dict[str, int] = {}
 
     def render(self, wall_s: float, width: int, height: int) -> Group:
-        """The picture at `wall_s` [s of any clock] for a terminal of `width` by `height` characters."""
+        """Return the table at `wall_s` [s of any clock] for a terminal of `width` by `height` characters."""
         if self._began_s is None:
             self._began_s = self._sent_s = wall_s
         self._count(wall_s)
@@ -76,7 +76,7 @@ class Display:
         ]
 
     def _columns(self, truth: Truth, shown: range) -> list[Column]:
-        """For some of the vehicles; what says least goes first where there is no room."""
+        """Return the columns of the vehicles shown; the least important disappears first."""
         several = len(set(self._server.fleet.links)) > 1
         faults = [" ".join(self._server.fleet.faults_on(i)) for i in shown]
         columns = [
@@ -120,7 +120,7 @@ def _strikes(strikes: int) -> Text:
 
 
 def summary(truth: Truth, page: int, pages: int) -> list[str]:
-    """In some words about all vehicles, and which page this is."""
+    """Return a summary of all vehicles, and the page number."""
     modes = Counter(truth.mode).most_common()
     named = [f"{number} {mode}" for mode, number in modes[:MODES_NAMED]]
     named += [f"{sum(number for _, number in modes[MODES_NAMED:])} other"] if len(modes) > MODES_NAMED else []
@@ -140,11 +140,11 @@ def _clock(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}"
 
 
-async def showing(server: Server, warning: Callable[[], str]) -> None:
-    """Keep the picture up to date until cancelled; a thread draws it, as heartbeats are due meanwhile.
+async def show_table(server: Server, warning: Callable[[], str]) -> None:
+    """Refresh the table until cancelled; a thread draws it, so that heartbeats stay punctual.
 
-    It has a screen of its own, drawn anew each time: on the one with the lines above it, a terminal that is
-    made narrower would leave torn pieces of the pictures before. The last picture stays with those lines.
+    It uses the alternate screen and redraws it whole: on the main screen a narrowed terminal would keep torn
+    parts. The last table stays on the main screen.
     """
     console = Console()
     if not console.is_terminal or console.is_dumb_terminal:
@@ -153,7 +153,7 @@ async def showing(server: Server, warning: Callable[[], str]) -> None:
     size = console.size
     with console.screen():
         while True:
-            if console.size != size:  # some terminals keep what is beyond the edge and show it again later
+            if console.size != size:  # some terminals keep text beyond the edge
                 size = console.size
                 console.clear()
             picture = display.render(loop.time(), *size)
@@ -162,7 +162,7 @@ async def showing(server: Server, warning: Callable[[], str]) -> None:
                 await asyncio.shield(drawing)
                 await asyncio.sleep(REFRESH_S)
             except asyncio.CancelledError:
-                await drawing  # so that it does not draw on the other screen
+                await drawing  # no drawing on the main screen
                 break
         console.clear()
     console.print(display.render(loop.time(), *console.size))

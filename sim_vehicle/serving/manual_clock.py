@@ -1,4 +1,4 @@
-"""Time by hand: `step SECONDS` lines on a file descriptor, each answered when so much time has passed."""
+"""The manual clock: `step SECONDS` lines on a file descriptor, each answered after that time."""
 
 import asyncio
 import contextlib
@@ -6,23 +6,23 @@ import math
 import os
 from collections.abc import Callable, Iterator
 
-from sim_vehicle.serving.pace import ByHand
+from sim_vehicle.serving.pace import ManualPace
 
 MAX_LINE_BYTES = 4096
 READ_BYTES = 65_536
 FORMS = "`step SECONDS` and `quit`"
 
 
-class Hand:
-    """Takes lines and grants time; without I/O."""
+class ManualClock:
+    """Grants time by lines of text; without I/O."""
 
-    def __init__(self, pace: ByHand, say: Callable[[str], None], warn: Callable[[str], None]) -> None:
+    def __init__(self, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]) -> None:
         self._pace, self._say, self._warn = pace, say, warn
         self._rest = b""
         self._over = False
 
     def feed(self, data: bytes) -> None:
-        """Bytes of the input, cut anywhere; nothing at all is its end."""
+        """Process bytes of the input, in any portions; empty bytes are its end."""
         if not data:
             self._line(self._rest)
             self._quit()
@@ -42,7 +42,7 @@ class Hand:
         elif len(words) == 2 and words[0] == "step" and (seconds := _seconds(words[1])) is not None:
             self._pace.grant(seconds, lambda at_s: self._say(f"at {round(at_s, 9):g}"))
         else:
-            self._warn(f"{' '.join(words)!r:.60} is not understood; expected {FORMS}, for example step 0.5")
+            self._warn(f"{' '.join(words)!r:.60} is unknown; expected {FORMS}, for example step 0.5")
 
     def _quit(self) -> None:
         if not self._over:
@@ -60,10 +60,10 @@ def _seconds(text: str) -> float | None:
 
 @contextlib.contextmanager
 def stepped_from(
-    file: int, pace: ByHand, say: Callable[[str], None], warn: Callable[[str], None]
+    file: int, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]
 ) -> Iterator[None]:
-    """Read lines from a descriptor of any kind while the event loop runs."""
-    hand, loop = Hand(pace, say, warn), asyncio.get_running_loop()
+    """Read lines from a descriptor of any kind during the event loop."""
+    hand, loop = ManualClock(pace, say, warn), asyncio.get_running_loop()
 
     def readable() -> None:
         data = os.read(file, READ_BYTES)
@@ -73,7 +73,7 @@ def stepped_from(
 
     try:
         loop.add_reader(file, readable)
-    except PermissionError:  # a plain file cannot be waited for, and need not be
+    except PermissionError:  # a regular file is always readable, and cannot be polled
         while data := os.read(file, READ_BYTES):
             hand.feed(data)
         hand.feed(b"")

@@ -1,4 +1,4 @@
-"""What the command line says about the fleet, as a scenario; every finding a line of its own."""
+"""The command line's options as a scenario; one line for each problem."""
 
 import difflib
 import itertools
@@ -14,19 +14,19 @@ from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 
 MAX_SYSID = 250
-MAX_LATITUDE = 89  # where a step to the east is still a small one of longitude
+MAX_LATITUDE = 89  # farther north a step east is many degrees of longitude
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
 KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
 Value = TypeVar("Value")
 
 
 class OptionError(ValueError):
-    """The command line cannot be used; one line a finding: where, what was found, what to do."""
+    """The command line is unusable; one line a problem: where, what was found, what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class FleetOptions:
-    """The options as they were typed; None: not given."""
+    """The options as typed; None: not given."""
 
     count: int | None = None
     home: str | None = None
@@ -43,7 +43,7 @@ class FleetOptions:
 
 
 def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, list[Url], list[str]]:
-    """Scenario, URLs, and what the operator should know; OptionError with all that is wrong."""
+    """Return scenario, URLs and notes to the operator; OptionError lists every problem."""
     findings: list[str] = []
     made = _try(findings, make_scenario, options)
     parsed = _try(findings, parse_urls, urls)
@@ -54,7 +54,7 @@ def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, 
 
 
 def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
-    """The scenario of these options, and what the operator should know about it; OptionError."""
+    """Return the scenario of these options and notes to the operator; OptionError."""
     findings: list[str] = []
     faults = [_try(findings, parse_fault, text, "--") for text in options.faults]
     wind = None if options.wind is None else _try(findings, parse_wind, options.wind)
@@ -69,7 +69,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
         left_out = _set_params(data["vehicles"], given or {})
         if left_out:
             notes.append(
-                f"{path}: {len(left_out)} of {len(given or {})} parameters are not simulated, left out"
+                f"{path}: {len(left_out)} of {len(given or {})} parameters are not simulated and were ignored"
             )
     given = dict(filter(None, params))
     unknown = _set_params(data["vehicles"], given)
@@ -82,7 +82,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     data["faults"] = [*data["faults"], *(fault.model_dump() for fault in faults if fault is not None)]
     if base.script or base.checks:
         notes.append(
-            f"{options.scenario}: its script and checks are for `python -m sim_vehicle run`, not used here"
+            f"{options.scenario}: its script and checks were ignored; `python -m sim_vehicle run` uses them"
         )
     return _validated(data), notes
 
@@ -90,7 +90,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
 def _validated(data: Mapping[str, object]) -> Scenario:
     try:
         return Scenario.model_validate(data)
-    except ValueError as error:  # a value out of bounds, or a system id that no vehicle has
+    except ValueError as error:  # a value out of bounds, or an unknown system id
         lines = [line.strip() for line in str(error).splitlines() if "Value error, " in line]
         text = lines[0].partition("Value error, ")[2].partition(" [type=")[0] if lines else str(error)
         raise OptionError(text) from error
@@ -105,11 +105,11 @@ def _try(findings: list[str], parse: Callable[..., Value], given: object, prefix
 
 
 def parse_urls(texts: Iterable[str]) -> list[Url]:
-    """Every URL, each once; OptionError."""
+    """Return the URLs; OptionError for mistakes and duplicates."""
     findings: list[str] = []
     urls = [url for text in texts if (url := _try(findings, parse_url, text)) is not None]
     twice = sorted({str(url) for url in urls if urls.count(url) > 1})
-    findings += [f"--url {url} is given twice; leave one out" for url in twice]
+    findings += [f"--url {url} is a duplicate; remove one of them" for url in twice]
     if findings:
         raise OptionError("\n".join(findings))
     return urls
@@ -126,7 +126,7 @@ def _base(options: FleetOptions) -> Scenario:
     excluded = [text for name, text in names.items() if getattr(options, name) is not None]
     if excluded:
         raise OptionError(
-            f"{', '.join(excluded)}: not with --scenario, whose file says which vehicles there are"
+            f"{', '.join(excluded)}: not allowed with --scenario, whose file defines the vehicles"
         )
     return load_scenario(options.scenario)
 
@@ -138,7 +138,8 @@ def _counted(options: FleetOptions) -> Scenario:
     if options.sysid is not None and options.per_port is None and count > most:
         raise OptionError(
             f"--sysid {first}: system ids end at {MAX_SYSID}, so at most {most} of {count} vehicles "
-            f"{'fits' if most == 1 else 'fit'} on a port; begin lower, or take more ports: --per-port {most}"
+            f"{'fits' if most == 1 else 'fit'} on a port; choose a lower --sysid, or "
+            f"more ports: --per-port {most}"
         )
     per_port = options.per_port or most
     distinct = count <= most
@@ -160,7 +161,7 @@ def _counted(options: FleetOptions) -> Scenario:
 
 
 def parse_personality(text: str, count: int | None) -> list[str]:
-    """One name a vehicle: `px4`, `mixed` (in turn), or `ardupilot:3,px4:2`."""
+    """Return one name a vehicle from `px4`, `mixed` (alternating) or `ardupilot:3,px4:2`."""
     given = text.lower()
     if given in PERSONALITIES:
         return [given] * (count or 1)
@@ -171,26 +172,24 @@ def parse_personality(text: str, count: int | None) -> list[str]:
         name, _, number = part.strip().lower().partition(":")
         if name not in PERSONALITIES or not number.isdecimal() or int(number) < 1:
             expected = f"{', '.join(PERSONALITIES)}, mixed, or numbers of each: ardupilot:3,px4:2"
-            raise OptionError(
-                f"--personality {text!r}: {part.strip()!r} is not understood; expected {expected}"
-            )
+            raise OptionError(f"--personality {text!r}: {part.strip()!r} is unknown; expected {expected}")
         found += [name] * int(number)
     if count is not None and count != len(found):
         raise OptionError(
-            f"--personality {text!r} makes {len(found)} vehicles, but --count is {count}; drop --count"
+            f"--personality {text!r} makes {len(found)} vehicles, but --count is {count}; remove --count"
         )
     return found
 
 
 def parse_kind(text: str) -> str:
-    """copter or plane, also by ArduPilot's names for the firmware."""
+    """Return copter or plane; ArduPilot's firmware names are accepted."""
     if text.lower() not in KINDS:
         raise OptionError(f"--type {text!r}: expected copter or plane (or ArduCopter, ArduPlane)")
     return KINDS[text.lower()]
 
 
 def parse_home(text: str) -> tuple[float, float, float, float]:
-    """Latitude, longitude [deg], altitude [m above sea level], heading [deg]; north if none is given."""
+    """Return latitude, longitude [deg], altitude [m above sea level], heading [deg, default north]."""
     numbers = _numbers(text)
     if len(numbers) not in (3, 4):
         raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
@@ -205,7 +204,7 @@ def parse_home(text: str) -> tuple[float, float, float, float]:
 
 
 def parse_wind(text: str) -> dict[str, float]:
-    """SPEED,FROM[,GUST] in m/s, degrees and m/s, as a scenario has it."""
+    """Return the wind of SPEED,FROM[,GUST] in m/s, degrees, m/s, as in a scenario."""
     numbers = _numbers(text)
     if len(numbers) not in (2, 3):
         raise OptionError(
@@ -230,7 +229,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def parse_param(text: str) -> tuple[str, float]:
-    """NAME=VALUE."""
+    """Return name and value of NAME=VALUE."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not name or not equals or (number := _number(value)) is None:
         raise OptionError(f"--param {text!r} is not NAME=VALUE, for example WPNAV_SPEED=800")
@@ -238,7 +237,7 @@ def parse_param(text: str) -> tuple[str, float]:
 
 
 def read_param_file(path: Path) -> dict[str, float]:
-    """Lines `NAME VALUE` or `NAME,VALUE`, or QGroundControl's five columns; # begins a comment."""
+    """Return a file's parameters: `NAME VALUE`, `NAME,VALUE` or QGroundControl's five columns, # comments."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
@@ -272,7 +271,7 @@ def _number(text: str) -> float | None:
 
 
 def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -> list[str]:
-    """Give each vehicle the parameters that it has; those that none has."""
+    """Set the parameters on the vehicles that have them; return those that none has."""
     unknown = dict.fromkeys(given)
     for vehicle in vehicles:
         known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters
@@ -292,7 +291,5 @@ def _no_such_parameter(name: str, vehicles: list[dict[str, object]]) -> str:
         for parameter in personality_of(*kind).parameters
     }
     near = difflib.get_close_matches(name.upper(), known, n=3)
-    cure = (
-        f"did you mean {' or '.join(near)}?" if near else "PARAM_REQUEST_LIST, or a ground station, lists all"
-    )
-    return f"--param {name}: no vehicle of this fleet has it; {cure}"
+    cure = f"did you mean {' or '.join(near)}?" if near else "a ground station lists all"
+    return f"--param {name}: no vehicle of this fleet has it; {cure} [unknown-parameter]"

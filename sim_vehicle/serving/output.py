@@ -1,4 +1,4 @@
-"""Standard output and standard error that may get lost."""
+"""Standard output and standard error that tolerate a closed reader or a full disk."""
 
 import io
 import sys
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class _MayGetLost(io.FileIO):
-    """Takes what cannot be written as written, and tells of the first time."""
+    """A file that treats failed writes as done, and reports the first."""
 
     def __init__(self, file: int, lost: Callable[[OSError], None]) -> None:
         super().__init__(file, "w", closefd=False)
@@ -24,11 +24,11 @@ class _MayGetLost(io.FileIO):
 
 
 def let_output_get_lost() -> None:
-    """From now on a reader may leave (`| head`) and a disk be full: neither ends a run nor is its verdict.
+    """Tolerate a closed pipe (`| head`) and a full disk; neither ends a run nor changes its exit code.
 
-    Nothing is said of a reader who has left; a full disk is told on standard error.
+    A closed pipe causes no message; a full disk is reported on standard error.
     """
-    if sys.platform == "win32":  # where a console is no file
+    if sys.platform == "win32":  # a console there is no file
         return
     sys.stdout = _as_it_was(sys.stdout, _told)
     sys.stderr = _as_it_was(sys.stderr, lambda _: None)
@@ -41,7 +41,7 @@ def _told(error: OSError) -> None:
 
 def _as_it_was(stream: Any, lost: Callable[[OSError], None]) -> Any:
     if stream not in (sys.__stdout__, sys.__stderr__) or not isinstance(stream, io.TextIOWrapper):
-        return stream  # closed, or somebody else's
+        return stream  # closed or replaced
     return io.TextIOWrapper(
         io.BufferedWriter(_MayGetLost(stream.fileno(), lost)),
         encoding=stream.encoding,

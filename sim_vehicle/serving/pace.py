@@ -1,4 +1,4 @@
-"""When the fleet's next tick is due: by the wall clock, or when somebody says so."""
+"""The times of the fleet's ticks: by the wall clock, or on request."""
 
 import asyncio
 import time
@@ -9,36 +9,36 @@ from sim_vehicle.epoch import EPSILON_S
 
 LAG_REPORTED_S = 1.0
 LAG_REPORT_EVERY_S = 10.0
-LOOK_S = 0.5  # the longest wait, so that the server can look around
-YIELD_S = 0.01  # how long ticks may run without a look at the sockets
+LOOK_S = 0.5  # longest wait, so that the server can check its own state
+YIELD_S = 0.01  # longest run of ticks without a look at the sockets
 
 
 class Pace(Protocol):
-    """Simulated time is in s since the fleet started, wall time in s of any origin."""
+    """The pace of a fleet; simulated time in s since its start, wall time in s of any origin."""
 
     finished: bool
-    """nothing more is going to be due"""
+    """True: no more ticks"""
 
     def start(self) -> None: ...
 
     async def due(self, tick_s: float) -> bool:
-        """Wait until the tick at `tick_s` is due, at most for a moment; whether it is."""
+        """Wait a moment for the tick at `tick_s`; return True if it is due."""
 
     def now_s(self, done_s: float, tick_s: float) -> float:
-        """The simulated time of what comes in now: at or after `done_s` and before `tick_s`."""
+        """Return the simulated time of present input: at or after `done_s` and before `tick_s`."""
 
     def late_s(self, tick_s: float) -> float:
-        """By how much wall time [s] it is now too late for the tick at `tick_s`."""
+        """Return the delay of the tick at `tick_s` in wall time [s]."""
 
     @property
     def lost_s(self) -> float:
-        """Wall time [s] that was given up because the simulation was too slow."""
+        """Wall time [s] lost because the simulation was too slow."""
 
     def __str__(self) -> str: ...
 
 
 class RealTime:
-    """`speedup` simulated seconds in each second; says so when the machine is too slow for that."""
+    """Real time multiplied by `speedup`; warns if the machine is too slow."""
 
     def __init__(self, speedup: float, warn: Callable[[str], None]) -> None:
         self.finished = False
@@ -81,15 +81,15 @@ class RealTime:
             self._reported_s = wall_s
             self._warn(
                 f"cannot keep up with {self}: {self._lost_s:.1f} s lost so far; "
-                "fewer vehicles or a smaller --speedup would help"
+                "use fewer vehicles or a smaller --speedup [too-slow]"
             )
 
     def now_s(self, done_s: float, tick_s: float) -> float:
         return max(done_s, min(tick_s - 1e-6, tick_s + self.late_s(tick_s) * self.speedup))
 
 
-class ByHand:
-    """Time stands still but for the seconds that somebody grants."""
+class ManualPace:
+    """Time that passes only on request."""
 
     def __init__(self) -> None:
         self.finished = False
@@ -98,23 +98,23 @@ class ByHand:
         self._woken = asyncio.Event()
 
     def __str__(self) -> str:
-        return "stepped by hand"
+        return "manual clock"
 
     @property
     def lost_s(self) -> float:
         return 0.0
 
     def start(self) -> None:
-        """Time begins to stand still."""
+        """Do nothing: time stands still until a grant."""
 
     def grant(self, seconds: float, done: Callable[[float], None]) -> None:
-        """Let `seconds` more pass; then `done` gets the simulated time that was reached."""
+        """Let `seconds` more pass; then call `done` with the simulated time reached."""
         self._granted_s += seconds
         self._waiting.append((self._granted_s, done))
         self._woken.set()
 
     def finish(self) -> None:
-        """Nothing more will be granted; what has been is still run."""
+        """End after the granted time."""
         self._woken.set()
         self._waiting.append((self._granted_s, lambda _: setattr(self, "finished", True)))
 
@@ -125,7 +125,7 @@ class ByHand:
         if self.finished:
             return False
         if tick_s <= self._granted_s + EPSILON_S:
-            await asyncio.sleep(0)  # what comes in meanwhile has its turn between two ticks
+            await asyncio.sleep(0)  # input is processed between two ticks
             return True
         self._woken.clear()
         try:

@@ -1,4 +1,4 @@
-"""A fleet on its links until somebody ends it: signals, the table, the first line and the last."""
+"""A served fleet: signals, the live table, the first and the last line of output."""
 
 import asyncio
 import contextlib
@@ -17,18 +17,18 @@ from sim_vehicle.ranges import ranges
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.serving.manual_clock import FORMS, stepped_from
 from sim_vehicle.serving.options import OptionError
-from sim_vehicle.serving.pace import ByHand, Pace, RealTime
+from sim_vehicle.serving.pace import ManualPace, Pace, RealTime
 from sim_vehicle.serving.server import Server
 from sim_vehicle.wire.outbox import Frames
 
 MAVLINK_MAGIC = b"\xfd\xfe"
-MOST_WAITING = 20  # warnings
-MANY_FILES = 10_240  # where there is no limit, a system has one all the same
+MOST_WAITING = 20  # most warnings kept behind a table
+MANY_FILES = 10_240  # limit used where the system reports none
 
 
 @dataclass(frozen=True, slots=True)
 class Serving:
-    """How a fleet is served: `speedup` None: by hand; `ready_s` None: the scenario's or the autopilot's."""
+    """Settings of serving; `speedup` None: manual clock; `ready_s` None: the scenario's or autopilot's."""
 
     urls: Sequence[Url]
     port_step: int
@@ -40,21 +40,21 @@ class Serving:
 
 
 def serve(scenario: Scenario, how: Serving) -> None:
-    """Run until SIGINT, SIGTERM, the end of time by hand, or of the parent.
+    """Serve until SIGINT, SIGTERM, the end of manual time, or the end of the parent process.
 
-    LinkError for bad links, OptionError for what else cannot be done here.
+    LinkError for bad links, OptionError for other problems.
     """
     if sys.platform == "win32":
         raise OptionError(
             "a fleet is served on Linux and macOS only: the event loop of Windows cannot wait for its links"
         )
     if how.speedup is None and sys.stdin is None:
-        raise OptionError("--step: standard input, from which `step SECONDS` would be read, is closed")
+        raise OptionError("--step: standard input is closed, but the `step SECONDS` lines come from it")
     asyncio.run(_serve(scenario, how))
 
 
 class _Lines:
-    """What is said to whoever runs the fleet; while a table has their screen, warnings wait for its end."""
+    """Lines to the operator; behind a live table warnings wait for its end."""
 
     def __init__(self) -> None:
         self._waiting: deque[str] | None = None
@@ -66,12 +66,12 @@ class _Lines:
             typer.echo(f"sim_vehicle: {text}", err=True)
 
     def last(self) -> str:
-        """The last warning that waits, if one does."""
+        """Return the last waiting warning, or an empty text."""
         return self._waiting[-1] if self._waiting else ""
 
     @contextlib.contextmanager
     def behind_a_table(self) -> Iterator[None]:
-        """Warnings wait only if it is the same terminal that would show them."""
+        """Hold warnings back if they would appear on the table's terminal."""
         self._waiting = deque(maxlen=MOST_WAITING) if sys.stderr is None or sys.stderr.isatty() else None
         try:
             yield
@@ -92,7 +92,7 @@ async def _serve(scenario: Scenario, how: Serving) -> None:
 async def _run(
     scenario: Scenario, how: Serving, record: Callable[[Frames, float], None] | None, lines: _Lines
 ) -> None:
-    pace: Pace = ByHand() if how.speedup is None else RealTime(how.speedup, lines.warn)
+    pace: Pace = ManualPace() if how.speedup is None else RealTime(how.speedup, lines.warn)
     server = Server(
         Fleet(scenario, ready_s=how.ready_s),
         how.urls,
@@ -105,16 +105,16 @@ async def _run(
 
     def opened() -> None:
         typer.echo(f"sim_vehicle: {fleet_words(scenario)}, {server.ports_words()}, {pace}")
-        if isinstance(pace, ByHand) and sys.stdin.isatty():
-            typer.echo(f"sim_vehicle: time stands still; type {FORMS}, for example step 0.5")
+        if isinstance(pace, ManualPace) and sys.stdin.isatty():
+            typer.echo(f"sim_vehicle: manual clock; enter {FORMS}, for example step 0.5")
 
     running = asyncio.ensure_future(server.run(on_open=opened))
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, running.cancel)
     async with contextlib.AsyncExitStack() as around:
-        if isinstance(pace, ByHand):
-            # No table, which would cover what is typed and answered.
+        if isinstance(pace, ManualPace):
+            # No table, because it would cover the typed lines.
             around.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, lines.warn))
         elif how.table and sys.stdout is not None and sys.stdout.isatty():
             await around.enter_async_context(_shown(server, lines))
@@ -124,13 +124,13 @@ async def _run(
 
 
 def _allow_files() -> None:
-    """A log a vehicle and clients on every port may be more than a process is allowed at first."""
+    """Raise the limit of open files: one log a vehicle, and clients on every port."""
     import resource  # noqa: PLC0415 - Windows has none
 
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = MANY_FILES if most == resource.RLIM_INFINITY else most
     if allowed != resource.RLIM_INFINITY and allowed < wanted:
-        with contextlib.suppress(OSError, ValueError):  # then what there is has to do
+        with contextlib.suppress(OSError, ValueError):  # the present limit remains
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
 
 
@@ -138,11 +138,11 @@ def _allow_files() -> None:
 def _recorded(
     folder: Path, scenario: Scenario, warn: Callable[[str], None]
 ) -> Iterator[Callable[[Frames, float], None]]:
-    from sim_vehicle.scenarios.report import tlogs  # noqa: PLC0415 - only where it is asked for
+    from sim_vehicle.serving.tlog import tlogs  # noqa: PLC0415 - only where it is asked for
 
     files = contextlib.ExitStack()
     try:
-        heard = files.enter_context(tlogs(folder, scenario.vehicles))
+        record_frame = files.enter_context(tlogs(folder, scenario.vehicles))
     except OSError as error:
         raise OptionError(
             f"--tlog {folder}: cannot be written to ({error.strerror}); choose another folder"
@@ -156,7 +156,9 @@ def _recorded(
             yield
         except OSError as error:
             if not full:
-                warn(f"--tlog {folder}: not all could be written ({error.strerror}); the logs end early")
+                warn(
+                    f"--tlog {folder}: not all was written ({error.strerror}); the logs end early [tlog-full]"
+                )
             full = True
 
     def record(frames: Frames, now: float) -> None:
@@ -164,22 +166,22 @@ def _recorded(
             return
         with writing():
             for index, frame in frames:
-                if frame[0] in MAVLINK_MAGIC:  # and no boot text
-                    heard(index, frame, now)
+                if frame[0] in MAVLINK_MAGIC:  # boot text is no frame
+                    record_frame(index, frame, now)
 
     try:
         yield record
     finally:
-        with writing():  # what is left in the buffers
+        with writing():  # the buffered rest
             files.close()
 
 
 @contextlib.asynccontextmanager
 async def _shown(server: Server, lines: _Lines) -> AsyncIterator[None]:
-    from sim_vehicle.serving.display import showing  # noqa: PLC0415 - rich, for terminals only
+    from sim_vehicle.serving.display import show_table  # noqa: PLC0415 - rich, for terminals only
 
     with lines.behind_a_table():
-        task = asyncio.ensure_future(showing(server, lines.last))
+        task = asyncio.ensure_future(show_table(server, lines.last))
         try:
             yield
         finally:
@@ -189,7 +191,7 @@ async def _shown(server: Server, lines: _Lines) -> AsyncIterator[None]:
 
 
 def fleet_words(scenario: Scenario) -> str:
-    """`3 ardupilot copters and 2 px4 planes, sysid 1-5`."""
+    """Return the fleet in words: `3 ardupilot copters and 2 px4 planes, sysid 1-5`."""
     kinds: dict[str, int] = {}
     for vehicle in scenario.vehicles:
         name = f"{vehicle.personality} {vehicle.kind}"
@@ -199,7 +201,7 @@ def fleet_words(scenario: Scenario) -> str:
 
 
 def summary(server: Server) -> str:
-    """The last line: how far it came, what was said, and how punctually."""
+    """Return the last line: simulated time, messages, lateness."""
     counters = server.fleet.counters
     words = [
         f"{server.simulated_s:.1f} s simulated",

@@ -1,7 +1,8 @@
-"""The fleet on its links, at some pace: what joins the pure fleet to sockets and clocks."""
+"""The fleet on its links, at some pace: the pure fleet joined to sockets and clocks."""
 
 import asyncio
 import itertools
+import math
 import os
 from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
@@ -10,18 +11,48 @@ from typing import Any
 from sim_vehicle.fleet import TICK_S, Fleet
 from sim_vehicle.links import Ends, Link, LinkError, make_link
 from sim_vehicle.links.url import MAX_PORT, Url
-from sim_vehicle.serving.lateness import Lateness
 from sim_vehicle.serving.pace import Pace
 from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 
+BIN_S = 0.0005
+BINS = 4000  # the last bin has everything beyond 2 s
+
 DATAGRAM_BYTES = 1200
-HEARTBEAT_ID = b"\x00\x00\x00"  # where a MAVLink 2 frame has its message id
+HEARTBEAT_ID = b"\x00\x00\x00"  # message id in a MAVLink 2 frame
 ANY_HOST = ("0.0.0.0", "::")
 
 
+class Lateness:
+    """A histogram of lateness in bins of 0.5 ms; memory does not grow with the run."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * BINS
+        self.count = 0
+        self.worst_s = 0.0
+
+    def add(self, late_s: float, times: int = 1) -> None:
+        """Count `times` messages sent `late_s` [s] late; early ones count as punctual."""
+        if times <= 0:
+            return
+        self._counts[min(int(max(late_s, 0.0) / BIN_S), BINS - 1)] += times
+        self.count += times
+        self.worst_s = max(self.worst_s, late_s)
+
+    def quantile_s(self, share: float) -> float:
+        """Return the quantile of lateness [s], at most 0.5 ms too long; nan without messages."""
+        if self.count == 0:
+            return math.nan
+        left = share * self.count
+        for i, count in enumerate(self._counts):
+            left -= count
+            if left <= 0:
+                return min((i + 1) * BIN_S, max(self.worst_s, 0.0)) if i < BINS - 1 else self.worst_s
+        return self.worst_s
+
+
 class Server:
-    """Runs a fleet until it is stopped; each of its links has a port of each URL."""
+    """A running fleet; each of its links has a port of each URL."""
 
     def __init__(
         self,
@@ -34,10 +65,10 @@ class Server:
         parent_pid: int | None = None,
         record: Callable[[Frames, float], None] | None = None,
     ) -> None:
-        """`port_step` from one link's port to the next; ends when the process `parent_pid` is gone.
+        """`port_step`: distance of the ports of two links; the run ends with the process `parent_pid`.
 
-        `warn` takes a line for the operator, `record` everything that is sent, with the simulated time [s].
-        Raises LinkError for URLs that cannot carry the fleet.
+        `warn` takes a line for the operator, `record` all sent frames with the simulated time [s]. LinkError
+        for URLs that cannot carry the fleet.
         """
         self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step
         self._parent_pid, self._record = parent_pid, record
@@ -55,23 +86,23 @@ class Server:
         self._refuse_shared_ports()
 
     def _at(self, url: Url, link: int) -> Url:
-        """Where a link of the fleet is; each has a port of its own."""
+        """Return the URL of one of the fleet's links; each link has a port of its own."""
         if url.serial:
             if link > 0:
                 raise LinkError(
-                    f"{url}: a serial line carries one link, but this fleet has more; "
-                    "use UDP or TCP, or fewer vehicles, without --per-port"
+                    f"{url}: a serial line carries one link, and this fleet has several; "
+                    "use UDP or TCP, or fewer vehicles without --per-port"
                 )
             return url
         port = url.port + link * self.port_step
         if port > MAX_PORT:
             raise LinkError(
-                f"{url}: link {link} would need port {port}, but {MAX_PORT} is the last; begin lower"
+                f"{url}: link {link} needs port {port}, the highest is {MAX_PORT}; choose a lower port"
             )
         return url.shifted(link * self.port_step)
 
     def _refuse_shared_ports(self) -> None:
-        """A port belongs to one link: one of another URL there would be in its way, or be taken for it."""
+        """Refuse URLs whose ports overlap, because a port belongs to one link."""
         for one, other in itertools.combinations(self.urls, 2):
             same_host = one.host == other.host or (one.listens and {one.host, other.host} & {*ANY_HOST})
             if one.kind != other.kind or one.serial or not same_host:
@@ -80,27 +111,27 @@ class Server:
             both = [port for link in self._links if (port := self._at(other, link).port) in taken]
             if both:
                 raise LinkError(
-                    f"{one} and {other}: with {len(self._links)} ports each, both would have port "
-                    f"{min(both)}; begin further apart"
+                    f"{one} and {other}: with {len(self._links)} ports each, both use port "
+                    f"{min(both)}; choose ports further apart [port-overlap]"
                 )
 
     @property
     def dropped(self) -> int:
-        """Datagrams and chunks that nobody took in time."""
+        """Datagrams and chunks dropped for slow receivers."""
         return sum(link.dropped for links in self._links.values() for link in links)
 
     def stations(self) -> int:
-        """Ground stations that are there, the same one on two links counted twice."""
+        """Return the number of connected ground stations; one on two links counts twice."""
         return sum(link.stations() for links in self._links.values() for link in links)
 
     def ports_words(self) -> str:
-        """`udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
+        """Return the ports: `udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
         most = max(self.fleet.links) * self.port_step
         steps = f" by {self.port_step}" if self.port_step > 1 else ""
         return " and ".join(f"{url} to {url.port + most}{steps}" if most else str(url) for url in self.urls)
 
     async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
-        """Open the links and run until cancelled, the pace is finished, or the parent process is gone."""
+        """Open the links and run until cancelled, the pace is finished, or the parent process has ended."""
         asyncio.get_running_loop().set_exception_handler(self._note_bug)
         try:
             for links in self._links.values():
@@ -129,7 +160,7 @@ class Server:
         self.lateness.add(self.pace.late_s(self.simulated_s), beats)
 
     def _note_bug(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """An exception in a callback is a bug like one in a tick: it stops everything."""
+        """Keep an exception of a callback, which ends the run like one in a tick."""
         error = context.get("exception")
         if isinstance(error, Exception) and self._bug is None:
             self._bug = error
@@ -180,7 +211,7 @@ class Server:
 
 
 def joined(frames: Frames) -> Iterable[tuple[int, bytes]]:
-    """The frames of each vehicle in as few datagrams as they fit in, in their order."""
+    """Join the frames of each vehicle, in order, into as few datagrams as possible."""
     parts: dict[int, list[bytes]] = {}
     sizes: dict[int, int] = {}
     out: list[tuple[int, bytes]] = []

@@ -1,17 +1,40 @@
-"""Telemetry logs as ground stations keep them: before each message its time [us] in 8 bytes, big-endian."""
+"""Telemetry logs in the format of ground stations: before each message its time [us], 8 bytes big-endian."""
 
+import contextlib
 import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import BinaryIO
 
 from sim_vehicle.epoch import EPOCH_US
+from sim_vehicle.scenarios.model import VehicleSpec
+from sim_vehicle.station.client import FrameSink
 
 
 class Tlog:
-    """Writes one log; `file` is owned by the caller."""
+    """One log; `file` is owned by the caller."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
 
     def write(self, frame: bytes, now: float) -> None:
-        """One whole MAVLink frame at `now` [s of simulated time]."""
+        """Write one whole MAVLink frame at `now` [s of simulated time]."""
         self._file.write(struct.pack(">Q", EPOCH_US + round(now * 1e6)) + frame)
+
+
+@contextlib.contextmanager
+def tlogs(folder: Path, vehicles: Sequence[VehicleSpec]) -> Iterator[FrameSink]:
+    """Open a tlog for each vehicle; yield a function that writes frames to them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as files:
+        logs = [Tlog(files.enter_context(_open(folder, spec))) for spec in vehicles]
+
+        def record_frame(index: int, frame: bytes, now: float) -> None:
+            logs[index].write(frame, now)
+
+        yield record_frame
+
+
+def _open(folder: Path, spec: VehicleSpec) -> BinaryIO:
+    link = f"link-{spec.link}-" if spec.link else ""
+    return (folder / f"{link}vehicle-{spec.sysid}.tlog").open("wb")

@@ -1,4 +1,4 @@
-"""A small ground station without I/O: it follows a script, and keeps what it hears of each vehicle."""
+"""A ground station without I/O: it follows a script and keeps the state of each vehicle."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -10,16 +10,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.scenarios.model import Scenario, VehicleSpec
 from sim_vehicle.scenarios.progress import MissionProgress
-from sim_vehicle.scenarios.recipes import Recipes
-from sim_vehicle.scenarios.steps import Step
-from sim_vehicle.scenarios.texts import Texts
+from sim_vehicle.scenarios.step_exchanges import StepExchanges
+from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
+GAP = "[...]"  # stands for missing chunks
+
 HEARTBEAT_S = 1.0
-SETTLED_S = 3.0  # after the first heartbeat: a mode set earlier is undone by some autopilots
-RETRY_S = 1.0  # after a refusal that time may cure
-STREAMS_ASKED_S = 5.0  # without telemetry for so long, streams are asked for (again)
+SETTLED_S = 3.0  # after the first heartbeat; some autopilots undo an earlier mode change
+RETRY_S = 1.0  # after a temporary refusal
+STREAMS_ASKED_S = 5.0  # time without telemetry after which streams are requested
 STREAM_HZ = 4
 FRAME_BYTES = HEADER2_BYTES + 2  # a frame without payload and signature
 AWAITED = frozenset(
@@ -39,13 +40,35 @@ AWAITED = frozenset(
 )
 SYSTEM, COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 
-Heard = Callable[[int, bytes, float], None]
+FrameSink = Callable[[int, bytes, float], None]
 Out = list[tuple[int, bytes]]
+
+
+class StatusTexts:
+    """STATUSTEXT messages, assembled from their chunks, in the order of the first chunks."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+        self._open: dict[int, tuple[int, dict[int, str]]] = {}  # id -> index in `texts`, chunks by number
+
+    def receive(self, message: Any) -> None:
+        """Process a STATUSTEXT; id 0 is a text of one chunk."""
+        if message.id == 0:
+            self.texts.append(message.text)
+            return
+        place, chunks = self._open.get(message.id, (-1, {}))
+        if place < 0 or chunks.get(message.chunk_seq, message.text) != message.text:
+            # A new text, or a reused id; a repeated chunk has equal text.
+            place, chunks = len(self.texts), {}
+            self._open[message.id] = place, chunks
+            self.texts.append("")
+        chunks[message.chunk_seq] = message.text
+        self.texts[place] = "".join(chunks.get(i, GAP) for i in range(max(chunks) + 1))
 
 
 @dataclass(frozen=True, slots=True)
 class StepFailure:
-    """A step that did not end as it should have; `index` counts the script's steps from 0."""
+    """A failed step; `index` counts the script's steps from 0."""
 
     index: int
     action: str
@@ -55,28 +78,28 @@ class StepFailure:
 
 
 @dataclass
-class _Job:
+class _StepRun:
     """One step with one vehicle."""
 
     index: int
-    step: Step
+    step: ScriptStep
     exchanges: list[Exchange]
     began_s: float | None = None
     retry_s: float | None = None
-    answer: str = "no answer"  # the last refusal
+    answer: str = "no answer [no-answer]"  # the last refusal
 
 
 @dataclass
 class Contact:
-    """What is known of one vehicle; times in s."""
+    """The state of one vehicle; times in s."""
 
     spec: VehicleSpec
-    jobs: deque[_Job] = field(default_factory=deque)
-    first_heard_s: float | None = None
-    heard_s: float = 0.0  # the last heartbeat
+    pending: deque[_StepRun] = field(default_factory=deque)
+    first_heartbeat_s: float | None = None
+    last_heartbeat_s: float = 0.0  # the last heartbeat
     telemetry_s: float = 0.0
     streams_asked_s: float = -STREAMS_ASKED_S
-    heard: Texts = field(default_factory=Texts)
+    status_texts: StatusTexts = field(default_factory=StatusTexts)
     messages: int = 0
 
     def __post_init__(self) -> None:
@@ -84,26 +107,28 @@ class Contact:
 
     @property
     def texts(self) -> Sequence[str]:
-        return self.heard.said
+        return self.status_texts.texts
 
 
 class Station:
-    """`script` steps run one after another with each vehicle, and side by side with all of them.
+    """A ground station that runs the steps of a script, in parallel for all vehicles.
 
     Parameters
     ----------
     scenario: its vehicles and script.
-    heard: called with vehicle index, frame and time for every whole message, in both directions.
+    on_frame: called with vehicle index, frame and time for every message, in both directions.
     """
 
-    def __init__(self, scenario: Scenario, *, heard: Heard = lambda _index, _frame, _now: None) -> None:
-        self._heard = heard
+    def __init__(
+        self, scenario: Scenario, *, on_frame: FrameSink = lambda _index, _frame, _now: None
+    ) -> None:
+        self._on_frame = on_frame
         self.contacts = [Contact(spec) for spec in scenario.vehicles]
         self.failures: list[StepFailure] = []
         self._links = sorted({spec.link for spec in scenario.vehicles})
         self._codecs = {link: mavlink.MAVLink(None, SYSTEM, COMPONENT) for link in self._links}
         self._parsers = [_parser() for _ in scenario.vehicles]
-        self._frames_are_sound = not scenario.faults  # then most need not be decoded, which takes time
+        self._frames_are_sound = not scenario.faults  # most frames need no decoding, which is slow
         self._outbox: Out = []
         self._now = 0.0
         self._next_heartbeat_s = 0.0
@@ -111,55 +136,63 @@ class Station:
             (step.at_s, step.heartbeat) for step in scenario.script if step.heartbeat is not None
         )
         for index, contact in enumerate(self.contacts):
-            recipes = Recipes(contact.spec, self._sender(index))
+            recipes = StepExchanges(contact.spec, self._sender(index))
             for number, step in enumerate(scenario.script):
-                meant = step.vehicles is None or contact.spec.sysid in step.vehicles
-                if meant and step.heartbeat is None:
-                    contact.jobs.append(_Job(number, step, recipes.exchanges(step)))
+                selected = step.vehicles is None or contact.spec.sysid in step.vehicles
+                if selected and step.heartbeat is None:
+                    contact.pending.append(_StepRun(number, step, recipes.exchanges(step)))
 
     @property
     def done(self) -> bool:
-        """Whether every step has ended."""
-        return not any(contact.jobs for contact in self.contacts)
+        """Return True if every step has ended."""
+        return not any(contact.pending for contact in self.contacts)
 
-    def begin(self, index: int, step: Step) -> None:
-        """One more step for one vehicle, after those it already has."""
+    def begin(self, index: int, step: ScriptStep) -> None:
+        """Append a step for one vehicle."""
         contact = self.contacts[index]
-        contact.jobs.append(_Job(-1, step, Recipes(contact.spec, self._sender(index)).exchanges(step)))
+        contact.pending.append(
+            _StepRun(-1, step, StepExchanges(contact.spec, self._sender(index)).exchanges(step))
+        )
 
     def receive(self, index: int, data: bytes, now: float) -> None:
-        """Bytes of one vehicle."""
+        """Process bytes of one vehicle."""
         self._now = now
         if self._frames_are_sound and _is_plain_telemetry(data):
             self.contacts[index].messages += 1
-            self._heard(index, data, now)
+            self._on_frame(index, data, now)
             return
         for message in self._parsers[index].parse_buffer(data) or ():
             if message.get_type().startswith(("BAD_DATA", "UNKNOWN_")):
-                continue  # noise, or a spoilt header: what the codec does not know it cannot check either
-            self._heard(index, bytes(message.get_msgbuf()), now)
+                continue  # noise or a damaged header; the codec cannot verify an unknown message
+            self._on_frame(index, bytes(message.get_msgbuf()), now)
             self._note(index, message, now)
 
     def step(self, now: float) -> Out:
-        """What to send by `now`, (link, bytes) each."""
+        """Return the messages to send by `now`, as (link, bytes)."""
         self._now = now
         if now + EPSILON_S >= self._next_heartbeat_s:
             self._next_heartbeat_s += HEARTBEAT_S
             if self._beats(now):
                 self._beat()
         for index, contact in enumerate(self.contacts):
-            if contact.first_heard_s is not None:
+            if contact.first_heartbeat_s is not None:
                 self._ask_for_streams(index, contact, now)
-                self._work(contact, now)
+                self._advance(contact, now)
         out, self._outbox = self._outbox, []
         return out
 
     def unfinished(self) -> list[StepFailure]:
-        """The steps that have not ended yet, as failures."""
+        """Return the unfinished steps as failures."""
         return [
-            StepFailure(job.index, job.step.chosen, contact.spec.sysid, self._now, "did not end")
+            StepFailure(
+                running.index,
+                running.step.chosen,
+                contact.spec.sysid,
+                self._now,
+                "did not end before the run [unfinished]",
+            )
             for contact in self.contacts
-            for job in contact.jobs
+            for running in contact.pending
         ]
 
     # -- in ----------------------------------------------------------------------------------------------
@@ -169,21 +202,21 @@ class Station:
         contact.messages += 1
         kind = message.get_type()
         if message.get_srcSystem() != contact.spec.sysid:
-            return  # a radio's own report
+            return  # report of the telemetry radio
         if kind == "HEARTBEAT":
-            contact.heard_s = now
-            if contact.first_heard_s is None:
-                contact.first_heard_s = now
+            contact.last_heartbeat_s = now
+            if contact.first_heartbeat_s is None:
+                contact.first_heartbeat_s = now
         elif kind == "STATUSTEXT":
-            contact.heard.note(message)
+            contact.status_texts.receive(message)
         elif kind == "GLOBAL_POSITION_INT":
             contact.telemetry_s = now
-        contact.progress.note(message, now)
-        if contact.jobs and contact.jobs[0].began_s is not None:
-            job = contact.jobs[0]
-            if job.exchanges and job.retry_s is None and job.exchanges[0].outcome is None:
-                job.exchanges[0].receive(message, now)
-                self._work(contact, now)
+        contact.progress.receive(message, now)
+        if contact.pending and contact.pending[0].began_s is not None:
+            running = contact.pending[0]
+            if running.exchanges and running.retry_s is None and running.exchanges[0].outcome is None:
+                running.exchanges[0].receive(message, now)
+                self._advance(contact, now)
 
     # -- out ---------------------------------------------------------------------------------------------
 
@@ -193,7 +226,7 @@ class Station:
         def send(message: Any) -> None:
             frame = bytes(message.pack(self._codecs[link]))
             self._outbox.append((link, frame))
-            self._heard(index, frame, self._now)
+            self._on_frame(index, frame, self._now)
 
         return send
 
@@ -210,7 +243,7 @@ class Station:
             self._outbox.append((link, frame))
             for index, contact in enumerate(self.contacts):
                 if contact.spec.link == link:
-                    self._heard(index, frame, self._now)
+                    self._on_frame(index, frame, self._now)
 
     def _ask_for_streams(self, index: int, contact: Contact, now: float) -> None:
         quiet_s = now - max(contact.telemetry_s, contact.streams_asked_s)
@@ -223,58 +256,60 @@ class Station:
             )
         )
 
-    def _work(self, contact: Contact, now: float) -> None:
-        """Carry the vehicle's present step on, and begin the next ones."""
-        while contact.jobs and self._carry_on(contact, contact.jobs[0], now):
-            contact.jobs.popleft()
+    def _advance(self, contact: Contact, now: float) -> None:
+        """Advance the vehicle's present step and begin the next ones."""
+        while contact.pending and self._advance_step(contact, contact.pending[0], now):
+            contact.pending.popleft()
 
-    def _carry_on(self, contact: Contact, job: _Job, now: float) -> bool:
-        """True if the step has ended."""
-        assert contact.first_heard_s is not None
-        if job.began_s is None:
-            if now + EPSILON_S < max(job.step.at_s, contact.first_heard_s + SETTLED_S):
+    def _advance_step(self, contact: Contact, running: _StepRun, now: float) -> bool:
+        """Advance a step; return True if it has ended."""
+        assert contact.first_heartbeat_s is not None
+        if running.began_s is None:
+            if now + EPSILON_S < max(running.step.at_s, contact.first_heartbeat_s + SETTLED_S):
                 return False
-            job.began_s = now
-            job.exchanges[0].begin(now)
-        exchange = job.exchanges[0]
-        if job.retry_s is not None:
-            if now < job.retry_s:
+            running.began_s = now
+            running.exchanges[0].begin(now)
+        exchange = running.exchanges[0]
+        if running.retry_s is not None:
+            if now < running.retry_s:
                 return False
-            job.retry_s = None
+            running.retry_s = None
             exchange.begin(now)
         exchange.tick(now)
         if exchange.outcome is None:
-            return now - job.began_s >= job.step.timeout_s and self._failed(contact, job, now, job.answer)
+            return now - running.began_s >= running.step.timeout_s and self._failed(
+                contact, running, now, running.answer
+            )
         if exchange.outcome.accepted:
-            return self._accepted(contact, job, now)
-        return self._refused(contact, job, now, exchange.outcome.text)
+            return self._accepted(contact, running, now)
+        return self._refused(contact, running, now, exchange.outcome.text)
 
-    def _accepted(self, contact: Contact, job: _Job, now: float) -> bool:
-        job.exchanges.pop(0)
-        if job.exchanges:
-            job.exchanges[0].begin(now)
+    def _accepted(self, contact: Contact, running: _StepRun, now: float) -> bool:
+        running.exchanges.pop(0)
+        if running.exchanges:
+            running.exchanges[0].begin(now)
             return False
-        if job.step.expect == "refused":
-            return self._failed(contact, job, now, "was accepted, and should have been refused")
+        if running.step.expect == "refused":
+            return self._failed(contact, running, now, "was accepted; a refusal was expected [not-refused]")
         return True
 
-    def _refused(self, contact: Contact, job: _Job, now: float, text: str) -> bool:
-        assert job.began_s is not None
-        if job.step.expect != "accepted":
+    def _refused(self, contact: Contact, running: _StepRun, now: float, text: str) -> bool:
+        assert running.began_s is not None
+        if running.step.expect != "accepted":
             return True
-        job.answer = text + (f"; it said {contact.texts[-1]!r}" if contact.texts else "")
-        if now - job.began_s >= job.step.timeout_s:
-            return self._failed(contact, job, now, job.answer)
-        job.retry_s = now + RETRY_S
+        running.answer = text + (f"; last text: {contact.texts[-1]!r}" if contact.texts else "")
+        if now - running.began_s >= running.step.timeout_s:
+            return self._failed(contact, running, now, running.answer)
+        running.retry_s = now + RETRY_S
         return False
 
-    def _failed(self, contact: Contact, job: _Job, now: float, text: str) -> bool:
-        self.failures.append(StepFailure(job.index, job.step.chosen, contact.spec.sysid, now, text))
+    def _failed(self, contact: Contact, running: _StepRun, now: float, text: str) -> bool:
+        self.failures.append(StepFailure(running.index, running.step.chosen, contact.spec.sysid, now, text))
         return True
 
 
 def _is_plain_telemetry(data: bytes) -> bool:
-    """Whether these are one whole frame, of a kind that nobody here waits for."""
+    """Return True for one whole frame whose kind is not processed here."""
     whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + FRAME_BYTES
     return whole and int.from_bytes(data[7:10], "little") not in AWAITED
 

@@ -1,4 +1,4 @@
-"""What a ground station says to one vehicle and waits for, one machine each, without I/O."""
+"""Conversations of a ground station with one vehicle, one state machine each, without I/O."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -11,33 +11,33 @@ from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import as_float32
 
 RESEND_S = 1.5
-STALLED_S = 12.0  # an upload in which nothing happens for so long begins again
+STALLED_S = 12.0  # time without progress after which an upload restarts
 COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
 
 Send = Callable[[Any], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """How an exchange ended; `text` says what was answered."""
+class ExchangeOutcome:
+    """The end of an exchange; `text` is the answer."""
 
     accepted: bool
     text: str
 
 
 class Exchange:
-    """Begun once at a time; `outcome` is None until the vehicle has answered."""
+    """A request that is repeated until its answer; `outcome` is None before that."""
 
     def __init__(self, sysid: int, send: Send) -> None:
         self.sysid, self._send = sysid, send
-        self.outcome: Outcome | None = None
+        self.outcome: ExchangeOutcome | None = None
         self._sent_s = 0.0
 
     def begin(self, now: float) -> None:
         self.outcome = None
-        self._say(now)
+        self._transmit(now)
 
-    def _say(self, now: float) -> None:
+    def _transmit(self, now: float) -> None:
         self._sent_s = now
         self._send(self.message())
 
@@ -45,15 +45,15 @@ class Exchange:
         raise NotImplementedError
 
     def receive(self, message: Any, now: float) -> None:
-        """Any message of the vehicle."""
+        """Process any message of the vehicle."""
 
     def tick(self, now: float) -> None:
         if self.outcome is None and now - self._sent_s >= RESEND_S:
-            self._say(now)
+            self._transmit(now)
 
 
 class LongCommand(Exchange):
-    """COMMAND_LONG, sent again until it is acknowledged."""
+    """COMMAND_LONG, repeated until it is acknowledged."""
 
     def __init__(self, sysid: int, send: Send, command: int, params: Sequence[float] = ()) -> None:
         super().__init__(sysid, send)
@@ -79,14 +79,14 @@ class LongCommand(Exchange):
             self._sent_s = now
         else:
             name = mavlink.enums["MAV_RESULT"][message.result].name.removeprefix("MAV_RESULT_")
-            self.outcome = Outcome(message.result == mavlink.MAV_RESULT_ACCEPTED, name)
+            self.outcome = ExchangeOutcome(message.result == mavlink.MAV_RESULT_ACCEPTED, name)
 
 
-class Ready(Exchange):
-    """Waits until SYS_STATUS says that the pre-arm checks pass, but for `give_up_s` only.
+class WaitUntilReady(Exchange):
+    """A wait for passing pre-arm checks in SYS_STATUS, for at most `give_up_s`.
 
-    Arming is then tried all the same, and the refusal says why. An autopilot that does not claim the bit is
-    not waited for.
+    Arming is then tried anyway, and the refusal gives the reason. For an autopilot without the bit the wait
+    ends at once.
     """
 
     def __init__(self, sysid: int, send: Send, give_up_s: float) -> None:
@@ -95,7 +95,7 @@ class Ready(Exchange):
         self._end_s: float | None = None
 
     def begin(self, now: float) -> None:
-        if self._end_s is None:  # once a step: it is not waited for again where arming is
+        if self._end_s is None:  # once a step; a retry of arming does not wait again
             self._end_s = now + self._give_up_s
         super().begin(now)
 
@@ -109,19 +109,19 @@ class Ready(Exchange):
     def receive(self, message: Any, now: float) -> None:
         if message.get_type() != "SYS_STATUS":
             return
-        self._sent_s = now  # it comes by itself, and need not be asked for
+        self._sent_s = now  # it is streamed, so no request is needed
         bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
         if message.onboard_control_sensors_health & bit or not message.onboard_control_sensors_present & bit:
-            self.outcome = Outcome(True, "ready")
+            self.outcome = ExchangeOutcome(True, "ready")
 
     def tick(self, now: float) -> None:
         super().tick(now)
         if self.outcome is None and self._end_s is not None and now >= self._end_s:
-            self.outcome = Outcome(True, "not ready")
+            self.outcome = ExchangeOutcome(True, "not ready")
 
 
 class Reposition(LongCommand):
-    """DO_REPOSITION as COMMAND_INT, changing the mode."""
+    """DO_REPOSITION as COMMAND_INT, with a mode change."""
 
     def __init__(self, sysid: int, send: Send, frame: int, x: int, y: int, z: float) -> None:
         super().__init__(sysid, send, mavlink.MAV_CMD_DO_REPOSITION)
@@ -136,7 +136,7 @@ class Reposition(LongCommand):
 
 
 class ChangeMode(LongCommand):
-    """DO_SET_MODE, done when the heartbeat shows the mode: an acknowledged one may be undone."""
+    """DO_SET_MODE until the heartbeat shows the mode; an acknowledged change may be undone."""
 
     def __init__(self, sysid: int, send: Send, number: int, params: Sequence[float]) -> None:
         super().__init__(sysid, send, mavlink.MAV_CMD_DO_SET_MODE, params)
@@ -144,15 +144,15 @@ class ChangeMode(LongCommand):
 
     def receive(self, message: Any, now: float) -> None:
         if message.get_type() == "HEARTBEAT" and message.custom_mode == self._number:
-            self.outcome = Outcome(True, "ACCEPTED")
+            self.outcome = ExchangeOutcome(True, "ACCEPTED")
             return
         super().receive(message, now)
         if self.outcome is not None and self.outcome.accepted:
-            self.outcome, self._sent_s = None, now + RESEND_S  # two seconds and a half for the heartbeat
+            self.outcome, self._sent_s = None, now + RESEND_S  # allows 2.5 s for the heartbeat
 
 
 class SetParameter(Exchange):
-    """Reads a parameter for its type, sets it, and waits for the value to come back."""
+    """A read of a parameter for its type, then PARAM_SET until the value is confirmed."""
 
     def __init__(self, sysid: int, send: Send, name: str, value: float, *, byte_wise: bool) -> None:
         super().__init__(sysid, send)
@@ -176,22 +176,24 @@ class SetParameter(Exchange):
             return
         if self._type is None:
             self._type = message.param_type
-            self._say(now)
+            self._transmit(now)
         else:
             same = repr(as_float32(message.param_value)) == repr(self._wire())
-            self.outcome = Outcome(same, "ACCEPTED" if same else f"{self._name} is {message.param_value:g}")
+            self.outcome = ExchangeOutcome(
+                same, "ACCEPTED" if same else f"{self._name} is {message.param_value:g}"
+            )
 
 
-class Upload(Exchange):
-    """A mission or a fence; asks again from the beginning where the vehicle falls silent."""
+class UploadPlan(Exchange):
+    """The upload of a mission or fence, restarted if the vehicle falls silent."""
 
     def __init__(self, sysid: int, send: Send, items: Sequence[Item], mission_type: int) -> None:
         super().__init__(sysid, send)
         self._items, self._type = items, mission_type
-        self._asked = False
+        self._requested = False
 
     def begin(self, now: float) -> None:
-        self._asked = False
+        self._requested = False
         super().begin(now)
 
     def message(self) -> Any:
@@ -202,17 +204,17 @@ class Upload(Exchange):
         if getattr(message, "mission_type", None) != self._type or self.outcome is not None:
             return
         if kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT") and message.seq < len(self._items):
-            self._asked, self._sent_s = True, now
+            self._requested, self._sent_s = True, now
             self._send(self._item(message.seq))
         elif kind == "MISSION_ACK" and message.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
-            # An INVALID_SEQUENCE answers one repeated item; the upload goes on.
+            # INVALID_SEQUENCE answers one repeated item; the upload continues.
             name = mavlink.enums["MAV_MISSION_RESULT"][message.type].name.removeprefix("MAV_MISSION_")
-            self.outcome = Outcome(message.type == mavlink.MAV_MISSION_ACCEPTED, name)
+            self.outcome = ExchangeOutcome(message.type == mavlink.MAV_MISSION_ACCEPTED, name)
 
     def tick(self, now: float) -> None:
-        if self._asked and now - self._sent_s >= STALLED_S:
-            self._asked = False
-        if not self._asked:
+        if self._requested and now - self._sent_s >= STALLED_S:
+            self._requested = False
+        if not self._requested:
             super().tick(now)
 
     def _item(self, seq: int) -> Any:

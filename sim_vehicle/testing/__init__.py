@@ -1,1 +1,1 @@
-"""Vehicles for other people's tests: what the pytest fixtures hand out."""
+"""Vehicles for tests, as the pytest fixtures provide them."""

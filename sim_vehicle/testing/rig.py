@@ -1,4 +1,4 @@
-"""One fleet under test and its time: stepped by the test itself, or served on a port by a thread."""
+"""One fleet under test and its time: stepped by the test, or served on a port by a thread."""
 
 import difflib
 import inspect
@@ -16,8 +16,8 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenarios.file import parse_data, read_step
-from sim_vehicle.scenarios.steps import Step
-from sim_vehicle.serving.tlog import Tlog
+from sim_vehicle.scenarios.steps import ScriptStep
+from sim_vehicle.serving.tlog import tlogs
 from sim_vehicle.station.client import Station
 from sim_vehicle.wire.outbox import Frames
 
@@ -27,22 +27,22 @@ GCS_SYSTEM, GCS_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 PEER = "the test"
 MOST_VEHICLES = 10_000
 LINES_KEPT = 20
-SOURCE_SYSTEM = 5  # where a MAVLink 2 frame has it
+SOURCE_SYSTEM = 5  # source system in a MAVLink 2 frame
 Result = TypeVar("Result")
 
 
 class NotWithinTimeError(AssertionError):
-    """What was waited for did not come about."""
+    """A condition or step did not succeed in time."""
 
 
 class Serving(Protocol):
-    """A thread that moves the fleet, if there is one."""
+    """A thread that runs the fleet."""
 
     def call(self, function: Callable[[], Result]) -> Result:
         """Run a function between two ticks of the fleet."""
 
     def wait(self) -> None:
-        """A moment of wall time."""
+        """Wait a moment of wall time."""
 
     @property
     def now(self) -> float:
@@ -51,7 +51,7 @@ class Serving(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class VehicleTruth:
-    """Where one vehicle really is; no ground station sees this."""
+    """The true state of one vehicle, unknown to ground stations."""
 
     lat_deg: float
     lon_deg: float
@@ -76,7 +76,7 @@ class Vehicle:
         self._decoder = mavlink.MAVLink(None)
         self._decoder.robust_parsing = True
         self._raw: list[bytes] = []
-        self._log: list[tuple[float, bytes]] = []  # whole frames, from it and to it
+        self._log: list[tuple[float, bytes]] = []  # whole frames, from and to the vehicle
         self._decoded = 0
         self._received: list[Any] = []
 
@@ -86,14 +86,14 @@ class Vehicle:
         return f"<vehicle {self.sysid}: {truth.mode}, {state}, {truth.height_m:.1f} m high>"
 
     def send(self, message: Any) -> list[Any]:
-        """Send a pymavlink message, or bytes, as a ground station does; what came back at once."""
+        """Send a pymavlink message or bytes as a ground station; return the immediate answers."""
         before = len(self.received)
         self._rig.deliver(message, self)
         return self.received[before:]
 
     @property
     def received(self) -> list[Any]:
-        """Every message that came from this vehicle, in order; a test may take out what it has dealt with."""
+        """Every message from this vehicle, in order; a test may remove processed ones."""
         while self._decoded < len(self._raw):
             parsed = self._decoder.parse_buffer(self._raw[self._decoded]) or ()
             self._decoded += 1
@@ -102,40 +102,40 @@ class Vehicle:
 
     @property
     def raw(self) -> bytes:
-        """Every byte that came from this vehicle, boot text included."""
+        """Every byte from this vehicle, including boot text."""
         return b"".join(self._raw)
 
     def messages(self, kind: str) -> list[Any]:
-        """Those received of one kind, for example HEARTBEAT."""
+        """Return the received messages of one kind, for example HEARTBEAT."""
         return [message for message in self.received if message.get_type() == kind]
 
     @property
     def texts(self) -> list[str]:
-        """What it said by STATUSTEXT."""
+        """The vehicle's STATUSTEXT messages."""
         return [message.text for message in self.messages("STATUSTEXT")]
 
     @property
     def truth(self) -> VehicleTruth:
-        """Where it really is and what it does, which no ground station sees."""
+        """The vehicle's true state, unknown to ground stations."""
         return self._rig.truth(self.index)
 
     @property
     def mode(self) -> str:
-        """Its mode by name, `GUIDED` or `Mission`."""
+        """The mode by name, `GUIDED` or `Mission`."""
         return self.truth.mode
 
     @property
     def armed(self) -> bool:
-        """Whether its motors may turn."""
+        """True while the motors may turn."""
         return self.truth.armed
 
     @property
     def height_m(self) -> float:
-        """Above the ground [m]."""
+        """The height above the ground [m]."""
         return self.truth.height_m
 
     def inject(self, fault: str) -> None:
-        """Begin a fault now: `gps_loss:for=10`, written as for `--fault`; `at` counts from now."""
+        """Begin a fault now, written as for `--fault`: `gps_loss:for=10`; `at` counts from now."""
         __tracebackhide__ = True
         try:
             self._rig.inject(fault, self.sysid)
@@ -143,17 +143,17 @@ class Vehicle:
             raise FaultError(str(error)) from None
 
     def do(self, action: str, value: Any = None) -> None:
-        """Have a small ground station do one thing with it: `do("takeoff", 20)`, `do("mode", "RTL")`.
+        """Perform one action by a ground station: `do("takeoff", 20)`, `do("mode", "RTL")`.
 
-        The actions are those of a scenario's script; ScenarioError where there is no such action, or this
-        vehicle cannot do it. It begins as time passes; a step that fails raises from the clock.
+        The actions are those of a scenario's script. ScenarioError for an unknown action, or one that this
+        vehicle cannot do. The action begins as time passes; its failure raises from the clock.
         """
         __tracebackhide__ = True
         try:
             step = read_step(action, value)
         except ScenarioError as error:
             raise ScenarioError(str(error)) from None
-        text = self._rig.misfit(self.index, step)
+        text = self._rig.step_problem(self.index, step)
         if text:
             raise ScenarioError(f"{action}: vehicle {self.sysid} {text}")
         self._rig.do(self.index, step)
@@ -176,14 +176,14 @@ class Swarm(Sequence[Vehicle]):
 
 
 class Rig:
-    """The fleet of one test; `serving` is set while a thread moves it."""
+    """The fleet of one test; `serving` is set while a thread runs it."""
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.fleet: Fleet | None = None
         self.vehicles: list[Vehicle] = []
         self.serving: Serving | None = None
-        self.said: deque[str] = deque(maxlen=LINES_KEPT)  # what a server said to its operator
+        self.operator_lines: deque[str] = deque(maxlen=LINES_KEPT)  # lines of a server to its operator
         self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
         self._station: Station | None = None
         self._now = 0.0
@@ -213,7 +213,7 @@ class Rig:
         return self.fleet
 
     def take(self, frames: Frames, now: float) -> None:
-        """What the fleet sent."""
+        """Distribute the messages of the fleet."""
         for index, frame in frames:
             self.vehicles[index]._raw.append(frame)
             self.vehicles[index]._log.append((now, frame))
@@ -256,34 +256,34 @@ class Rig:
         spec = parse_fault(fault).model_copy(update={"vehicles": [sysid]})
         self._call(lambda: self.existing().inject(spec, self.now))
 
-    def misfit(self, index: int, step: Step) -> str:
+    def step_problem(self, index: int, step: ScriptStep) -> str:
         scenario = self.existing().scenario
-        return scenario.misfit(step, scenario.vehicles[index])
+        return scenario.step_problem(step, scenario.vehicles[index])
 
-    def do(self, index: int, step: Step) -> None:
+    def do(self, index: int, step: ScriptStep) -> None:
         self._call(lambda: self._begin(index, step))
 
-    def _begin(self, index: int, step: Step) -> None:
+    def _begin(self, index: int, step: ScriptStep) -> None:
         if self._station is None:
-            self._station = Station(self.existing().scenario, heard=self._log_said)
+            self._station = Station(self.existing().scenario, on_frame=self._log_sent)
             for vehicle in self.vehicles:
                 for frame in vehicle._raw:
                     self._station.receive(vehicle.index, frame, self.now)
         self._station.begin(index, step)
 
-    def _log_said(self, index: int, frame: bytes, now: float) -> None:
-        """Of what the small station hears and says, the latter: the rest is in the log already."""
+    def _log_sent(self, index: int, frame: bytes, now: float) -> None:
+        """Log the messages of the ground station; those of the vehicle are logged already."""
         if frame[SOURCE_SYSTEM] == GCS_SYSTEM:
             self.vehicles[index]._log.append((now, frame))
 
     def write_tlogs(self, folder: Path) -> None:
-        """One a vehicle: what it sent, and what the test sent to it."""
-        for vehicle in self.vehicles:
-            link = f"link-{vehicle.link}-" if vehicle.link else ""
-            with (folder / f"{link}vehicle-{vehicle.sysid}.tlog").open("wb") as file:
-                log = Tlog(file)
+        """Write a tlog of each vehicle: its messages, and those sent to it."""
+        if self.fleet is None:
+            return
+        with tlogs(folder, self.fleet.scenario.vehicles) as record_frame:
+            for vehicle in self.vehicles:
                 for now, frame in vehicle._log:
-                    log.write(frame, now)
+                    record_frame(vehicle.index, frame, now)
 
     def tick(self) -> None:
         """Let 0.05 s pass."""
@@ -307,7 +307,7 @@ class Rig:
             self.take(self.fleet.receive(data, self.now, peer=self._station, link=link), self.now)
 
     def state(self) -> str:
-        """Each vehicle and the last thing it said, for a failing test's reader."""
+        """Return the state and last text of each vehicle, for a failing test."""
         lines = [
             f"{vehicle!r}; last text: {(vehicle.texts or ['none'])[-1]}" for vehicle in self.vehicles[:10]
         ]
@@ -315,14 +315,14 @@ class Rig:
 
 
 class Clock:
-    """Simulated time; it passes only inside these calls, unless the fleet is served on a link."""
+    """Simulated time; it passes only inside these calls, except on a served fleet."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
 
     @property
     def now(self) -> float:
-        """Simulated seconds since the fleet started."""
+        """Simulated seconds since the start of the fleet."""
         return self._rig.now
 
     def run_for(self, seconds: float) -> None:
@@ -333,10 +333,10 @@ class Clock:
             self._rig.tick()
 
     def run_until(self, condition: Callable[[], object], timeout: float = 60.0) -> float:
-        """Let time pass until the condition holds; how long that took [s].
+        """Let time pass until the condition holds; return the time taken [s].
 
-        `timeout` is in simulated seconds; NotWithinTimeError, an AssertionError, when it is over, or when
-        a step begun by `vehicle.do` fails. The condition is asked before the first tick and after each.
+        `timeout` is in simulated seconds. NotWithinTimeError, an AssertionError, after the timeout or the
+        failure of a step of `vehicle.do`. The condition is evaluated before the first tick and after each.
         """
         __tracebackhide__ = True
         start = self.now
@@ -368,7 +368,7 @@ def scenario_for(
     wind: Mapping[str, float] | None = None,
     scenario: Scenario | Path | str | None = None,
 ) -> Scenario:
-    """What `swarm(...)` makes; ScenarioError where that cannot be."""
+    """Return the scenario of `swarm(...)`; ScenarioError for invalid arguments."""
     if not (isinstance(count, int) and 1 <= count <= MOST_VEHICLES):
         raise ScenarioError(f"count={count!r}: give a whole number from 1 to {MOST_VEHICLES}")
     _one_of("personality", personality, [*PERSONALITIES, "mixed"])

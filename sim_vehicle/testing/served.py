@@ -1,4 +1,4 @@
-"""A fleet under test served over UDP by a thread of its own, in real time × speedup."""
+"""A fleet under test, served over UDP by a thread in real time × speedup."""
 
 import asyncio
 import concurrent.futures
@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 
 
 class Thread:
-    """Runs a server until `stop`; everything else that touches the fleet goes through `call`."""
+    """A thread with a server until `stop`; all other access to the fleet goes through `call`."""
 
     def __init__(self, rig: Rig, url: str, speedup: float) -> None:
         self._rig, self._url, self._speedup = rig, url, speedup
@@ -30,7 +30,7 @@ class Thread:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[None] | None = None
         self._server: Server | None = None
-        self.lagged = ""  # the last complaint that time was lost
+        self.lagged = ""  # the last warning of lost time
         self._thread = threading.Thread(target=self._main, name="sim_vehicle", daemon=True)
         self._thread.start()
         if not self._opened.wait(DEADLINE_S):
@@ -41,7 +41,7 @@ class Thread:
     def _main(self) -> None:
         try:
             asyncio.run(self._serve())
-        except BaseException as error:  # noqa: BLE001 (raised again in the test's own thread)
+        except BaseException as error:  # noqa: BLE001 (raised again in the test's thread)
             self._error = error
         finally:
             self._opened.set()
@@ -52,14 +52,14 @@ class Thread:
             self._rig.existing(),
             [parse_url(self._url)],
             RealTime(self._speedup, self._too_slow),
-            warn=self._rig.said.append,
+            warn=self._rig.operator_lines.append,
             record=self._rig.take,
         )
         with contextlib.suppress(asyncio.CancelledError):
             await self._server.run(on_open=self._opened.set)
 
     def _too_slow(self, text: str) -> None:
-        self._rig.said.append(text)
+        self._rig.operator_lines.append(text)
         self.lagged = text
 
     @property
@@ -67,7 +67,7 @@ class Thread:
         return 0.0 if self._server is None else self._server.simulated_s
 
     def call(self, function: Callable[[], Result]) -> Result:
-        """Run a function between two ticks, in the thread that moves the fleet."""
+        """Run a function between two ticks, in the thread of the fleet."""
         if self._error is not None:
             raise self._error
         if threading.current_thread() is self._thread or not self._thread.is_alive():
@@ -78,7 +78,7 @@ class Thread:
         def run() -> None:
             try:
                 done.set_result(function())
-            except BaseException as error:  # noqa: BLE001 (it belongs to the caller)
+            except BaseException as error:  # noqa: BLE001 (passed to the caller)
                 done.set_exception(error)
 
         self._loop.call_soon_threadsafe(run)
@@ -98,9 +98,9 @@ class Thread:
 
 
 class Link:
-    """Serves the fleet of a test when its URL is first asked for.
+    """The served fleet of a test; it starts with the first use of its URL.
 
-    One port carries up to 250 vehicles, each with a system id of its own; further ports follow it.
+    One port carries up to 250 vehicles with different system ids; further ports follow it.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -109,15 +109,15 @@ class Link:
         self._port = 0
 
     def serve(self, url: str | None = None, *, speedup: float = 1.0) -> "Link":
-        """Begin now; without this call it begins when `link.url` is first asked for.
+        """Begin now; without this call it begins with the first use of `link.url`.
 
         Parameters
         ----------
         url: as for `--url`: `udpout:127.0.0.1:14550` for a station that listens there, `tcpin:127.0.0.1:5760`
-            for one that connects. None: listen on a free UDP port of this machine, which `link.url`,
-            `link.mavsdk_url`, `link.address` and `link.port` then name; it answers whoever speaks to it.
-        speedup: simulated seconds per second. From now on time passes by itself; where it cannot keep up, a
-            RuntimeWarning says so when the test ends.
+            for one that connects. None: listen on a free UDP port of this machine, given by `link.url`,
+            `link.mavsdk_url`, `link.address` and `link.port`; the fleet answers every sender.
+        speedup: simulated seconds per second. Time then passes on its own; lost time causes a RuntimeWarning
+            at the end of the test.
         """
         __tracebackhide__ = True
         if self._thread is not None:
@@ -131,7 +131,7 @@ class Link:
 
     @property
     def port(self) -> int:
-        """Where the fleet listens on 127.0.0.1; it speaks to whoever has spoken to it."""
+        """The fleet's port on 127.0.0.1; the fleet answers every sender."""
         __tracebackhide__ = True
         if self._thread is None:
             self.serve()
@@ -141,24 +141,24 @@ class Link:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port for a socket of one's own."""
+        """Host and port for a socket of the test."""
         __tracebackhide__ = True
         return ("127.0.0.1", self.port)
 
     @property
     def url(self) -> str:
-        """For pymavlink and MAVProxy, which sends first: the fleet answers whoever has spoken to it."""
+        """The URL for pymavlink and MAVProxy, which send first; the fleet answers every sender."""
         __tracebackhide__ = True
         return f"udpout:127.0.0.1:{self.port}"
 
     @property
     def mavsdk_url(self) -> str:
-        """The same for MAVSDK."""
+        """The same URL for MAVSDK."""
         __tracebackhide__ = True
         return f"udpout://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Warns of time that was lost; from the test's own thread, where a warning may be an error."""
+        """Stop and warn of lost time, in the test's thread, in which a warning may be an error."""
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.stop()
@@ -167,7 +167,7 @@ class Link:
 
 
 def _free_port(count: int) -> int:
-    """The first of so many neighbouring UDP ports that nobody uses."""
+    """Return the first of `count` consecutive free UDP ports."""
     for _ in range(100):
         with contextlib.ExitStack() as probes:
             first = _bound(probes, 0)

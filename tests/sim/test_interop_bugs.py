@@ -1,4 +1,4 @@
-"""A bug on the receive path ends the simulator; it does not go on with a vehicle that answers nothing."""
+"""A bug on the receive path ends the simulator."""
 
 import asyncio
 import socket
@@ -17,8 +17,8 @@ pytestmark = pytest.mark.interop
 LIMIT_S = 10.0
 
 
-class Broken(Fleet):
-    """Every byte that comes in meets a bug."""
+class BuggyFleet(Fleet):
+    """A fleet with a bug on its receive path."""
 
     def receive(self, *_data: Any, **_how: Any) -> Frames:
         raise ZeroDivisionError("a bug")
@@ -29,9 +29,9 @@ def test_a_bug_on_the_receive_path_stops_the_server() -> None:
         station.bind(("127.0.0.1", 0))
         station.settimeout(LIMIT_S)
         url = parse_url(f"udpout:127.0.0.1:{station.getsockname()[1]}")
-        said: list[str] = []
-        fleet = Broken(default_scenario(1, home=(46.0, 14.5, 300.0)))
-        server = Server(fleet, [url], RealTime(1.0, said.append), warn=said.append)
+        warnings: list[str] = []
+        fleet = BuggyFleet(default_scenario(1, home=(46.0, 14.5, 300.0)))
+        server = Server(fleet, [url], RealTime(1.0, warnings.append), warn=warnings.append)
 
         async def serve_and_speak() -> None:
             async with asyncio.timeout(LIMIT_S):
@@ -41,5 +41,5 @@ def test_a_bug_on_the_receive_path_stops_the_server() -> None:
                 station.sendto(b"\xfd", address)
                 await serving
 
-        with pytest.raises(ZeroDivisionError, match="a bug"):
+        with pytest.raises(ZeroDivisionError):
             asyncio.run(serve_and_speak())

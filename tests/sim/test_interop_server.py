@@ -1,4 +1,4 @@
-"""`python -m sim_vehicle` as a process: what it says, how it ends, what it refuses."""
+"""`python -m sim_vehicle` as a process: output, ends, refused arguments."""
 
 import contextlib
 import fcntl
@@ -31,11 +31,11 @@ until_s: 12
 """
 
 
-def test_it_says_what_it_is_and_ends_cleanly_on_a_signal() -> None:
+def test_the_first_line_describes_the_fleet_and_a_signal_ends_it() -> None:
     udp, port = udp_socket()
     with udp, simulator("--count", "5", "--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
-        said = line(process)
-    assert said == f"sim_vehicle: 5 ardupilot copters, sysid 1-5, udpout 127.0.0.1:{port}, 10x real time\n"
+        first = line(process)
+    assert first == f"sim_vehicle: 5 ardupilot copters, sysid 1-5, udpout 127.0.0.1:{port}, 10x real time\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -53,7 +53,7 @@ def test_two_lines_and_no_table_on_a_pipe(number: signal.Signals) -> None:
     )
 
 
-def test_a_reader_of_its_lines_may_leave() -> None:
+def test_a_closed_standard_output_does_not_end_the_fleet() -> None:
     udp, port = udp_socket()
     with udp, simulator("--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
         assert line(process)
@@ -62,7 +62,7 @@ def test_a_reader_of_its_lines_may_leave() -> None:
         Ground(udp).systems(1)
 
 
-def test_ground_stations_meet_a_mixed_fleet() -> None:
+def test_a_ground_station_hears_a_mixed_fleet() -> None:
     udp, port = udp_socket()
     url = f"udpout:127.0.0.1:{port}"
     with udp, simulator("--personality", "ardupilot:1,px4:2", "--speedup", "5", "--url", url) as process:
@@ -73,66 +73,64 @@ def test_ground_stations_meet_a_mixed_fleet() -> None:
     assert autopilots == {1: 3, 2: 12, 3: 12}
 
 
-def test_a_port_that_is_taken_is_an_error_with_code_2() -> None:
+def test_a_used_port_is_an_error_with_code_2() -> None:
     udp, port = udp_socket()
     with udp:
         done = run("--url", f"udpin:127.0.0.1:{port}")
     assert done.returncode == 2
-    assert re.fullmatch(
-        rf"sim_vehicle: cannot open udpin 127.0.0.1:{port}: .*Choose .*--url\.\n", done.stderr
-    )
+    assert re.fullmatch(rf"sim_vehicle: cannot open udpin 127.0.0.1:{port}: .*\[port-in-use\]\n", done.stderr)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "found"),
     [
-        (("--url", "udp:127.0.0.1:1"), "udp can mean two things; udpout:HOST:PORT sends there"),
-        (("--url", "serial:x"), "expected serial:DEVICE:BAUD, for example serial:/dev/ttyUSB0:57600"),
+        (("--url", "udp:127.0.0.1:1"), "udpout:HOST:PORT"),
+        (("--url", "serial:x"), "serial:DEVICE:BAUD"),
         (("--url", "serial:/dev/not-there:57600"), "cannot open serial /dev/not-there:57600"),
-        (("--url", "udpout:no.such.host.invalid:1"), "the host 'no.such.host.invalid' is not known"),
-        (("--url", "tcpin:127.0.0.1:65535", "--count", "2", "--per-port", "1"), "65535 is the last"),
+        (("--url", "udpout:no.such.host.invalid:1"), "[unknown-host]"),
+        (("--url", "tcpin:127.0.0.1:65535", "--count", "2", "--per-port", "1"), "65535"),
         (
             ("--url", "tcpin:127.0.0.1:45994", "--url", "tcpin::45995", "--count", "3", "--per-port", "1"),
-            "both would have port 45995; begin further apart",
+            "[port-overlap]",
         ),
-        (("--home", "here"), "is not LAT,LON,ALT[,HEADING], for example"),
-        (("--scenario", "/nowhere.yaml"), "cannot be read"),
+        (("--home", "here"), "LAT,LON,ALT[,HEADING]"),
+        (("--scenario", "/nowhere.yaml"), "/nowhere.yaml: "),
         (("--speedup", "0"), "'--speedup'"),
         (("--count", "0"), "'--count'"),
         (("--fault", "packet_los"), "packet_loss"),
-        (("--fault", "packet_loss:rate=2"), "--fault packet_loss: rate=2: expected 0 to 1;"),
-        (("--param", "WPNAV_SPED=3"), "did you mean WPNAV_SPEED"),
-        (("--step", "--speedup", "2"), "drop one of them"),
+        (("--fault", "packet_loss:rate=2"), "[fault-value]"),
+        (("--param", "WPNAV_SPED=3"), "[unknown-parameter]"),
+        (("--step", "--speedup", "2"), "--speedup"),
         (("--nonsense",), "--nonsense"),
-        (("--personality", "apm"), "expected ardupilot, px4, mixed"),
-        (("--sysid", "200", "--count", "100", "--per-port", "60"), "at most 51 fit on a port"),
-        (("--sysid", "250", "--count", "10"), "at most 1 of 10 vehicles fits on a port"),
-        (("run", "clean_misson"), "did you mean clean_mission? (`run --list` shows these)"),
+        (("--personality", "apm"), "--personality"),
+        (("--sysid", "200", "--count", "100", "--per-port", "60"), "at most 51 "),
+        (("--sysid", "250", "--count", "10"), "at most 1 of 10 "),
+        (("run", "clean_misson"), "clean_mission?"),
     ],
 )
-def test_bad_arguments_are_one_line_each_and_code_2(arguments: tuple[str, ...], words: str) -> None:
+def test_a_bad_argument_is_one_line_and_code_2(arguments: tuple[str, ...], found: str) -> None:
     done = run(*arguments)
     assert done.returncode == 2
-    assert words in done.stderr
+    assert found in done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert done.stderr.startswith("sim_vehicle: ")
 
 
-def test_all_that_is_wrong_is_said_at_once() -> None:
+def test_all_bad_arguments_are_reported_at_once() -> None:
     done = run("--home", "x", "--wind", "y", "--fault", "z", "--param", "w", "--url", "v")
     assert done.returncode == 2
     starts = [text.split()[1] for text in done.stderr.splitlines()]
     assert sorted(starts) == ["--fault", "--home", "--param", "--url", "--wind"]
 
 
-def test_fault_help_lists_them_all() -> None:
+def test_fault_help_lists_all_faults() -> None:
     done = run("--fault", "help")
     assert done.returncode == 0
-    assert "packet_loss: frames are lost at random" in done.stdout
+    assert "packet_loss: " in done.stdout
     assert "link_outage: " in done.stdout
 
 
-def test_it_ends_when_its_parent_is_gone() -> None:
+def test_the_fleet_ends_with_its_parent_process() -> None:
     udp, port = udp_socket()
     udp.close()
     parent = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
@@ -143,22 +141,22 @@ def test_it_ends_when_its_parent_is_gone() -> None:
         assert process.wait(timeout=LIMIT_S) == 0
 
 
-def test_a_machine_that_cannot_keep_up_says_so() -> None:
+def test_a_slow_machine_causes_a_warning() -> None:
     url = f"tcpin:127.0.0.1:{free_tcp_port()}"
     more = ("--count", "200", "--speedup", "1000", "--url", url)
     with simulator(*more, errors=lambda _: True) as process:
         assert line(process)
         warning = process.stderr.readline()
         process.terminate()
-        said = process.stdout.read()
-    assert re.match(r"sim_vehicle: cannot keep up with 1000x real time: \d+\.\d s lost so far; .*\n", warning)
-    assert re.search(r"\d+\.\d s lost because the machine was too slow", said)
+        output = process.stdout.read()
+    assert re.match(r"sim_vehicle: .* 1000x real time: \d+\.\d s lost .*\[too-slow\]\n", warning)
+    assert re.search(r"\d+\.\d s lost", output)
 
 
-def test_time_stands_still_until_it_is_stepped() -> None:
+def test_manual_time_stands_still_between_steps() -> None:
     udp, port = udp_socket()
     with udp, simulator("--count", "2", "--step", "--url", f"udpout:127.0.0.1:{port}") as process:
-        assert line(process).endswith("stepped by hand\n")
+        assert line(process).endswith("manual clock\n")
         ground = Ground(udp)
         for at_s in (10, 20):
             process.stdin.write("step 10\n")
@@ -194,33 +192,31 @@ def test_stepping_reads_a_file_and_ends_with_it(tmp_path: Path) -> None:
 def test_stepping_needs_standard_input() -> None:
     done = run("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}", before="exec <&-")
     assert done.returncode == 2
-    assert done.stderr == (
-        "sim_vehicle: --step: standard input, from which `step SECONDS` would be read, is closed\n"
-    )
+    assert done.stderr.startswith("sim_vehicle: --step: ")
 
 
 @pytest.mark.parametrize("lost", ["exec >&-", "exec >/dev/full", "exec 2>&-"])
-def test_nobody_needs_to_read_what_it_says(lost: str) -> None:
+def test_lost_output_does_not_end_the_fleet(lost: str) -> None:
     done = run("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}", before=lost, steps="fly\nstep 1\n")
     assert done.returncode == 0
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(
-    ("reader", "said"),
+    ("reader", "message"),
     [
         ("/dev/full", "sim_vehicle: standard output is lost (No space left on device)\n"),
         (None, ""),
     ],
 )
 @pytest.mark.parametrize(("height_m", "code"), [(1, 1), (50, 0)])
-def test_a_run_whose_output_is_lost_exits_with_its_verdict(
-    tmp_path: Path, reader: str | None, said: str, height_m: int, code: int
+def test_a_run_with_lost_output_exits_with_its_verdict(
+    tmp_path: Path, reader: str | None, message: str, height_m: int, code: int
 ) -> None:
     scenario = tmp_path / "hop.yaml"
     scenario.write_text(HOP.format(height_m))
     end, output = os.pipe()
-    os.close(end)  # whoever would have read it has left
+    os.close(end)  # the reader has left
     if reader is not None:
         os.close(output)
         output = os.open(reader, os.O_WRONLY)
@@ -229,12 +225,12 @@ def test_a_run_whose_output_is_lost_exits_with_its_verdict(
         command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=LIMIT_S, check=False
     )
     os.close(output)
-    assert (done.returncode, done.stderr) == (code, said)
+    assert (done.returncode, done.stderr) == (code, message)
     assert json.loads((tmp_path / "hop" / "verdict.json").read_text())["passed"] is (code == 0)
 
 
 @pytest.mark.parametrize("arguments", [("run", "--list-checks"), ("--fault", "help"), ("--help",)])
-def test_a_reader_may_leave_a_list(arguments: tuple[str, ...]) -> None:
+def test_a_list_tolerates_a_full_disk(arguments: tuple[str, ...]) -> None:
     done = run(*arguments, before="exec >/dev/full")
     assert done.returncode == 0
     assert done.stderr == "sim_vehicle: standard output is lost (No space left on device)\n"
@@ -248,18 +244,18 @@ def test_help_has_a_short_name(arguments: tuple[str, ...]) -> None:
     assert short.stdout.startswith("Usage: python -m sim_vehicle")
 
 
-def test_it_says_which_version_it_is() -> None:
+def test_the_version_is_printed() -> None:
     assert run("--version").stdout == f"sim_vehicle {version('mavlink-swarmctl')}\n"
 
 
 class Terminal:
-    """What a person has before them: `type` goes in, `until` waits for what comes out."""
+    """A terminal: `type` enters text, `until` waits for output."""
 
     def __init__(self, *arguments: str, width: int = 100, height: int = 12) -> None:
         self._end, terminal = pty.openpty()
         self.shown = ""
         self.resize(width, height)
-        size = {"COLUMNS", "LINES"}  # which would count for more than the terminal's
+        size = {"COLUMNS", "LINES"}  # they would override the terminal's size
         environment = {name: value for name, value in os.environ.items() if name not in size}
         environment["TERM"] = "xterm-256color"
         self.process = subprocess.Popen(
@@ -276,7 +272,7 @@ class Terminal:
         os.write(self._end, text.encode())
 
     def until(self, text: str) -> str:
-        """All that comes up to `text`."""
+        """Return the output up to `text`."""
         end_s = time.monotonic() + LIMIT_S
         while text not in self.shown:
             assert select.select([self._end], [], [], max(end_s - time.monotonic(), 0.0))[0], self.shown
@@ -285,8 +281,8 @@ class Terminal:
         return seen + text
 
     def rest(self) -> str:
-        """What comes until the process ends, and that it ends well."""
-        with contextlib.suppress(OSError):  # EIO: nobody has the other end any more
+        """Return the output until the process ends with exit code 0."""
+        with contextlib.suppress(OSError):  # EIO: the other end is closed
             while data := os.read(self._end, 65_536):
                 self.shown += data.decode()
         assert self.process.wait(timeout=LIMIT_S) == 0
@@ -304,26 +300,26 @@ class Terminal:
 OWN_SCREEN, BACK = "\x1b[?1049h", "\x1b[?1049l"
 
 
-def test_on_a_terminal_time_by_hand_shows_what_is_typed_and_answered() -> None:
+def test_the_manual_clock_on_a_terminal_shows_input_and_answers() -> None:
     with Terminal("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}") as terminal:
-        seen = terminal.until("time stands still; type `step SECONDS` and `quit`, for example step 0.5\r\n")
+        seen = terminal.until("step 0.5\r\n")
         terminal.type("step 2\n")
         seen += terminal.until("\r\nat 2\r\n")
         terminal.type("fly\n")
-        seen += terminal.until("'fly' is not understood")
+        seen += terminal.until("'fly'")
         terminal.type("quit\n")
         seen += terminal.rest()
     assert OWN_SCREEN not in seen
     assert "2.0 s simulated" in seen
 
 
-def test_the_table_has_a_screen_of_its_own_and_leaves_its_last_picture() -> None:
+def test_the_table_uses_the_alternate_screen_and_leaves_its_last_state() -> None:
     url = f"tcpin:127.0.0.1:{free_tcp_port()}"
     with Terminal("--count", "3", "--fault", "gps_loss", "--url", url, width=120) as terminal:
         before = terminal.until(OWN_SCREEN)
         terminal.until("latitude, longitude")
         terminal.resize(40, 12)
-        terminal.until("\x1b[2J")  # drawn anew
+        terminal.until("\x1b[2J")  # cleared
         terminal.until("batt")
         terminal.process.send_signal(signal.SIGINT)
         terminal.until(BACK)
@@ -334,28 +330,28 @@ def test_the_table_has_a_screen_of_its_own_and_leaves_its_last_picture() -> None
     assert " s simulated, " in after[-1]
 
 
-def test_what_goes_wrong_behind_the_table_is_said_in_it_and_after_it() -> None:
+def test_warnings_appear_in_the_table_and_after_it() -> None:
     more = ("--count", "200", "--speedup", "1000", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
     with Terminal(*more, width=120) as terminal:
         terminal.until(OWN_SCREEN)
-        terminal.until("cannot keep up with 1000x real time")
+        terminal.until("1000x real time: ")
         terminal.process.send_signal(signal.SIGINT)
         terminal.until(BACK)
         after = terminal.rest()
-    assert re.search(r"sim_vehicle: cannot keep up with 1000x real time: \d+\.\d s lost so far; ", after)
+    assert re.search(r"sim_vehicle: .* 1000x real time: \d+\.\d s lost .*\[too-slow\]", after)
 
 
-def test_a_full_disk_ends_the_logs_and_not_the_fleet(tmp_path: Path) -> None:
+def test_a_full_disk_ends_the_logs_but_not_the_fleet(tmp_path: Path) -> None:
     more = ("--personality", "px4", "--count", "2", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
     done = run("--step", *more, "--tlog", str(tmp_path), before="ulimit -f 20", steps="step 30\nstep 30\n")
     assert done.returncode == 0
     assert done.stdout.splitlines()[1:3] == ["at 30", "at 60"]
-    assert done.stderr == (
-        f"sim_vehicle: --tlog {tmp_path}: not all could be written (File too large); the logs end early\n"
-    )
+    assert done.stderr.count("\n") == 1
+    assert f"--tlog {tmp_path}: " in done.stderr
+    assert "[tlog-full]" in done.stderr
 
 
-def test_windows_is_told_that_it_cannot_serve_a_fleet() -> None:
+def test_serving_on_windows_is_refused() -> None:
     start = (
         "import sys; sys.modules['resource'] = None\n"
         "import sim_vehicle.__main__, sim_vehicle.serving.serve\n"
@@ -366,10 +362,10 @@ def test_windows_is_told_that_it_cannot_serve_a_fleet() -> None:
         [sys.executable, "-c", start], capture_output=True, text=True, timeout=LIMIT_S, check=False
     )
     assert done.returncode == 2
-    assert re.fullmatch(r"sim_vehicle: a fleet is served on Linux and macOS only: .*\n", done.stderr)
+    assert re.fullmatch(r"sim_vehicle: .*Windows.*\n", done.stderr)
 
 
-def test_what_each_vehicle_sends_is_logged(tmp_path: Path) -> None:
+def test_messages_of_each_vehicle_are_logged(tmp_path: Path) -> None:
     script = tmp_path / "steps"
     script.write_text("step 10\n")
     command = [sys.executable, "-m", "sim_vehicle", "--step", "--count", "2", "--url"]

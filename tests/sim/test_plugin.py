@@ -1,4 +1,4 @@
-"""The pytest plug-in in a pytest of its own: what a failing test prints, and that it repeats the failure."""
+"""The pytest plug-in in a separate pytest: output of failing tests, and their repetition."""
 
 import os
 import re
@@ -45,7 +45,7 @@ def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Somebody else's project; it loads the plug-in as an entry point would."""
+    """Return another project, which loads the plug-in like an entry point."""
     (tmp_path / "pytest.ini").write_text("[pytest]\nfilterwarnings = error\n")
     folder = tmp_path / "checks of mine"
     folder.mkdir()
@@ -54,7 +54,7 @@ def project(tmp_path: Path) -> Path:
 
 
 @pytest.mark.interop
-def test_a_failing_test_prints_its_seed_and_the_command_that_repeats_it(project: Path) -> None:
+def test_a_failing_test_prints_its_seed_and_a_repeating_command(project: Path) -> None:
     first = run_pytest(project, "-p", MODULE)
     assert first.returncode == 1, first.stdout + first.stderr
     assert first.stdout.count("repeat with:") == 2  # not for the test without vehicles
@@ -75,15 +75,15 @@ def test_a_failing_test_prints_its_seed_and_the_command_that_repeats_it(project:
 
 
 @pytest.mark.interop
-@pytest.mark.parametrize("asked_for_as_well", [[], ["-p", MODULE]], ids=["entry point", "and by name"])
-def test_an_installed_package_needs_no_option(project: Path, asked_for_as_well: list[str]) -> None:
+@pytest.mark.parametrize("also_by_name", [[], ["-p", MODULE]], ids=["entry point", "and by name"])
+def test_an_installed_package_needs_no_option(project: Path, also_by_name: list[str]) -> None:
     distribution = project / "installed" / "somebody-1.0.dist-info"
     distribution.mkdir(parents=True)
     (distribution / "METADATA").write_text("Metadata-Version: 2.1\nName: somebody\nVersion: 1.0\n")
     entry_points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pytest11"]
     lines = [f"{name} = {module}\n" for name, module in entry_points.items()]
     (distribution / "entry_points.txt").write_text("[pytest11]\n" + "".join(lines))
-    first = run_pytest(project, "-k", "hovers", *asked_for_as_well)
+    first = run_pytest(project, "-k", "hovers", *also_by_name)
     assert first.returncode == 1, first.stdout + first.stderr
     (command,) = re.findall(r"repeat with: (.*)", first.stdout)
     again = run([sys.executable, *shlex.split(command)[1:]], project)
@@ -91,7 +91,7 @@ def test_an_installed_package_needs_no_option(project: Path, asked_for_as_well: 
 
 
 @pytest.mark.interop
-def test_the_command_works_from_the_folder_in_which_pytest_was_started(project: Path) -> None:
+def test_the_repeating_command_works_from_the_folder_of_pytest(project: Path) -> None:
     inner = project / "checks of mine"
     first = run_pytest(inner, "-p", MODULE, "-k", "hovers")
     (command,) = re.findall(r"repeat with: (.*)", first.stdout)
@@ -101,7 +101,7 @@ def test_the_command_works_from_the_folder_in_which_pytest_was_started(project: 
 
 
 @pytest.mark.interop
-def test_what_a_served_fleet_complained_of_is_in_the_failing_tests_report(project: Path) -> None:
+def test_warnings_of_a_served_fleet_are_in_the_report_of_a_failing_test(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
         "import socket\n"
         "def test_alone(vehicle, link, clock):\n"
@@ -114,11 +114,11 @@ def test_what_a_served_fleet_complained_of_is_in_the_failing_tests_report(projec
     done = run_pytest(project, "-p", MODULE)
     assert "1 failed" in done.stdout
     assert "error" not in done.stdout.splitlines()[-1]
-    assert re.search(r"seed \d+, 1 vehicle, .* simulated\ntcpout .*: nobody is there", done.stdout)
+    assert re.search(r"seed \d+, 1 vehicle, .* simulated\ntcpout .*\[no-server\]", done.stdout)
 
 
 @pytest.mark.interop
-def test_the_seed_is_the_same_from_whatever_folder(
+def test_the_seed_is_the_same_from_any_folder(
     project: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     elsewhere = tmp_path_factory.mktemp("elsewhere")
@@ -131,11 +131,11 @@ def test_the_seed_is_the_same_from_whatever_folder(
     seeds = [re.findall(r"^seed (\d+)", output, re.MULTILINE) for output in outputs]
     assert len(set(seeds[0])) == 2  # one a test
     assert seeds[1] == seeds[2] == seeds[0]
-    assert "whatever folder" in " ".join(run_pytest(project, "-p", MODULE, "--help").stdout.split())
+    assert "--sim-seed" in " ".join(run_pytest(project, "-p", MODULE, "--help").stdout.split())
 
 
 @pytest.mark.interop
-def test_a_failing_test_leaves_tlogs_that_can_be_read(project: Path) -> None:
+def test_a_failing_test_leaves_readable_tlogs(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
         "def test_flies(swarm, clock):\n"
         "    first, second = swarm(count=2, personality='mixed')\n"
@@ -148,14 +148,12 @@ def test_a_failing_test_leaves_tlogs_that_can_be_read(project: Path) -> None:
     )
     done = run_pytest(project, "-p", MODULE, "--basetemp", str(project / "base"))
     (folder,) = re.findall(r"^tlogs: (.*)", done.stdout, re.MULTILINE)
-    assert len(list((project / "base").glob("tlogs[0-9]*"))) == 1  # none of what passed
+    assert len(list((project / "base").glob("tlogs[0-9]*"))) == 1  # none of passing tests
     assert sorted(path.name for path in Path(folder).iterdir()) == ["vehicle-1.tlog", "vehicle-2.tlog"]
     log = mavutil.mavlink_connection(str(Path(folder) / "vehicle-2.tlog"))
     heard: dict[str, list[float]] = {}
     while (message := log.recv_match()) is not None:
-        if not message.get_type().startswith(
-            "UNKNOWN"
-        ):  # PX4's own dialect has messages of which this has none
+        if not message.get_type().startswith("UNKNOWN"):  # pymavlink's dialect lacks some messages of PX4
             assert message.get_srcSystem() in (2, 255)
         heard.setdefault(message.get_type(), []).append(message._timestamp)
     log.close()
@@ -166,7 +164,7 @@ def test_a_failing_test_leaves_tlogs_that_can_be_read(project: Path) -> None:
 
 
 @pytest.mark.interop
-def test_what_is_wrong_with_a_call_is_shown_at_the_tests_own_line(project: Path) -> None:
+def test_a_wrong_call_is_shown_at_the_line_of_the_test(project: Path) -> None:
     calls = ["swarm(cuont=2)", "swarm(count=0)", "swarm(personality='betaflight')", "swarm(wind={'x': 1})",
              "swarm()[0].do('land_on_the_moon')", "swarm()[0].do('takeoff')", "swarm()[0].inject('gps_los')",
              "clock.run_until(lambda: False, timeout=1)", "link.url", "swarm() and swarm()"]  # fmt: skip
@@ -175,14 +173,14 @@ def test_what_is_wrong_with_a_call_is_shown_at_the_tests_own_line(project: Path)
     done = run_pytest(project, "-p", MODULE)
     assert f"{len(calls)} failed" in done.stdout
     assert re.search(r"TypeError: swarm\(\) got an unexpected keyword argument 'cuont'", done.stdout)
-    assert str(ROOT) not in done.stdout  # none of the package's own lines
+    assert str(ROOT) not in done.stdout  # no lines of the package
     assert "During handling of" not in done.stdout
     assert "The above exception" not in done.stdout
     assert done.stdout.count("\n") < 20 * len(calls)
 
 
 @pytest.mark.interop
-def test_nothing_heavy_is_imported_until_a_fixture_is_used(project: Path) -> None:
+def test_heavy_imports_wait_for_the_first_fixture(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
         "import sys\n"
         "def test_light():\n"

@@ -1,4 +1,4 @@
-"""The checks held against made-up moments: what they find, when they fail, and what they say."""
+"""Checks on constructed states: measured values, failures, and their texts."""
 
 import math
 from collections.abc import Callable
@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from sim_vehicle.scenarios import default_scenario
-from sim_vehicle.scenarios.checks import CHECKS, View
-from sim_vehicle.scenarios.geometry import outside_m
-from sim_vehicle.scenarios.judging import Judge
+from sim_vehicle.scenarios.checking import RunningCheck
+from sim_vehicle.scenarios.checks import CHECKS, RunView
 from sim_vehicle.scenarios.plan import FenceShape
+from sim_vehicle.scenarios.runner import outside_m
 from sim_vehicle.scenarios.steps import CheckSpec
 
 N = 3
@@ -36,7 +36,7 @@ class FakeTruth:
         self.__dict__.update(fields)
 
 
-def view(now: float = 0.0, *, truth: dict[str, Any] | None = None, **fields: Any) -> View:
+def view(now: float = 0.0, *, truth: dict[str, Any] | None = None, **fields: Any) -> RunView:
     start_m = np.array([[0.0, 0.0, 300.0], [5.0, 0.0, 300.0], [10.0, 0.0, 300.0]])
     values: dict[str, Any] = {
         "position_m": start_m.copy(),
@@ -51,11 +51,11 @@ def view(now: float = 0.0, *, truth: dict[str, Any] | None = None, **fields: Any
         "texts": [[] for _ in range(N)],
     } | fields
     made: Any = FakeTruth(**(truth or {}))
-    return View(now=now, truth=made, **values)
+    return RunView(now=now, truth=made, **values)
 
 
-def judge(line: Any) -> Judge:
-    return Judge(CheckSpec.model_validate(line), SCENARIO)
+def check_of(line: Any) -> RunningCheck:
+    return RunningCheck(CheckSpec.model_validate(line), SCENARIO)
 
 
 def at(east_m: float, north_m: float, up_m: float) -> list[float]:
@@ -98,12 +98,12 @@ YES = np.array([True, True, True])
         ({"never_says": "Fail"}, view(texts=[["Failsafe"], [], ["a fail", ""]]), [1, 3]),
     ],
 )
-def test_what_must_always_hold_fails_at_once_and_by_vehicle(
-    line: Any, moment: View, failed: list[int]
+def test_an_always_check_fails_at_once_for_each_vehicle(
+    line: Any, moment: RunView, failed: list[int]
 ) -> None:
-    checked = judge(line)
-    assert [failure.sysid for failure in checked.look(moment)] == failed
-    assert checked.look(moment) == []  # once each
+    checked = check_of(line)
+    assert [failure.sysid for failure in checked.observe(moment)] == failed
+    assert checked.observe(moment) == []  # once each
     assert checked.end(moment) == []
 
 
@@ -120,14 +120,14 @@ def test_what_must_always_hold_fails_at_once_and_by_vehicle(
         ("mission_complete", view(mission_done=YES, flown=YES)),
     ],
 )
-def test_what_must_come_about_is_remembered_once_it_has(line: Any, moment: View) -> None:
-    fulfilled, missed = judge(line), judge(line)
-    assert fulfilled.look(moment) == []
-    assert fulfilled.settled(0.0)
-    assert not missed.settled(0.0)
+def test_an_eventually_check_stays_fulfilled(line: Any, moment: RunView) -> None:
+    fulfilled, missed = check_of(line), check_of(line)
+    assert fulfilled.observe(moment) == []
+    assert fulfilled.is_settled(0.0)
+    assert not missed.is_settled(0.0)
     nothing = view(now=9.0)
-    assert fulfilled.look(nothing) == fulfilled.end(nothing) == []
-    assert missed.look(nothing) == []
+    assert fulfilled.observe(nothing) == fulfilled.end(nothing) == []
+    assert missed.observe(nothing) == []
     assert [failure.sysid for failure in missed.end(nothing)] == [1, 2, 3]
 
 
@@ -139,32 +139,30 @@ def test_what_must_come_about_is_remembered_once_it_has(line: Any, moment: View)
         ({"mode_is": {"mode": "STABILIZE", "when": "end"}}, view()),
     ],
 )
-def test_what_must_hold_at_the_end_may_be_otherwise_before(line: Any, moment: View) -> None:
+def test_an_end_check_counts_only_at_the_end(line: Any, moment: RunView) -> None:
     other = view(truth={"armed": YES, "airborne": YES, "mode": ("AUTO",) * N})
-    checked = judge(line)
-    assert checked.look(other) == []
+    checked = check_of(line)
+    assert checked.observe(other) == []
     assert checked.end(moment) == []
-    failing = judge(line)
-    assert failing.look(moment) == []
+    failing = check_of(line)
+    assert failing.observe(moment) == []
     assert len(failing.end(other)) == N
 
 
-def test_a_check_is_about_the_vehicles_and_the_times_it_names() -> None:
+def test_a_check_covers_its_vehicles_and_times() -> None:
     crash = {"crashed": YES}
-    checked = judge({"no_crash": {"vehicles": [1, 3], "from_s": 10, "until_s": 20}})
-    assert checked.look(view(9.9, truth=crash)) == []
-    assert checked.look(view(20.1, truth=crash)) == []
-    assert [failure.sysid for failure in checked.look(view(20.0, truth=crash))] == [1, 3]
+    checked = check_of({"no_crash": {"vehicles": [1, 3], "from_s": 10, "until_s": 20}})
+    assert checked.observe(view(9.9, truth=crash)) == []
+    assert checked.observe(view(20.1, truth=crash)) == []
+    assert [failure.sysid for failure in checked.observe(view(20.0, truth=crash))] == [1, 3]
 
 
-def test_what_must_always_hold_fails_where_nobody_looked() -> None:
-    between_two_steps = judge({"no_crash": {"vehicles": [1, 3], "from_s": 10.01, "until_s": 10.02}})
-    assert between_two_steps.look(view(10.0)) == between_two_steps.look(view(10.05)) == []
+def test_an_unevaluated_always_check_fails() -> None:
+    between_two_steps = check_of({"no_crash": {"vehicles": [1, 3], "from_s": 10.01, "until_s": 10.02}})
+    assert between_two_steps.observe(view(10.0)) == between_two_steps.observe(view(10.05)) == []
     failures = between_two_steps.end(view(10.05))
-    assert [(failure.sysid, failure.found) for failure in failures] == [
-        (1, "nothing, it was never looked at"),
-        (3, "nothing, it was never looked at"),
-    ]
+    assert [failure.sysid for failure in failures] == [1, 3]
+    assert all("[not-evaluated]" in failure.found for failure in failures)
 
 
 @pytest.mark.parametrize(
@@ -178,26 +176,26 @@ def test_what_must_always_hold_fails_where_nobody_looked() -> None:
         ),
     ],
 )
-def test_a_goal_counts_in_flight_and_on_the_way_to_it(fields: dict[str, Any], found: str) -> None:
-    checked = judge("reached_goal")
+def test_a_goal_counts_in_flight_and_while_bound_for_it(fields: dict[str, Any], found: str) -> None:
+    checked = check_of("reached_goal")
     moment = view(**({"goal_m": np.array([[0, 0], [5, 0], [10, 0]])} | fields))
-    assert checked.look(moment) == []
+    assert checked.observe(moment) == []
     assert [failure.found for failure in checked.end(moment)] == [found] * N
 
 
-def test_a_goal_that_was_missed_says_how_near_it_was_and_when() -> None:
-    checked = judge({"reached_goal": {"from_s": 5}})
+def test_a_missed_goal_reports_the_smallest_distance_and_its_time() -> None:
+    checked = check_of({"reached_goal": {"from_s": 5}})
     goal_m = np.array([[30, 0], [30, 0], [30, 0]])
 
-    def look(now: float, east_m: float, **fields: Any) -> None:
+    def observe(now: float, east_m: float, **fields: Any) -> None:
         position_m = np.array([at(east_m, 0, 20)] * N)
-        assert checked.look(view(now, position_m=position_m, goal_m=goal_m, flown=YES, **fields)) == []
+        assert checked.observe(view(now, position_m=position_m, goal_m=goal_m, flown=YES, **fields)) == []
 
-    look(4.0, 24.9)  # before it is looked at
-    look(6.0, 24.8, bound_for_goal=~YES)
-    look(7.0, 20.0)
-    look(8.0, 24.5, bound_for_goal=np.array([True, False, False]))
-    look(9.0, 0.0)
+    observe(4.0, 24.9)  # before `from_s`
+    observe(6.0, 24.8, bound_for_goal=~YES)
+    observe(7.0, 20.0)
+    observe(8.0, 24.5, bound_for_goal=np.array([True, False, False]))
+    observe(9.0, 0.0)
     failures = checked.end(view(9.0, goal_m=goal_m, flown=YES))
     assert [failure.found for failure in failures] == [
         "5.5 m away at its nearest, at 8.00 s",
@@ -206,20 +204,20 @@ def test_a_goal_that_was_missed_says_how_near_it_was_and_when() -> None:
     ]
 
 
-def test_a_goal_asked_for_at_the_end_says_where_the_vehicle_is_then() -> None:
-    checked = judge({"reached_goal": {"when": "end"}})
+def test_a_goal_at_the_end_reports_the_final_distance() -> None:
+    checked = check_of({"reached_goal": {"when": "end"}})
     goal_m = np.array([[30, 0], [30, 0], [30, 0]])
-    checked.look(view(1.0, position_m=np.array([at(30, 0, 20)] * N), goal_m=goal_m, flown=YES))
+    checked.observe(view(1.0, position_m=np.array([at(30, 0, 20)] * N), goal_m=goal_m, flown=YES))
     assert checked.end(view(9.0, goal_m=goal_m, flown=YES))[0].found == "30 m away"
 
 
 @pytest.mark.parametrize(
     ("line", "found"), [("landed", "crashed"), ({"lands_within_m": 5}, "0 m from its start, crashed")]
 )
-def test_who_has_crashed_has_not_landed(line: Any, found: str) -> None:
-    checked = judge(line)
+def test_a_crashed_vehicle_has_not_landed(line: Any, found: str) -> None:
+    checked = check_of(line)
     moment = view(flown=YES, truth={"crashed": np.array([True, False, True])})
-    assert checked.look(moment) == []
+    assert checked.observe(moment) == []
     assert [(failure.sysid, failure.found) for failure in checked.end(moment)] == [(1, found), (3, found)]
 
 
@@ -230,33 +228,33 @@ def test_who_has_crashed_has_not_landed(line: Any, found: str) -> None:
         ({"flown": YES, "truth": {"armed": YES}}, "0 m high, armed"),
     ],
 )
-def test_who_has_not_landed_says_why(fields: dict[str, Any], found: str) -> None:
-    assert judge("landed").end(view(**fields))[0].found == found
+def test_a_missing_landing_reports_the_state(fields: dict[str, Any], found: str) -> None:
+    assert check_of("landed").end(view(**fields))[0].found == found
 
 
-def test_a_mission_that_was_not_flown_is_not_complete() -> None:
-    checked = judge("mission_complete")
+def test_an_unflown_mission_is_not_complete() -> None:
+    checked = check_of("mission_complete")
     moment = view(mission_done=YES)
-    assert checked.look(moment) == []
+    assert checked.observe(moment) == []
     assert len(checked.end(moment)) == N
 
 
-def test_a_deadline_fails_when_it_passes_not_at_the_end() -> None:
-    checked = judge({"airborne": {"by_s": 30}})
-    assert checked.look(view(29.95)) == []
-    (first, *_) = checked.look(view(30.0, position_m=np.array([at(0, 0, 1.5)] * N)))
+def test_a_missed_deadline_fails_at_its_time() -> None:
+    checked = check_of({"airborne": {"by_s": 30}})
+    assert checked.observe(view(29.95)) == []
+    (first, *_) = checked.observe(view(30.0, position_m=np.array([at(0, 0, 1.5)] * N)))
     assert (first.t_s, first.found) == (30.0, "1.5")
-    assert checked.look(view(31.0, truth={"airborne": YES})) == []
+    assert checked.observe(view(31.0, truth={"airborne": YES})) == []
     assert len(checked.failures) == N
 
 
-def test_a_failure_says_when_who_what_and_the_number() -> None:
+def test_a_failure_has_time_vehicle_check_and_value() -> None:
     moment = view(34.5, position_m=np.array([at(0, 0, 9), at(3, 0, 9), at(0, 0, 0)]), truth=FLYING)
-    (first, _) = judge({"min_separation_m": 5}).look(moment)
+    (first, _) = check_of({"min_separation_m": 5}).observe(moment)
     assert str(first) == "t=34.50 s, vehicle 1: min_separation_m 5: failed, found 3 m"
 
 
-def test_every_check_says_what_it_is_about() -> None:
+def test_every_check_has_a_summary() -> None:
     for name, check in CHECKS.items():
         assert check.summary.endswith((".", ").")), name
         assert check.name == name
@@ -304,7 +302,7 @@ L_SHAPE = [(0, 0), (20, 0), (20, 10), (10, 10), (10, 20), (0, 20)]
         ([], (1e6, 0), 0),
     ],
 )
-def test_how_far_a_place_is_beyond_the_fence(
+def test_the_distance_beyond_a_fence(
     shapes: list[FenceShape], place: tuple[float, float], beyond_m: float
 ) -> None:
     assert outside_m(shapes, *place) == pytest.approx(beyond_m)
@@ -312,9 +310,7 @@ def test_how_far_a_place_is_beyond_the_fence(
 
 @settings(max_examples=examples(100), derandomize=True, deadline=None)
 @given(east_m=st.floats(-30, 30), north_m=st.floats(-30, 30))
-def test_a_place_is_beyond_keeping_in_or_beyond_keeping_out_but_for_the_edge(
-    east_m: float, north_m: float
-) -> None:
+def test_each_point_violates_either_the_inclusion_or_the_exclusion(east_m: float, north_m: float) -> None:
     beyond: Callable[[FenceShape], float] = lambda fence: outside_m([fence], east_m, north_m)  # noqa: E731
     inside = 0 <= east_m <= 10 and 0 <= north_m <= 10
     assert (beyond(shape(keep_in=SQUARE)) == 0) == inside or beyond(shape(keep_in=SQUARE)) < 1e-9

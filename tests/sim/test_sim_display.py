@@ -1,4 +1,4 @@
-"""What is shown on terminals of any width: whole columns or none, and what a pipe gets."""
+"""Tables on terminals of any width and on a pipe: whole columns or none."""
 
 import io
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ from typer.testing import CliRunner
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.links.url import parse_url
+from sim_vehicle.scenarios.checking import CheckFailure
 from sim_vehicle.scenarios.command import run
-from sim_vehicle.scenarios.judging import Failure
-from sim_vehicle.scenarios.report import folded, show, write_verdict
-from sim_vehicle.scenarios.runner import CheckEnd, VehicleEnd, Verdict
+from sim_vehicle.scenarios.report import fold, print_verdict, write_verdict
+from sim_vehicle.scenarios.runner import CheckVerdict, FinalVehicleState, Verdict
 from sim_vehicle.serving.columns import GAP, Column, fitting, one_line, table
 from sim_vehicle.serving.display import Display
 from sim_vehicle.serving.options import FleetOptions, make_scenario
-from sim_vehicle.serving.pace import ByHand
+from sim_vehicle.serving.pace import ManualPace
 from sim_vehicle.serving.server import Server
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(150))
@@ -35,7 +35,7 @@ def column(heading: str, *cells: str, stays: int, cut: int | None = None, right:
 
 @st.composite
 def tables(draw: st.DrawFn) -> list[Column]:
-    """An id of up to 8 characters, which stays longest, some columns, and perhaps one that may be cut."""
+    """Draw a table: an id of up to 8 characters, further columns, and perhaps one that may be cut."""
     rows = draw(st.integers(0, 4))
     stays = draw(st.permutations(range(draw(st.integers(0, 7)))))
     columns = [column("id", *(f"{i}:{10 ** draw(st.integers(0, 4))}" for i in range(rows)), stays=99)]
@@ -57,7 +57,7 @@ def plain(lines: Sequence[Text]) -> list[str]:
 
 @PROPERTY
 @given(tables(), st.integers(20, 200))
-def test_every_column_is_whole_or_not_there(columns: list[Column], width: int) -> None:
+def test_every_column_is_whole_or_absent(columns: list[Column], width: int) -> None:
     lines = plain(table(columns, width))
     kept = fitting(columns, width)
     assert kept[0].heading == "id"
@@ -79,7 +79,7 @@ def test_every_column_is_whole_or_not_there(columns: list[Column], width: int) -
 
 @PROPERTY
 @given(tables())
-def test_the_wider_the_more_and_always_in_one_order(columns: list[Column]) -> None:
+def test_more_width_shows_more_columns_in_a_fixed_order(columns: list[Column]) -> None:
     before: list[Column] = []
     for width in range(20, 320, 3):
         kept = fitting(columns, width)
@@ -92,13 +92,13 @@ def test_the_wider_the_more_and_always_in_one_order(columns: list[Column]) -> No
 
 @PROPERTY
 @given(tables())
-def test_without_a_width_nothing_is_cut_or_padded(columns: list[Column]) -> None:
+def test_without_a_width_no_cell_is_cut_or_padded(columns: list[Column]) -> None:
     for row, line in enumerate(plain(table(columns, None))[1:]):
         assert line == line.rstrip()
         assert all(shown.cells[row].plain.strip() in line for shown in columns)
 
 
-def test_what_is_said_on_a_line_is_left_out_word_by_word() -> None:
+def test_a_line_loses_words_from_its_end() -> None:
     words = ["12 vehicles", "3 armed", "1 flying"]
     shown = [one_line(words, width, "").plain for width in (40, 25, 12, 6)]
     assert shown == ["12 vehicles  3 armed  1 flying", "12 vehicles  3 armed", "12 vehicles", "12 ve…"]
@@ -110,7 +110,7 @@ def test_what_is_said_on_a_line_is_left_out_word_by_word() -> None:
 def live(options: FleetOptions) -> Display:
     fleet = Fleet(make_scenario(options)[0], ready_s=0)
     fleet.step(0.0)
-    return Display(Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ByHand(), warn=lambda text: None))
+    return Display(Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ManualPace(), warn=lambda text: None))
 
 
 def shown(display: Display, width: int, height: int = 24, wall_s: float = 0.0) -> list[str]:
@@ -148,7 +148,7 @@ def test_id_and_battery_are_whole_at_any_width(options: FleetOptions, ids: set[s
             assert cut < 0 or cut >= heading.index("faults")
 
 
-def test_columns_leave_in_their_order() -> None:
+def test_columns_disappear_in_their_order() -> None:
     display = live(FleetOptions(count=2, faults=FAULTS[:1]))
     gone: list[str] = []
     names = ["latitude", "hit", "msg/s", "armed", "type", "m/s", "faults", "height", "mode", "batt"]
@@ -159,7 +159,7 @@ def test_columns_leave_in_their_order() -> None:
     assert gone == names[:-1]
 
 
-def test_a_table_does_not_jump_when_its_numbers_grow_and_shrink() -> None:
+def test_columns_keep_their_width_when_numbers_change() -> None:
     display = live(FleetOptions(count=40, faults=["packet_loss:sysid=1"]))
     first = shown(display, 80, height=16)
     later = [shown(display, 80, height=16, wall_s=5.0 * page) for page in range(5)]
@@ -167,9 +167,9 @@ def test_a_table_does_not_jump_when_its_numbers_grow_and_shrink() -> None:
     assert len(headings) == 1
 
 
-def test_a_warning_stands_below_the_table() -> None:
+def test_a_warning_is_shown_below_the_table() -> None:
     fleet = Fleet(make_scenario(FleetOptions(count=60))[0], ready_s=0)
-    server = Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ByHand(), warn=lambda text: None)
+    server = Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ManualPace(), warn=lambda text: None)
     lines = shown(Display(server, lambda: "cannot keep up with 10x real time"), 30, height=12)
     assert lines[-1] == "cannot keep up with 10x real …"
     assert len(lines) == 12
@@ -178,26 +178,29 @@ def test_a_warning_stands_below_the_table() -> None:
 # -- the tables of a run ----------------------------------------------------------------------------------
 
 
-LONG = "PreArm: Compass not calibrated; and some more words that go on and on beyond what anybody reads"
+LONG = "PreArm: Compass not calibrated; and more words until the line is far too long for any terminal"
 
 
 def verdict() -> Verdict:
     ends = [
-        VehicleEnd(
+        FinalVehicleState(
             sysid=n, link=n - 1, personality="ardupilot", kind="copter", mode="STABILIZE", armed=True,
             height_m=1234.5, from_start_m=12345.6, flown_m=123456.7, battery_remaining=1.0, strikes=n,
             messages=5, last_text=LONG,
         )
         for n in (1, 250)
     ]  # fmt: skip
-    failures = [Failure("never_says 'x'", n, 0, 75.10000000000001, LONG) for n in range(1, 6)]
-    checks = [CheckEnd("no_crash", passed=True, failures=[]), CheckEnd("never_says 'x'", False, failures)]
+    failures = [CheckFailure("never_says 'x'", n, 0, 75.10000000000001, LONG) for n in range(1, 6)]
+    checks = [
+        CheckVerdict("no_crash", passed=True, failures=[]),
+        CheckVerdict("never_says 'x'", False, failures),
+    ]
     return Verdict("two", 7, 75.10000000000001, checks, [], ends)
 
 
 def report(width: int, *, terminal: bool) -> list[str]:
     console = Console(file=io.StringIO(), width=width, force_terminal=terminal, color_system=None)
-    show(console, verdict())
+    print_verdict(console, verdict())
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue().splitlines()
 
@@ -218,7 +221,7 @@ def test_the_tables_of_a_run_fit_a_terminal(width: int) -> None:
         assert "…" not in line or line.index("…") >= heading.index("last text")
 
 
-def test_the_last_text_is_the_first_to_go() -> None:
+def test_the_last_text_disappears_first() -> None:
     (heading,) = [line for line in report(84, terminal=True) if line.startswith("id")]
     assert heading.split()[-1] == "hit"
 
@@ -231,22 +234,22 @@ def test_a_pipe_gets_every_word_and_no_padding() -> None:
     assert f"        vehicle 1 at 75.10 s: {LONG}" in lines
 
 
-def test_times_in_the_verdict_have_no_dust(tmp_path: Path) -> None:
+def test_times_in_the_verdict_are_rounded(tmp_path: Path) -> None:
     write_verdict(tmp_path, verdict())
     text = (tmp_path / "verdict.json").read_text()
     assert text.count('"t_s": 75.1,') == 5
     assert '"simulated_s": 75.1,' in text
 
 
-def test_what_is_folded_is_indented() -> None:
-    assert plain(folded(Text("landed: on the ground, and disarmed"), 20, "    ")) == [
+def test_continued_lines_are_indented() -> None:
+    assert plain(fold(Text("landed: on the ground, and disarmed"), 20, "    ")) == [
         "landed: on the",
         "    ground, and",
         "    disarmed",
     ]
 
 
-def test_a_list_on_a_pipe_has_a_line_for_each() -> None:
+def test_a_list_on_a_pipe_has_one_line_an_entry() -> None:
     app = Typer(add_completion=False, rich_markup_mode=None)
     app.command()(run)
     done = CliRunner().invoke(app, ["--list", "--list-checks"])

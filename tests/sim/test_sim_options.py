@@ -1,4 +1,4 @@
-"""What the command line means: URLs, homes, personalities, wind, parameters, ports and system ids."""
+"""The command line: URLs, homes, personalities, wind, parameters, ports and system ids."""
 
 import math
 from pathlib import Path
@@ -37,14 +37,14 @@ PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(60))
         ("serial:COM3:57600", Url("serial", "COM3", 57600)),
     ],
 )
-def test_a_url_in_the_notations_of_the_field(text: str, url: Url) -> None:
+def test_a_url_in_the_notations_of_other_tools(text: str, url: Url) -> None:
     assert parse_url(text) == url
 
 
 @pytest.mark.parametrize(
     "text", ["", ":14550", "udpout:x", "udpout:x:0", "udpout:x:65536", "ftp:x:1", "a:b:c:1"]
 )
-def test_a_url_that_is_none(text: str) -> None:
+def test_a_bad_url_is_refused(text: str) -> None:
     with pytest.raises(UrlError, match="--url"):
         parse_url(text)
 
@@ -55,16 +55,16 @@ def test_any_text_is_a_url_or_an_error_that_names_it(text: str) -> None:
     try:
         url = parse_url(text)
     except UrlError as error:
-        url, said = None, str(error)
+        url, message = None, str(error)
     if url is None:
-        assert repr(text) in said
+        assert repr(text) in message
     else:
         assert url.port > 0
         assert parse_url(str(url).replace(" ", ":", 1)) == url
 
 
-def test_a_url_twice_is_an_error() -> None:
-    with pytest.raises(OptionError, match="given twice"):
+def test_a_duplicate_url_is_an_error() -> None:
+    with pytest.raises(OptionError, match=r"udpout 127\.0\.0\.1:1"):
         parse_urls(["udpout:127.0.0.1:1", "127.0.0.1:1"])
 
 
@@ -82,14 +82,14 @@ def test_a_url_twice_is_an_error() -> None:
         ("Mixed", 1, ["ardupilot"]),
     ],
 )
-def test_who_plays_which_autopilot(text: str, count: int | None, names: list[str]) -> None:
+def test_the_personality_of_each_vehicle(text: str, count: int | None, names: list[str]) -> None:
     assert parse_personality(text, count) == names
 
 
 @pytest.mark.parametrize(
     ("text", "count"), [("px5", 1), ("px4:0", None), ("px4:", None), ("px4:2", 3), ("", 1)]
 )
-def test_a_personality_that_cannot_be(text: str, count: int | None) -> None:
+def test_a_bad_personality_is_refused(text: str, count: int | None) -> None:
     with pytest.raises(OptionError, match="--personality"):
         parse_personality(text, count)
 
@@ -103,7 +103,7 @@ def test_a_home_may_have_a_heading() -> None:
     "text",
     ["46,14", "91,0,0", "90,0,0", "-89.5,0,0", "0,181,0", "0,0,nan", "0,0,0,400", "a,b,c", "1,2,3,4,5", ""],
 )
-def test_a_home_that_is_none(text: str) -> None:
+def test_a_bad_home_is_refused(text: str) -> None:
     with pytest.raises(OptionError, match="--home"):
         parse_home(text)
 
@@ -114,22 +114,22 @@ def test_wind() -> None:
 
 
 @pytest.mark.parametrize("text", ["5", "-1,0", "61,0", "5,361", "5,0,31", "inf,0", "x,y"])
-def test_a_wind_that_cannot_blow(text: str) -> None:
+def test_a_bad_wind_is_refused(text: str) -> None:
     with pytest.raises(OptionError, match="--wind"):
         parse_wind(text)
 
 
 @PROPERTY
 @given(count=st.integers(1, 600), per_port=st.none() | st.integers(1, 250), first=st.integers(1, 250))
-def test_system_ids_differ_on_a_port_and_everywhere_where_that_is_possible(
+def test_system_ids_are_unique_on_a_port_and_in_the_fleet_if_possible(
     count: int, per_port: int | None, first: int
 ) -> None:
     try:
         scenario, _ = make_scenario(FleetOptions(count=count, per_port=per_port, sysid=first))
     except OptionError as error:
-        scenario, said = None, str(error)
+        scenario, message = None, str(error)
     if scenario is None:
-        assert f"at most {251 - first} " in said
+        assert f"at most {251 - first} " in message
         assert count > 251 - first
         return
     places = [(v.link, v.sysid) for v in scenario.vehicles]
@@ -141,8 +141,8 @@ def test_system_ids_differ_on_a_port_and_everywhere_where_that_is_possible(
     assert fullest <= (per_port or 250)
 
 
-def test_system_ids_that_do_not_fit_on_a_port_take_more_ports_only_where_that_is_asked_for() -> None:
-    with pytest.raises(OptionError, match=r"--sysid 250: .* at most 1 of 10 .* --per-port 1$"):
+def test_surplus_system_ids_use_more_ports_only_on_request() -> None:
+    with pytest.raises(OptionError, match=r"--sysid 250: .* 1 of 10 .* --per-port 1$"):
         make_scenario(FleetOptions(count=10, sysid=250))
     scenario, _ = make_scenario(FleetOptions(count=10, sysid=250, per_port=1))
     assert [(v.link, v.sysid) for v in scenario.vehicles] == [(link, 250) for link in range(10)]
@@ -165,7 +165,7 @@ def test_an_invalid_fault_is_named_once(text: str, begins: str, code: str) -> No
     assert code in str(caught.value)
 
 
-def test_parameters_go_to_those_that_have_them() -> None:
+def test_parameters_are_set_on_vehicles_that_have_them() -> None:
     scenario, notes = make_scenario(
         FleetOptions(personality="mixed", params=["WPNAV_SPEED=800", "MPC_XY_CRUISE = 7.5"])
     )
@@ -175,19 +175,20 @@ def test_parameters_go_to_those_that_have_them() -> None:
     assert notes == []
 
 
-def test_a_parameter_that_nobody_has() -> None:
-    with pytest.raises(OptionError, match=r"--param WPNAV_SPEDE: .* did you mean .*WPNAV_SPEED"):
+def test_an_unknown_parameter_is_an_error() -> None:
+    with pytest.raises(OptionError, match=r"--param WPNAV_SPEDE: .*WPNAV_SPEED\b.*\[unknown-parameter\]"):
         make_scenario(FleetOptions(params=["WPNAV_SPEDE=800"]))
 
 
-def test_a_parameter_file_in_the_formats_of_the_field(tmp_path: Path) -> None:
+def test_a_parameter_file_in_the_formats_of_other_tools(tmp_path: Path) -> None:
     path = tmp_path / "some.parm"
     path.write_text("# comment\nWPNAV_SPEED 700\n\nRTL_ALT,2500 # cm\n1\t1\tBATT_CAPACITY\t5000\t9\n")
     assert read_param_file(path) == {"WPNAV_SPEED": 700, "RTL_ALT": 2500, "BATT_CAPACITY": 5000}
     path.write_text("WPNAV_SPEED 700\nINS_ACC_ID 17\n")
     scenario, notes = make_scenario(FleetOptions(param_files=[path], params=["WPNAV_SPEED=800"]))
     assert scenario.vehicles[0].params == {"WPNAV_SPEED": 800}
-    assert notes == [f"{path}: 1 of 2 parameters are not simulated, left out"]
+    assert len(notes) == 1
+    assert f"{path}: 1 of 2 parameters" in notes[0]
 
 
 def test_a_bad_line_of_a_parameter_file_is_named(tmp_path: Path) -> None:
@@ -212,16 +213,16 @@ def test_options_on_top_of_a_scenario(tmp_path: Path) -> None:
     assert scenario.wind.speed_m_s == 4
     assert [fault.fault for fault in scenario.faults] == ["gps_loss", "packet_loss"]
     assert [vehicle.params for vehicle in scenario.vehicles] == [{"WPNAV_SPEED": 900}] * 2
-    with pytest.raises(OptionError, match="--count, --home: not with --scenario"):
+    with pytest.raises(OptionError, match=r"--count, --home: .* --scenario"):
         make_scenario(FleetOptions(scenario=path, count=3, home="1,2,3"))
 
 
-def test_a_fault_on_nobody() -> None:
-    with pytest.raises(OptionError, match="no vehicle has system id"):
+def test_a_fault_on_an_unknown_system_id_is_an_error() -> None:
+    with pytest.raises(OptionError, match=r"\[9\]"):
         make_scenario(FleetOptions(count=2, faults=["gps_loss:sysid=9"]))
 
 
-def test_the_heading_of_home_is_where_vehicles_face() -> None:
+def test_vehicles_face_the_heading_of_home() -> None:
     scenario, _ = make_scenario(FleetOptions(home="46,14.5,300,270", count=2))
     fleet = Fleet(scenario, ready_s=0.0)
     assert fleet.world.dynamics.heading_rad == pytest.approx([1.5 * math.pi] * 2)

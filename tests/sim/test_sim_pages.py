@@ -1,4 +1,4 @@
-"""The pages of the simulator say what is true: their examples run as printed, their lists are whole."""
+"""The simulator's documentation: its examples run, its lists are complete."""
 
 import dataclasses
 import inspect
@@ -16,7 +16,7 @@ from sim_vehicle.scenarios.checks import CHECKS, COMMON
 from sim_vehicle.scenarios.file import Home, Shorthand, parse_scenario
 from sim_vehicle.scenarios.plan import Circle, FenceShape, Jump, Land, Leg, Loiter, RawItem, Takeoff, Waypoint
 from sim_vehicle.scenarios.runner import Run
-from sim_vehicle.scenarios.steps import GoTo, RawCommand, Step
+from sim_vehicle.scenarios.steps import GoTo, RawCommand, ScriptStep
 from sim_vehicle.testing.rig import Clock, Vehicle, VehicleTruth, scenario_for
 from sim_vehicle.testing.served import Link
 
@@ -36,13 +36,13 @@ def test_every_fault_is_in_the_table() -> None:
 
 
 def named(text: str) -> set[str]:
-    """The words that stand in code on a page."""
+    """Return the words in code on a page."""
     spans = re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
     return set(re.findall(r"\w+", " ".join(spans)))
 
 
 @pytest.mark.interop
-def test_the_examples_for_pytest_pass_in_a_project_of_their_own(tmp_path: Path) -> None:
+def test_the_pytest_examples_pass_in_a_separate_project(tmp_path: Path) -> None:
     (tmp_path / "test_mine.py").write_text("\n\n".join(blocks("python", "testing")), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
@@ -54,16 +54,16 @@ def test_the_examples_for_pytest_pass_in_a_project_of_their_own(tmp_path: Path) 
 def test_the_scenarios_on_the_page_pass(text: str) -> None:
     lines: list[str] = []
     scenario = parse_scenario(text, "page.yaml", flown=True)
-    assert Run(scenario, said=lines.append).run().passed, lines
+    assert Run(scenario, on_failure=lines.append).run().passed, lines
 
 
 @pytest.mark.virtual
-def test_the_fault_of_the_first_scenario_is_seen_by_a_check() -> None:
+def test_a_check_of_the_first_scenario_detects_its_fault() -> None:
     scenario = parse_scenario(blocks("yaml", "scenarios")[0], "page.yaml").model_copy(update={"faults": ()})
     assert not Run(scenario).run().passed
 
 
-def test_every_check_is_on_the_page_as_it_is() -> None:
+def test_every_check_is_on_the_page_with_its_summary() -> None:
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (always|eventually|end) \| (.*) \|$", page("scenarios"), re.M)
     assert [(name, when, summary.replace("\\|", "|")) for name, _, when, summary in rows] == [
         (check.name, check.when, check.summary) for check in CHECKS.values()
@@ -76,7 +76,7 @@ def test_every_check_is_on_the_page_as_it_is() -> None:
 @pytest.mark.parametrize(
     "model",
     [Scenario, VehicleSpec, Area, Wind, Gps, Home, Shorthand, Leg, Waypoint, Takeoff, Loiter, Land, Jump,
-     RawItem, FenceShape, Circle, Step, GoTo, RawCommand],
+     RawItem, FenceShape, Circle, ScriptStep, GoTo, RawCommand],
     ids=lambda model: model.__name__,
 )  # fmt: skip
 def test_every_key_of_a_scenario_is_on_its_page(model: type[BaseModel]) -> None:
@@ -96,12 +96,12 @@ def test_every_attribute_of_a_fixture_is_on_the_page_and_has_its_help(kind: type
     assert [name for name in public if not inspect.getdoc(getattr(kind, name))] == []
 
 
-def test_what_else_the_fixtures_take_and_have_is_on_the_page() -> None:
+def test_every_argument_and_field_of_the_fixtures_is_on_the_page() -> None:
     words = named(page("testing"))
     keywords = set(inspect.signature(scenario_for).parameters) - {"seed"}
     truth = {field.name for field in dataclasses.fields(VehicleTruth)}
     assert keywords | truth | {"ready_s", "sysid", "index", "sim_seed"} <= words
-    assert set(Step.choices()) - {"heartbeat"} <= words
+    assert set(ScriptStep.choices()) - {"heartbeat"} <= words
 
 
 def test_the_readme_links_to_pages_that_exist() -> None:

@@ -232,7 +232,7 @@ class Peer:
 
 def _only_late(errors: str) -> bool:
     """A busy machine does not keep up with many times real time, and says so."""
-    return all("cannot keep up" in line for line in errors.splitlines())
+    return all("[too-slow]" in line for line in errors.splitlines())
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""A serial device that a test plugs in and pulls out."""
+"""A serial device that a test can plug in and pull out."""
 
 import os
 import tty
@@ -6,10 +6,9 @@ from pathlib import Path
 
 
 class SerialDevice:
-    """`name` is a link of the test's own to a pseudo-terminal.
+    """A pseudo-terminal behind the symbolic link `name`.
 
-    The terminal's number is free again once it is closed: who opens a device again when it is back would
-    open, by that number, whatever another test has just been given.
+    The number of a closed terminal may be reused by another test; a link of its own avoids a mix-up.
     """
 
     def __init__(self, name: Path) -> None:
@@ -17,14 +16,14 @@ class SerialDevice:
         self._ends: tuple[int, ...] = ()
 
     def plug_in(self) -> int:
-        """The end that is not the device's."""
-        ours, theirs = self._ends = os.openpty()
-        tty.setraw(ours)
-        tty.setraw(theirs)
-        self.name.symlink_to(os.ttyname(theirs))
-        return ours
+        """Connect a new terminal and return the test's end."""
+        own_end, device_end = self._ends = os.openpty()
+        tty.setraw(own_end)
+        tty.setraw(device_end)
+        self.name.symlink_to(os.ttyname(device_end))
+        return own_end
 
     def pull(self) -> None:
-        self.name.unlink()  # first: from then on nobody finds the number
+        self.name.unlink()  # before the close, so that the number is not found
         for end in self._ends:
             os.close(end)

@@ -1,5 +1,5 @@
-"""The flight as the vehicle itself records it, in its autopilot's own file format, kept in memory.
+"""Flight logs of the vehicle itself, in its autopilot's file format, kept in memory.
 
-`record` is the vocabulary, `recorder` keeps the logs of one vehicle within limits, `dataflash` writes
-ArduPilot's format and `ulog` PX4's. Nothing here knows a vehicle: what happens is told to the recorder.
+`record` has the types, `recorder` keeps the logs of one vehicle within limits, `dataflash` writes ArduPilot's
+format and `ulog` PX4's. The vehicle calls the recorder; this room imports no vehicle.
 """

@@ -1,4 +1,4 @@
-"""ArduPilot's DataFlash format (.BIN): messages that describe themselves, read by all its log tools."""
+"""ArduPilot's DataFlash format (.BIN): self-describing messages, readable by all its log tools."""
 
 import math
 import struct
@@ -10,7 +10,7 @@ from sim_vehicle.vehicle.mission import Item
 
 HEAD = b"\xa3\x95"
 GPS_EPOCH_UTC_S = 315_964_800
-LEAP_SECONDS = 18  # by which GPS time is ahead of UTC
+LEAP_SECONDS = 18  # lead of GPS time over UTC [s]
 WEEK_S = 604_800
 
 EVENT_ARMED, EVENT_DISARMED, EVENT_LANDED, EVENT_NOT_LANDED = 10, 11, 18, 28
@@ -89,7 +89,7 @@ _I32 = 2**31 - 1
 
 
 def _definitions() -> bytes:
-    """The formats, units and multipliers, which are the same in every log."""
+    """Return the formats, units and multipliers, equal in every log."""
     made = bytearray()
 
     def add(name: str, *values: Any) -> None:
@@ -189,7 +189,7 @@ class DataFlashLog:
         self._add("STRK", self._us(now), count, *over, *by)
 
     def end(self, now: float) -> None:
-        """Nothing closes a DataFlash log."""
+        """Do nothing: a DataFlash log has no end mark."""
 
 
 def _e7(degrees: float) -> int:

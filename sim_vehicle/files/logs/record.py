@@ -1,4 +1,4 @@
-"""What a flight log is told, whatever its format."""
+"""The input of a flight log, independent of its format."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from sim_vehicle.vehicle.mission import Item
 
 
 class LogWhen(Enum):
-    """When a vehicle records."""
+    """The times at which a vehicle records."""
 
     NEVER = auto()
     ARMED = auto()  # a log from each arming to the disarming
@@ -18,7 +18,7 @@ class LogWhen(Enum):
 
 
 class Failsafe(IntEnum):
-    """What failed; the numbers are ArduPilot's subsystems."""
+    """Kinds of failsafe; the numbers are ArduPilot's subsystems."""
 
     RADIO = 5
     BATTERY = 6
@@ -29,11 +29,11 @@ class Failsafe(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class LogFacts:
-    """What a log begins with."""
+    """The start of a log."""
 
-    utc_s: float  # UNIX time of the beginning
-    boot_s: float  # simulated time of the boot, from which the log counts
-    banner: tuple[str, ...]  # the autopilot's name and version first, as it tells ground stations
+    utc_s: float  # UNIX time of the start
+    boot_s: float  # simulated time of the boot, origin of the log's times
+    banner: tuple[str, ...]  # the autopilot's name and version first, as sent to ground stations
     flight_sw_version: int
     parameters: Mapping[str, float | int]
     defaults: Mapping[str, float | int]
@@ -42,7 +42,7 @@ class LogFacts:
 
 @dataclass(slots=True)
 class Sample:
-    """The state of the vehicle at one moment, as its estimator and sensors have it."""
+    """The state of the vehicle at one moment, from its estimator and sensors."""
 
     lat_deg: float
     lon_deg: float
@@ -71,7 +71,7 @@ class Sample:
 
 
 class FlightLog(Protocol):
-    """One log being written; `content` is the file so far, readable at any moment.
+    """One log being written; `content` is the file so far, always readable.
 
     Times `now` are simulated [s]; modes are custom_mode, severities MAV_SEVERITY.
     """

@@ -1,4 +1,4 @@
-"""The logs of one vehicle: begun and ended by flights, the oldest erased when there are too many."""
+"""The logs of one vehicle, one a flight; surplus logs are erased, oldest first."""
 
 import math
 from collections.abc import Callable
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.files.logs.record import FlightLog, LogFacts, Sample
 
-FLEET_BYTES = 256 << 20  # of the logs of all vehicles
+FLEET_BYTES = 256 << 20  # total size of the logs of all vehicles
 MOST_LOG_BYTES = 8 << 20
 MOST_LOGS, FEWEST_LOGS = 10, 2
 FULL_RATE_HZ = 10.0
-SAMPLE_BYTES = 258  # in the format that needs more
-FLIGHT_S = 600.0  # what has to fit into a log, at the cost of its rate
-RESERVE = 0.05  # of a log's size, kept for events when no more samples fit
+SAMPLE_BYTES = 258  # of the larger format
+FLIGHT_S = 600.0  # shortest flight that must fit into a log, at a reduced rate
+RESERVE = 0.05  # share of a log reserved for events after the last sample
 
 
 @dataclass(frozen=True, slots=True)
 class LogLimits:
-    """How much one vehicle records."""
+    """The limits of one vehicle's logs."""
 
     rate_hz: float = FULL_RATE_HZ
     log_bytes: int = MOST_LOG_BYTES
@@ -26,7 +26,7 @@ class LogLimits:
 
 
 def limits_for(fleet_size: int) -> LogLimits:
-    """Limits that keep the logs of a whole fleet within 256 MB: fewer, shorter, samples further apart."""
+    """Return limits for 256 MB of logs in the whole fleet: fewer, shorter logs at a lower rate."""
     share = FLEET_BYTES // max(fleet_size, 1)
     needed = int(FLIGHT_S * FULL_RATE_HZ * SAMPLE_BYTES / (1 - RESERVE))
     logs = min(max(share // needed, FEWEST_LOGS), MOST_LOGS)
@@ -36,7 +36,7 @@ def limits_for(fleet_size: int) -> LogLimits:
 
 @dataclass(slots=True, eq=False)
 class StoredLog:
-    """One log file; `number` counts from 1 since the last erasure, `utc_s` is when it was last written to."""
+    """One log file; `number` counts from 1 since the last erasure, `utc_s` is the time of the last write."""
 
     number: int
     begun_utc_s: float
@@ -45,12 +45,12 @@ class StoredLog:
 
 
 class FlightRecorder:
-    """Writes what happens into the current log while there is one.
+    """The recorder of one vehicle's flights.
 
     Parameters
     ----------
-    new_log: makes an empty log in the autopilot's format.
-    limits: how much is kept.
+    new_log: returns an empty log in the autopilot's format.
+    limits: the limits of the logs.
     """
 
     def __init__(self, new_log: Callable[[], FlightLog], limits: LogLimits) -> None:
@@ -64,7 +64,7 @@ class FlightRecorder:
 
     @property
     def enabled(self) -> bool:
-        """Whether there is room for any log."""
+        """True if the limits allow any log."""
         return self._limits.logs > 0
 
     @property
@@ -72,7 +72,7 @@ class FlightRecorder:
         return self._log is not None
 
     def begin(self, now: float, facts: LogFacts) -> None:
-        """A flight begins at `now` [s]; one that was being recorded ends."""
+        """Begin a log at `now` [s], and end the current one."""
         self.end(now)
         if not self.enabled:
             return
@@ -84,30 +84,30 @@ class FlightRecorder:
         self._log.begin(now, facts)
 
     def end(self, now: float) -> None:
-        """The flight is over."""
+        """End the current log."""
         if self._log is not None:
             self._log.end(now)
             self._touch(now)
         self._log, self._due_s = None, math.inf
 
     def erase(self) -> None:
-        """Erase all logs; one that is being written ends here."""
+        """Erase all logs, including the current one."""
         self._log, self._due_s = None, math.inf
         self.logs.clear()
         self._last_number = 0
 
     def remove(self, log: StoredLog) -> None:
-        """Erase one log; if it is being written it ends here."""
+        """Erase one log, which may be the current one."""
         if self._log is not None and log is self.logs[-1]:
             self._log, self._due_s = None, math.inf
         self.logs.remove(log)
 
     def due(self, now: float) -> bool:
-        """Whether a sample is wanted at `now` [s]; asked before one is made."""
+        """Return True if a sample is due at `now` [s]."""
         return now + EPSILON_S >= self._due_s
 
     def sample(self, now: float, sample: Sample) -> None:
-        """Record the state of the vehicle; too early, and it is dropped."""
+        """Record the state of the vehicle; ignore it before it is due."""
         log = self._log
         if log is None or now + EPSILON_S < self._due_s:
             return
@@ -120,7 +120,7 @@ class FlightRecorder:
         self.logs[-1].utc_s = self.logs[-1].begun_utc_s + now - self._begun_s
 
     def event(self, now: float) -> FlightLog | None:
-        """The log to tell an event at `now` [s], if one is being written and has room."""
+        """Return the current log for an event at `now` [s], or None without a log or room."""
         if self._log is None or len(self._log.content) >= self._limits.log_bytes:
             return None
         self._touch(now)

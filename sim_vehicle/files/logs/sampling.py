@@ -1,4 +1,4 @@
-"""The state of vehicles for their logs, taken from the fleet's columns for all that are due at once."""
+"""Samples for flight logs, taken from the fleet's columns for all due vehicles at once."""
 
 from typing import Any
 
@@ -13,9 +13,9 @@ FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def samples(v: View) -> list[Sample]:
-    """One sample for each of the vehicles that the view means, in their order.
+    """Return one sample for each vehicle of the view, in order.
 
-    Logs hold floats of 32 bits: what is larger is as large as they get.
+    Logs have 32-bit floats, so larger values are limited.
     """
     world, status, i = v.world, v.status, v.i
     gps, batteries, dynamics = world.gps, world.batteries, world.dynamics

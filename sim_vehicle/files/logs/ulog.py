@@ -1,6 +1,6 @@
-"""PX4's ULog format (.ulg): topics that describe themselves, parameters and texts, read by all its log tools.
+"""PX4's ULog format (.ulg): self-describing topics, parameters and texts, readable by all its log tools.
 
-Topics bear PX4's names and its names of fields; a topic has the fields that are simulated.
+Topics and fields have PX4's names; a topic has the simulated fields only.
 """
 
 import math
@@ -12,7 +12,7 @@ from sim_vehicle.files.logs.record import Failsafe, LogFacts, Sample
 from sim_vehicle.vehicle.mission import Item
 
 MAGIC = b"ULog\x01\x12\x35\x01"
-_HEAD = struct.Struct("<HB")  # size of what follows, type of message
+_HEAD = struct.Struct("<HB")  # size of the rest, type of message
 _ARMED, _DISARMED = 2, 1  # vehicle_status.arming_state
 
 _TYPES = {"uint64_t": "Q", "int32_t": "i", "uint32_t": "I", "uint16_t": "H", "int16_t": "h", "uint8_t": "B",
@@ -188,11 +188,11 @@ class UlogLog:
         self._add("strike", now, count, *over, *by)
 
     def end(self, now: float) -> None:
-        """Nothing closes a ULog file."""
+        """Do nothing: a ULog file has no end mark."""
 
 
 def _quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
-    """Rotation from body to north-east-down, (w, x, y, z)."""
+    """Return the rotation from body to north-east-down, (w, x, y, z)."""
     cr, sr = math.cos(roll_rad / 2), math.sin(roll_rad / 2)
     cp, sp = math.cos(pitch_rad / 2), math.sin(pitch_rad / 2)
     cy, sy = math.cos(yaw_rad / 2), math.sin(yaw_rad / 2)

@@ -1,20 +1,20 @@
-"""The checks of a scenario held against every step: what failed, when, and with which number."""
+"""The checks of a scenario during a run: failures, with their time and measured value."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.scenarios.checks import CHECKS, Found, View
+from sim_vehicle.scenarios.checks import CHECKS, Measured, RunView
 from sim_vehicle.scenarios.model import Scenario
 from sim_vehicle.scenarios.steps import CheckSpec
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
-    """One vehicle failed one check."""
+class CheckFailure:
+    """The failure of one check by one vehicle."""
 
-    check: str  # as the scenario has it
+    check: str  # as written in the scenario
     sysid: int
     link: int
     t_s: float
@@ -24,46 +24,46 @@ class Failure:
         return f"t={self.t_s:.2f} s, vehicle {self.sysid}: {self.check}: failed, found {self.found}"
 
 
-class Judge:
-    """One check, looked at on every step; each vehicle fails it once at most."""
+class RunningCheck:
+    """One check, evaluated at every step; each vehicle fails it at most once."""
 
     def __init__(self, spec: CheckSpec, scenario: Scenario) -> None:
         self.spec = spec
-        self.failures: list[Failure] = []
+        self.failures: list[CheckFailure] = []
         self._check = CHECKS[spec.name]
         self._vehicles = [(v.sysid, v.link) for v in scenario.vehicles]
         self._meant = np.array([spec.vehicles is None or v.sysid in spec.vehicles for v in scenario.vehicles])
-        self._open = self._meant.copy()  # not failed yet, or not fulfilled yet
+        self._open = self._meant.copy()  # vehicles that have not failed yet, or not fulfilled it yet
         self._closed = self._looked = False
         self._nearest_m = np.full(len(self._meant), np.inf)
         self._nearest_s = np.zeros(len(self._meant))
 
-    def settled(self, now: float) -> bool:
-        """Whether it needs no more time: what should come about has, what is to be watched has been."""
+    def is_settled(self, now: float) -> bool:
+        """Return True if more time cannot change the result."""
         if self.spec.when == "eventually":
             return self._closed or not self._open.any()
         return now >= (self.spec.until_s or self.spec.from_s)
 
     @property
-    def words(self) -> str:
-        """The check as one line."""
+    def description(self) -> str:
+        """Return the check in one line."""
         spec = self.spec
         value = spec.value
         argument = "" if value is None else f" {value:g}" if isinstance(value, float) else f" {value}"
-        words = [spec.name + argument]
+        description = [spec.name + argument]
         if spec.when != self._check.when:
-            words.append(spec.when)
+            description.append(spec.when)
         for name, time_s in (("from", spec.from_s or None), ("until", spec.until_s), ("by", spec.by_s)):
             if time_s is not None:
-                words.append(f"{name} {time_s:g} s")
+                description.append(f"{name} {time_s:g} s")
         if spec.vehicles is not None:
-            words.append(
+            description.append(
                 f"vehicle{'s' if len(spec.vehicles) > 1 else ''} {', '.join(map(str, spec.vehicles))}"
             )
-        return ", ".join(words)
+        return ", ".join(description)
 
-    def look(self, view: View) -> list[Failure]:
-        """The failures that this step adds."""
+    def observe(self, view: RunView) -> list[CheckFailure]:
+        """Evaluate the check at this step and return new failures."""
         spec = self.spec
         if self._closed or spec.when == "end" or view.now + EPSILON_S < spec.from_s:
             return []
@@ -79,32 +79,32 @@ class Judge:
             return self._close(view)
         return []
 
-    def end(self, view: View) -> list[Failure]:
-        """The failures that are only known when the run is over."""
+    def end(self, view: RunView) -> list[CheckFailure]:
+        """Return the failures that are known only at the end of the run."""
         if self._closed:
             return []
         if self.spec.when == "always":
-            # What nobody has looked at has not held: its time did not come, or fell between two steps.
-            unseen = ["nothing, it was never looked at"] * len(self._meant)
+            # A check without an evaluation fails: its time did not come, or fell between two steps.
+            unseen = ["nothing: it was never evaluated [not-evaluated]"] * len(self._meant)
             return [] if self._looked else self._fail(self._open.copy(), view, unseen)
         if self.spec.when == "end":
             holds, _ = self._check.function(view, self.spec.value)
             self._open &= ~holds
         return self._close(view)
 
-    def _close(self, view: View) -> list[Failure]:
+    def _close(self, view: RunView) -> list[CheckFailure]:
         self._closed = True
         _, found = self._check.function(view, self.spec.value)
         return self._fail(self._open.copy(), view, self._at_its_nearest(found))
 
-    def _note_nearest(self, view: View) -> None:
+    def _note_nearest(self, view: RunView) -> None:
         if self._check.away_m is not None:
             away_m = self._check.away_m(view)
             nearer = away_m < self._nearest_m
             self._nearest_m[nearer], self._nearest_s[nearer] = away_m[nearer], view.now
 
-    def _at_its_nearest(self, found: Found) -> Found:
-        """What helps of something that should have come about is how near it came, not where it ended."""
+    def _at_its_nearest(self, found: Measured) -> Measured:
+        """Report the smallest distance to an expected event instead of the final state."""
         if self.spec.when != "eventually":
             return found
         return [
@@ -114,15 +114,15 @@ class Judge:
             for i, away_m in enumerate(self._nearest_m)
         ]
 
-    def _fail(self, which: np.ndarray, view: View, found: Found) -> list[Failure]:
+    def _fail(self, which: np.ndarray, view: RunView, found: Measured) -> list[CheckFailure]:
         self._open &= ~which
         added = [
-            Failure(self.words, *self._vehicles[i], view.now, self._number(found, i))
+            CheckFailure(self.description, *self._vehicles[i], view.now, self._number(found, i))
             for i in np.flatnonzero(which).tolist()
         ]
         self.failures += added
         return added
 
-    def _number(self, found: Found, index: int) -> str:
+    def _number(self, found: Measured, index: int) -> str:
         value = found[index]
         return value if isinstance(value, str) else f"{float(value):.4g} {self._check.unit}".strip()

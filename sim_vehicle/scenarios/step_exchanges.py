@@ -1,39 +1,39 @@
-"""From one step of a script to the exchanges it takes with one vehicle, as its autopilot wants them."""
+"""The exchanges for each step of a script, as each autopilot needs them."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities import Personality, personality_of
 from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import PlanWriter, number
-from sim_vehicle.scenarios.steps import Step
+from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import (
     ChangeMode,
     Exchange,
     LongCommand,
-    Ready,
     Reposition,
     Send,
     SetParameter,
-    Upload,
+    UploadPlan,
+    WaitUntilReady,
 )
 from sim_vehicle.vehicle.behaviour import Behaviour
 
 NAN = float("nan")
-PATIENCE = 0.5  # of a step's time that may pass until the vehicle is ready to be armed
+PATIENCE = 0.5  # share of a step's time spent waiting for readiness
 
 
-class Recipes:
-    """What to say to one vehicle; `send` packs and sends a message to it."""
+class StepExchanges:
+    """Exchanges with one vehicle; `send` packs and sends a message to it."""
 
     def __init__(self, spec: VehicleSpec, send: Send) -> None:
         self._spec, self._send = spec, send
         self._personality: Personality = personality_of(spec.personality, spec.kind)
-        # The altitudes of PX4's commands are above mean sea level, whatever the frame.
+        # PX4's altitudes in commands are above mean sea level in every frame.
         self._amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
         self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
 
-    def exchanges(self, step: Step) -> list[Exchange]:
-        """In order; each begins when the one before has been accepted."""
+    def exchanges(self, step: ScriptStep) -> list[Exchange]:
+        """Return the exchanges of a step in order; each begins after the success of the previous one."""
         chosen = step.chosen
         if chosen == "fly_mission":
             return [self._mission(), *self._start(step.timeout_s)]
@@ -41,7 +41,7 @@ class Recipes:
             return [self._mission()]
         if chosen == "upload_fence":
             items = self._writer.fence(self._spec.fence)
-            return [Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_FENCE)]
+            return [UploadPlan(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_FENCE)]
         if chosen == "start_mission":
             return self._start(step.timeout_s)
         if step.takeoff is not None:
@@ -62,11 +62,11 @@ class Recipes:
         return [self._plain(step)]
 
     def mode_number(self, name: str) -> int:
-        """Of the first that the autopilot has of `RTL|Return`."""
+        """Return the number of the first mode in `RTL|Return` that the autopilot has."""
         numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.values()}
         return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
 
-    def _plain(self, step: Step) -> Exchange:
+    def _plain(self, step: ScriptStep) -> Exchange:
         if step.command is not None:
             return self._long(number("MAV_CMD_", step.command.command), *step.command.params)
         return {
@@ -81,7 +81,7 @@ class Recipes:
         return LongCommand(self._spec.sysid, self._send, command, params)
 
     def _mode(self, custom_mode: int) -> Exchange:
-        """A number with a main and a sub mode in its upper bytes goes as these, another as it is."""
+        """Set a mode; a number with main and sub mode in its upper bytes is sent as these two."""
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
         params = (custom, main, sub) if main else (custom, float(custom_mode))
@@ -93,17 +93,17 @@ class Recipes:
 
     def _mission(self) -> Exchange:
         items = self._writer.mission(self._spec.mission, home_first=self._personality.home_item)
-        return Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
+        return UploadPlan(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
 
     def _armed(self, timeout_s: float) -> list[Exchange]:
         arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        return [Ready(self._spec.sysid, self._send, PATIENCE * timeout_s), arm]
+        return [WaitUntilReady(self._spec.sysid, self._send, PATIENCE * timeout_s), arm]
 
     def _start(self, timeout_s: float) -> list[Exchange]:
         arm = self._armed(timeout_s)
         if self._personality.mode_of(Behaviour.MISSION).armable:
             return [self._behaving(Behaviour.MISSION), *arm]
-        # ArduCopter's AUTO cannot be armed, and takes off only when it is told to start.
+        # AUTO of ArduCopter cannot be armed in, and needs a start command to take off.
         return [self._behaving(Behaviour.GUIDED), *arm, self._long(mavlink.MAV_CMD_MISSION_START)]
 
     def _takeoff(self, height_m: float, timeout_s: float) -> list[Exchange]:
