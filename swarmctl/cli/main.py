@@ -49,7 +49,7 @@ cli = typer.Typer(
     name="swarmctl",
     cls=_LoadedByName,
     help="Fly a swarm of MAVLink vehicles across an area with unknown threats.\n\n"
-    "Start here: `swarmctl fly --config configs/swarm.yaml` flies five simulated copters; "
+    "Start here: `swarmctl fly --example swarm` flies five simulated copters; "
     "its run folder has a map, a summary and all logs. `swarmctl plan` shows first routes without a flight, "
     "`swarmctl check` lists the problems of a configuration.",
     no_args_is_help=True,
@@ -87,6 +87,7 @@ def _exit_code() -> int:
         return INTERRUPTED
     except Exception:  # noqa: BLE001 - the only place where a bug becomes an exit code
         traceback.print_exc()
-        err.print("swarmctl: this is a bug; please report it with the text above [bug]", style="bold red")
+        text = "swarmctl: this is a bug; please report it with the text above [bug]"
+        err.print(text, style="bold red", markup=False)
         return BUG
     return OK
