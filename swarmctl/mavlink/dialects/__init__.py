@@ -1,4 +1,8 @@
-"""Differences between autopilots: one module each, fitting `Dialect`. Pure."""
+"""Differences between autopilots: one module each, fitting `Dialect`. Pure.
+
+A new dialect is a module and a line in `_DIALECTS`. Its firmware has a name in `swarmctl.mavlink.firmware`,
+and a parameter table in `swarmctl.preflight.policy`.
+"""
 
 from __future__ import annotations
 
