@@ -7,6 +7,7 @@ from functools import partial
 import pytest
 from bench import Bench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scripted_copter import Script
 
 from swarmctl.mavlink.procedures.speed import set_speed
 
@@ -18,7 +19,7 @@ def sent(bench: Bench) -> list:
 
 
 def test_the_ground_speed_is_sent_once_and_a_refusal_is_reported():
-    bench = Bench().flying(plan(north=8))  # the scripted copter does not know the command
+    bench = Bench(Script(speeds=False)).flying(plan(north=8))
     assert bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure == "DO_CHANGE_SPEED: UNSUPPORTED"
     (message,) = sent(bench)
     assert (message.param1, message.param2, message.param3) == (mavlink.SPEED_TYPE_GROUNDSPEED, 6.5, -1.0)

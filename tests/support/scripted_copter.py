@@ -45,6 +45,8 @@ class Script:
     """None: it is built without them"""
     fences: bool = True
     """it is built with them: it answers MAV_CMD_DO_FENCE_ENABLE"""
+    speeds: bool = True
+    """whether it accepts MAV_CMD_DO_CHANGE_SPEED"""
 
 
 @dataclass
@@ -111,7 +113,7 @@ class Copter:
         params = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
         self.commands.append((m.command, params))
         do = {400: self.arm, 176: self.set_mode, 300: self.start, 224: self.set_current}.get(m.command)
-        if m.command == 178 or (m.command == 207 and self.script.fences):  # speed, fence
+        if (m.command == 178 and self.script.speeds) or (m.command == 207 and self.script.fences):
             do = lambda *_: 0  # noqa: E731
         if m.command == 511:
             self.streams[int(m.param1)] = m.param2 / 1e6
