@@ -111,7 +111,7 @@ def _insist(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str
     """Set a mode that the operator needs now, at once and several times; return the failure.
 
     Only the first command goes out without a new heartbeat. The procedure ends when a heartbeat shows a mode
-    that is neither the earlier one nor one of this program's own: somebody else has chosen it. A command that
+    that is neither the earlier one nor one of this program's own: another party has chosen it. A command that
     no operator has ordered always waits for a new heartbeat (`check_mode_first`).
     """
     dialect, failure = ctx.dialect, None

@@ -68,7 +68,7 @@ def swap(
     `leaves_ahead`: the new mission begins like the rest of the old one and leaves it farther on. The vehicle
     then flies it from the item ahead of it, and not at all if it has passed the splice point.
 
-    No command is sent once somebody else has chosen another mode. Hold mode counts as such, unless this
+    No command is sent once another party has chosen another mode. Hold mode counts as such, unless this
     program has set it (`from_hold`).
     """
     begin, stood_s = ctx.state, ctx.telemetry.stood_still_s

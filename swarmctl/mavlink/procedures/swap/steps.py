@@ -153,7 +153,7 @@ def end_in_hold(ctx: Context, plan: SwapPlan, failure: str) -> Procedure[Swapped
 
 def enter_hold(ctx: Context, plan: SwapPlan) -> Procedure[str | None]:
     """Set hold mode; return the failure. Raises NotInControl."""
-    # A vehicle that holds already was put there by somebody else, unless hold is one of the own modes.
+    # A vehicle that holds already was put there by another party, unless hold is one of the own modes.
     yield from confirm_state(ctx, in_modes(plan.own_modes, armed=True))
     plan.own_modes.add(ctx.dialect.hold_mode)
     failure = yield from set_mode(
