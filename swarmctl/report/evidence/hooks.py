@@ -17,7 +17,7 @@ from swarmctl.report.evidence.transfer import NewEntry
 
 
 class Evidence:
-    """Fits the front end's `Witness` and the runners' `Observer`; one a run."""
+    """Fits the front end's `EvidenceRecorder` and the runners' `Observer`; one a run."""
 
     def __init__(self, file: EvidenceFile, names: Mapping[int, str]) -> None:
         self._file = file
