@@ -1,8 +1,8 @@
 """Motion of the airframes: arrays over the whole fleet, one fixed time step, no Python per vehicle.
 
 `copter` and `plane` turn orders into velocities. This module has their common part: the effect of failures on
-orders, take-off, touchdown, and arrival at targets. The ground is flat at the altitude of each vehicle's
-start.
+orders, take-off, touchdown, and arrival at targets. The ground is flat; each vehicle's ground has the
+altitude of its start.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ CRASH_M_S = 5.0  # a harder contact breaks the airframe
 MOTOR_LOST_SINK_M_S = 8.0  # final sink rate of a copter with one lost motor
 PASSING_RADII = 3.0  # tolerance in waypoint radii for targets flown through at speed
 ALTITUDE_REACHED_M = 5.0  # altitude tolerance of a circling plane
-CIRCLE_REACHED_SHARE = 0.25  # share of the radius outside the circle that still counts
+CIRCLE_REACHED_SHARE = 0.25  # greatest distance outside the circle that counts as reached, in radii
 
 
 class Dynamics(Motion):
@@ -70,8 +70,8 @@ class Dynamics(Motion):
         """Restrict orders to the abilities of damaged airframes.
 
         A copter with an empty battery, or with two lost motors, falls. With one lost motor of four it gives
-        up its heading to stay level, and the opposite motor slows down. The other two do not carry the
-        weight, so the copter sinks ever faster; only from a few metres it lands without a crash.
+        up its heading to stay level, and the opposite motor slows down. The other two motors do not carry
+        the weight, so the copter sinks ever faster. It lands without a crash only from a few metres.
         """
         self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
         if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):

@@ -2,7 +2,7 @@
 
 The filter is linear, so its error does not depend on the motion: the error is propagated alone, and the
 estimate is the truth plus the error. A measurement that disagrees too much is rejected. If rejection lasts,
-the filter restarts from the measurement, as those of the autopilots do. Height comes from the barometer.
+the filter restarts from the measurement, as the autopilots' filters do. Height comes from the barometer.
 """
 
 import math
@@ -14,10 +14,10 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import DRIFT_TIME_S, Gps
 
 POSITION_GAIN, VELOCITY_GAIN = 0.05, 0.1  # per sample
-GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # accepted disagreement, and its growth without a sample
-RESET_AFTER_S = 7.0  # of rejection
-LOST_AFTER_S = 8.0
-ACCELERATION_BIAS_M_S2 = 0.03  # of the inertial sensor; effective without GPS
+GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # greatest accepted innovation, and its growth without a sample
+RESET_AFTER_S = 7.0  # time of rejection until the filter restarts
+LOST_AFTER_S = 8.0  # time without an accepted sample until the position is lost
+ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor; it acts without GPS only
 FASTEST_ERROR_M_S = 5.0
 
 
@@ -54,13 +54,13 @@ class Estimator:
     def correct(self, dt_s: float, gps: Gps, height_draws: Floats | None) -> None:
         """Process a GPS sample `dt_s` [s] after the last; height_draws (n,), None for an exact barometer."""
         innovation = gps.error[:2] - self._error[:2]
-        believed = np.hypot(innovation[0], innovation[1]) <= GATE_M + GATE_GROWTH_M_S * self.unaided_s
-        believed &= ~gps.lost
-        starts_anew = ~(gps.lost | believed) & (self.unaided_s >= RESET_AFTER_S)
-        self._error[:2] += innovation * np.where(starts_anew, 1.0, believed * POSITION_GAIN)
+        accepted = np.hypot(innovation[0], innovation[1]) <= GATE_M + GATE_GROWTH_M_S * self.unaided_s
+        accepted &= ~gps.lost
+        restarts = ~(gps.lost | accepted) & (self.unaided_s >= RESET_AFTER_S)
+        self._error[:2] += innovation * np.where(restarts, 1.0, accepted * POSITION_GAIN)
         difference = gps.velocity_error[:2] - self._velocity_error[:2]
-        self._velocity_error[:2] += difference * np.where(starts_anew, 1.0, believed * VELOCITY_GAIN)
-        self.unaided_s = np.where(believed | starts_anew, 0.0, self.unaided_s + dt_s)
+        self._velocity_error[:2] += difference * np.where(restarts, 1.0, accepted * VELOCITY_GAIN)
+        self.unaided_s = np.where(accepted | restarts, 0.0, self.unaided_s + dt_s)
         self._any_unaided = bool(np.count_nonzero(self.unaided_s))
         self.position_ok = self.unaided_s <= self.lost_after_s
         if height_draws is not None:

@@ -26,8 +26,7 @@ class Rally:
     ) -> Item | None:
         """Return the nearest rally point, or None for home.
 
-        Points farther away than `limit_m` do not count, and with `include_home` those farther than home
-        neither.
+        Only points within `limit_m` count. With `include_home`, only points nearer than home count.
         """
         if include_home:
             limit_m = min(limit_m, distance_m(here_deg, home_deg))

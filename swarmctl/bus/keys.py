@@ -1,24 +1,24 @@
 """The keys of the bus: `swarmctl/SWARM/<uav/TO | station>/ACT/KIND/FROM`.
 
-| key after `swarmctl/SWARM/` | from | to | how | payload |
+| key after `swarmctl/SWARM/` | from | to | Zenoh operation | payload |
 |---|---|---|---|---|
 | `uav/TO/inform/observation/FROM` | a UAV | a UAV in range | put | a frame: Observation |
 | `uav/TO/inform/state/FROM` | a UAV | a UAV in range | put | a frame: StateShared |
 | `uav/TO/inform/intent/FROM` | a UAV | a UAV in range | put | a frame: IntentShared |
 | `uav/TO/query-ref/snapshot/FROM` | a UAV | a UAV in range | put | a frame: SnapshotAsked |
-| `uav/TO/inform/snapshot/FROM` | a UAV that was asked | the UAV that asked | put | a frame: Snapshot |
+| `uav/TO/inform/snapshot/FROM` | the UAV with the snapshot | the requesting UAV | put | a frame: Snapshot |
 | `uav/TO/inform/relayed/FROM` | a UAV | a UAV in range | put | a frame: Relayed |
 | `station/inform/state/FROM` | a UAV | ground stations | put | a frame: StateShared |
-| `uav/TO/request/weights/operator` | an operator | the UAV's agent | asked | SetWeights; OperatorAnswer |
-| `uav/TO/request/order/operator` | an operator | the UAV's agent | asked | GiveOrder; OperatorAnswer |
-| `station/request/weights/operator` | an operator | `swarmctl fly` | asked | SetWeights; OperatorAnswer |
-| `station/request/order/operator` | an operator | `swarmctl fly` | asked | GiveOrder; OperatorAnswer |
-| `node/ID`, `node/ID/missed` | – | a mesh's node | – | never put: a subscription shows a node's presence |
-| `uav/TO/inform/look/sensor` | a payload, or a person | the UAV's agent | put or asked | JSON |
+| `uav/TO/request/weights/operator` | operator | the UAV's agent | query | SetWeights; reply: OperatorAnswer |
+| `uav/TO/request/order/operator` | operator | the UAV's agent | query | GiveOrder; reply: OperatorAnswer |
+| `station/request/weights/operator` | operator | `swarmctl fly` | query | SetWeights; reply: OperatorAnswer |
+| `station/request/order/operator` | operator | `swarmctl fly` | query | GiveOrder; reply: OperatorAnswer |
+| `node/ID`, `node/ID/missed` | – | a mesh's node | subscribe | none: the subscription shows presence |
+| `uav/TO/inform/look/sensor` | a payload, or a person | the UAV's agent | put or query | JSON |
 
-ACT is one of FIPA's communicative acts. SWARM is the configuration's name, TO and FROM are system ids. A UAV
-subscribes to the keys with its own TO, and puts only keys that end in its own system id. Checkpoints are sent
-inside of Snapshot and Relayed, never under a key of their own.
+ACT is one of FIPA's communicative acts. SWARM is the configuration's name; TO and FROM are system ids. A UAV
+subscribes to the keys with its own TO, and puts only keys that end in its own system id. Checkpoints travel
+inside Snapshot and Relayed, never under a key of their own.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from typing import Literal
 
 ROOT = "swarmctl"
 SWARM_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"
-"""valid names of a swarm: one part of a key without wildcards, and a file's name that is not hidden"""
+"""pattern of a swarm's name: valid as one part of a key, without wildcards, and as the name of a file"""
 MAX_LENGTH = 200
-"""characters of a key; all keys of the table are shorter"""
+"""greatest length of a key [characters]; all keys of the table are shorter"""
 MAX_DIGITS = 3
-"""of a system id"""
-Kind = Literal["weights", "order"]
+"""greatest number of digits of a system id"""
+RequestKind = Literal["weights", "order"]
 """kind of an operator's request"""
-KINDS: tuple[Kind, ...] = ("weights", "order")
+REQUEST_KINDS: tuple[RequestKind, ...] = ("weights", "order")
 
 
 @lru_cache(maxsize=65_536)
@@ -59,8 +59,8 @@ def station(swarm: str) -> str:
     return f"{ROOT}/{swarm}/station/inform/**"
 
 
-def request(swarm: str, kind: Kind, uav: int | None = None) -> str:
-    """Return the key of an operator's requests to one UAV's agent; None: to the process with all agents."""
+def request(swarm: str, kind: RequestKind, uav: int | None = None) -> str:
+    """Return the key of an operator's requests to the agent of `uav`; None: to the process of all agents."""
     receiver = "station" if uav is None else f"uav/{uav}"
     return f"{ROOT}/{swarm}/{receiver}/request/{kind}/operator"
 
@@ -71,10 +71,10 @@ def sensor_report(swarm: str, uav: int | Literal["*"]) -> str:
 
 
 def sender_of(key: str) -> tuple[int, str] | None:
-    """Return (sender, act) of the key of a UAV's message; None if the key names no UAV.
+    """Return (sender, act) of the key of a UAV's message; None for any other key.
 
-    A put on a wildcard key reaches every inbox and passes a router's deny rules, so such a key names no UAV.
-    Other processes choose the key, so the result is not cached.
+    A key with wildcards returns None: a put on it would reach every inbox and pass a router's deny rules.
+    The result is not cached, because other processes choose the key.
     """
     if len(key) > MAX_LENGTH or is_wild(key):
         return None

@@ -1,9 +1,9 @@
 """Operator service: receives commands from the bus and returns the agents' answers.
 
-A command from a network moves aircraft. So the service refuses as a whole whatever is not a valid command
-for its vehicles, counts and shows it. The operator gets an answer for each vehicle. The rate limit fits
-commands by hand, and only commands with a valid seal use it up. New weights cost a plan: an agent gets new
-ones only after it has handled the last.
+A command from a network moves aircraft. So the service executes a command completely or refuses it, and
+counts and shows each refusal. The operator gets an answer for each vehicle. The rate limit fits commands
+typed by hand; only commands with a valid signature count. New weights cost a plan, so an agent gets new
+weights only after it has handled the previous ones.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from swarmctl.core.messages import (
 from swarmctl.core.texts import printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
-"""An agent in a long search answers after it."""
+"""Longest wait for the agents' answers [s]; an agent in a long search may answer later."""
 MAX_REASON_CHARS = 400
 PER_S = 4.0
 BURST = 8
-"""Limits on commands with a valid seal, accepted or refused: at once, and a second in the long run."""
-OPENED_PER_S = 200.0
-"""Limit on seal checks; a signature takes 0.1 to 0.3 ms. More is neither checked nor answered."""
-OPENED_BURST = 100
+"""Limits on commands with a valid signature, accepted or refused: PER_S a second, BURST at once."""
+CHECKED_PER_S = 200.0
+"""Limit on signature checks; a check takes 0.1 to 0.3 ms. Further commands get no check and no answer."""
+CHECKED_BURST = 100
 SHOWN_PER_S, SHOWN_BURST = 0.1, 4
-"""limits on messages about invalid seals"""
+"""limits on messages about invalid signatures"""
 TOO_FAST = encode(
     OperatorAnswer(
         refused=f"more than {PER_S:g} commands a second; nothing was changed, repeat the command later "
         "[commands-too-fast]"
     )
 )
-KINDS: dict[type[Request], keys.Kind] = {SetWeights: "weights", GiveOrder: "order"}
-"""key of each command"""
+KINDS: dict[type[Request], keys.RequestKind] = {SetWeights: "weights", GiveOrder: "order"}
+"""kind of each command, for its key"""
 BUSY = (
     "has not handled its previous weights yet; nothing was changed, repeat the command later [vehicle-busy]"
 )
@@ -64,7 +64,7 @@ class CommandCounts:
 
 @dataclass(slots=True)
 class _PendingCommand:
-    """A command that the agents have not all answered."""
+    """A command that some agents have not answered yet."""
 
     uavs: list[int]
     reply: Reply
@@ -73,11 +73,11 @@ class _PendingCommand:
 
 @dataclass(slots=True)
 class _RateLimit:
-    """A limit on commands, and whether it was reported."""
+    """A limit on commands, and the state of its report."""
 
     bucket: TokenBucket = field(default_factory=lambda: TokenBucket(PER_S, BURST))
     is_reported: bool = False
-    """since the last pause"""
+    """True if an excess was reported since the last pause"""
 
 
 AgentCommand = ev.WeightsChanged | ev.OperatorCommand
@@ -95,25 +95,25 @@ def no_delays(_uavs: Sequence[int]) -> Mapping[int, float]:
     return {}
 
 
-class CommandSeal(Protocol):
+class CommandSigning(Protocol):
     """Authenticates commands and signs their answers."""
 
-    def open(self, key: str, payload: bytes) -> bytes:
+    def verify_command(self, key: str, payload: bytes) -> bytes:
         """Return the command in a payload under `key`. Raises BadMessage if the sender is not authorised."""
 
-    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
+    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
         """Return the signed answer to a payload."""
 
 
-class _NoSeal:
-    def open(self, _key: str, payload: bytes) -> bytes:
+class _Unsigned:
+    def verify_command(self, _key: str, payload: bytes) -> bytes:
         return payload
 
-    def close(self, _key: str, _payload: bytes, answer: bytes) -> bytes:
+    def sign_answer(self, _key: str, _payload: bytes, answer: bytes) -> bytes:
         return answer
 
 
-NO_SEAL: CommandSeal = _NoSeal()
+UNSIGNED: CommandSigning = _Unsigned()
 """Accepts every sender."""
 
 
@@ -133,28 +133,28 @@ class OperatorService:
         uav: int | None = None,
         refusal: RefusalCheck = accept_all,
         delays: ReturnDelays = no_delays,
-        seal: CommandSeal = NO_SEAL,
+        signing: CommandSigning = UNSIGNED,
     ) -> None:
         self._counts = counts
-        self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.KINDS}
+        self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.REQUEST_KINDS}
         self._refusal = refusal
         self._return_delays = delays
-        self._command_seal = seal
+        self._signing = signing
         self._say = say
         self._agents: dict[int, tuple[str, Callable[[AgentCommand], None]]] = {}
         self._open: dict[int, _PendingCommand] = {}
         self._busy: dict[int, int] = {}
-        """vehicle -> number of the weights it has not handled yet, even after the answer's time-out"""
+        """vehicle -> number of the command with weights that the vehicle has not handled yet"""
         # One limit a key: a flood of weights must not block an order to hold.
         self._limits = {key: _RateLimit() for key in self._keys}
         self._wildcard_limit = _RateLimit()
-        self._seal_checks = {key: TokenBucket(OPENED_PER_S, OPENED_BURST) for key in self._keys}
+        self._signature_checks = {key: TokenBucket(CHECKED_PER_S, CHECKED_BURST) for key in self._keys}
         self._shown_invalid = TokenBucket(SHOWN_PER_S, SHOWN_BURST)
         for key in self._keys:
             transport.serve(key, self._receive)
 
     def join(self, uav: int, name: str, post: Callable[[AgentCommand], None]) -> None:
-        """Add an agent. `post` passes it an event, which it answers with an effect."""
+        """Add an agent. `post` passes an event to the agent; the agent's effect is the answer."""
         self._agents[uav] = (name, post)
 
     def answered(self, command: int, answer: VehicleAnswer) -> None:
@@ -173,38 +173,38 @@ class OperatorService:
         if key not in self._keys:
             # A wildcard addresses many swarms at once.
             if self._is_within_rate(self._wildcard_limit, now_s):
-                self._refuse(f"key {key}, expected {' or '.join(self._keys)}", None)
+                self._refuse(f"the key is {key}, expected {' or '.join(self._keys)}", None)
             return
-        if not self._seal_checks[key].try_take(now_s):
+        if not self._signature_checks[key].try_take(now_s):
             self._counts.refused += 1
             return
-        reply = self._sealed(key, payload, reply)
+        reply = self._signed_reply(key, payload, reply)
         try:
-            opened = self._open_seal(key, payload)
+            verified = self._verified(key, payload)
         except BadMessage as error:
             self._refuse(str(error), reply, is_shown=self._shown_invalid.try_take(now_s))
             return
-        # After the seal: other senders must not use up the operator's rate.
+        # After the signature check: other senders must not use up the operator's rate.
         if self._is_within_rate(self._limits[key], now_s):
-            self._execute(key, opened, reply)
+            self._execute(key, verified, reply)
         else:
             reply(TOO_FAST)
 
-    def _sealed(self, key: str, payload: bytes | None, reply: Reply) -> Reply:
+    def _signed_reply(self, key: str, payload: bytes | None, reply: Reply) -> Reply:
         """Return a reply that signs the answer to this payload."""
         if payload is None:
             return reply
-        return lambda answer: reply(self._command_seal.close(key, payload, answer))
+        return lambda answer: reply(self._signing.sign_answer(key, payload, answer))
 
-    def _open_seal(self, key: str, payload: bytes | None) -> bytes:
+    def _verified(self, key: str, payload: bytes | None) -> bytes:
         """Return the command in a payload. Raises BadMessage."""
         if payload is None:
-            raise BadMessage(f"a payload above the limit of {MAX_QUESTION_BYTES} bytes")
-        return self._command_seal.open(key, payload)
+            raise BadMessage(f"the payload is above the limit of {MAX_QUESTION_BYTES} bytes")
+        return self._signing.verify_command(key, payload)
 
-    def _execute(self, key: str, opened: bytes, reply: Reply) -> None:
+    def _execute(self, key: str, verified: bytes, reply: Reply) -> None:
         try:
-            command = self._command(key, opened)
+            command = self._command(key, verified)
             uavs = self._vehicles(command)
             ignored = self._ignored_vehicles(command)
         except (BadMessage, ValueError) as error:
@@ -215,14 +215,14 @@ class OperatorService:
         if len(busy) < len(uavs):
             self._pass_on(command, uavs, ignored, busy, reply)
         else:
-            self._refuse(f"each vehicle named {BUSY}", reply)
+            self._refuse(f"each vehicle of the command {BUSY}", reply)
 
-    def _command(self, key: str, opened: bytes) -> Request:
+    def _command(self, key: str, verified: bytes) -> Request:
         """Decode a command. Raises BadMessage."""
-        command = decode_command(opened)
+        command = decode_command(verified)
         kind = KINDS[type(command)]
         if kind != self._keys[key]:
-            raise BadMessage(f"a command of kind {kind} under the key {key}")
+            raise BadMessage(f"the command is of kind {kind}, but came under the key {key}")
         if why := self._refusal(command):
             raise BadMessage(why)
         return command
@@ -244,7 +244,7 @@ class OperatorService:
             self._agents[uav][1](_event(number, command, delays.get(uav, 0.0), ignored))
 
     def _vehicles(self, command: Request) -> list[int]:
-        """Return the vehicles in the swarm's order. Raises ValueError for one outside of this swarm."""
+        """Return the command's vehicles in the swarm's order. Raises ValueError for an unknown vehicle."""
         if command.uavs is None:
             return list(self._agents)
         try:
@@ -253,9 +253,9 @@ class OperatorService:
             raise ValueError(f"nothing was changed: {error}") from None
 
     def _ignored_vehicles(self, command: Request) -> tuple[int, ...]:
-        """Return the system ids of the vehicles that a launch ignores.
+        """Return the system ids of the vehicles that a launch ignores. Raises ValueError for an unknown name.
 
-        Raises ValueError for an unknown name; all names are known only if one process flies the whole swarm.
+        This service knows all names only if one process flies the whole swarm.
         """
         words = command.ignore if isinstance(command, GiveOrder) else ()
         ids = tuple(word for word in words if isinstance(word, int))
@@ -267,7 +267,7 @@ class OperatorService:
             raise ValueError(f"nothing was changed: {error}") from None
 
     def _is_within_rate(self, limit: _RateLimit, now_s: float) -> bool:
-        """Return whether a command is within the limit; report the first one above it since a pause."""
+        """Return whether a command is within the limit; report the first excess after each pause."""
         if limit.bucket.is_full(now_s):
             limit.is_reported = False
         if limit.bucket.try_take(now_s):
@@ -275,8 +275,8 @@ class OperatorService:
         self._counts.refused += 1
         if not limit.is_reported:
             self._say(
-                f"more than {PER_S:g} operators' commands a second: those above the limit are refused "
-                "[commands-too-fast]"
+                f"operators send more than {PER_S:g} commands a second; the commands above this limit are "
+                "refused [commands-too-fast]"
             )
         limit.is_reported = True
         return False
@@ -298,7 +298,7 @@ class OperatorService:
 
     def _refuse(self, why: str, reply: Reply | None, *, is_shown: bool = True) -> None:
         self._counts.refused += 1
-        # It may quote the sender, and goes to a terminal.
+        # The text may quote the sender, and goes to a terminal.
         why = printable(why[:MAX_REASON_CHARS])
         if is_shown:
             self._say(f"an operator's command was refused ({self._counts.refused} so far): {why}")

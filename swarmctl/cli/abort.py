@@ -28,7 +28,7 @@ from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAn
 from swarmctl.core.texts import resolve_vehicles
 from swarmctl.report.answers import order_line
 from swarmctl.station import client, recall
-from swarmctl.station.client import Seals, Station
+from swarmctl.station.client import CommandSigning, Station
 
 
 class Manoeuvre(StrEnum):
@@ -75,7 +75,11 @@ def abort(
 
 
 async def send_to_valid_names(
-    send: SendCommand, station: Station, command: Request, credentials: Credentials | None, seals: Seals
+    send: SendCommand,
+    station: Station,
+    command: Request,
+    credentials: Credentials | None,
+    signing: CommandSigning,
 ) -> OperatorAnswer:
     """Send a command to all vehicles with valid names; unknown names become refused answers.
 
@@ -86,13 +90,15 @@ async def send_to_valid_names(
         wrong = {word: why for word in words if (why := _name_problem(word, station.agents))}
         good = tuple(word for word in words if word not in wrong)
         if not wrong or not good:
-            return await send(station, command, credentials, seals)
-        answer = await send(station, _addressed(command, good), credentials, seals)
+            return await send(station, command, credentials, signing)
+        answer = await send(station, _addressed(command, good), credentials, signing)
         return _with_refused(answer, wrong)
-    answer = await send(station, command, credentials, seals)
+    answer = await send(station, command, credentials, signing)
     if not answer.refused or len(words) < 2:
         return answer
-    answers = {word: await send(station, _addressed(command, (word,)), credentials, seals) for word in words}
+    answers = {
+        word: await send(station, _addressed(command, (word,)), credentials, signing) for word in words
+    }
     vehicles = tuple(vehicle for each in answers.values() for vehicle in each.vehicles)
     wrong = {
         word: each.refused.removeprefix("nothing was changed: ")

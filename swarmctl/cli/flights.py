@@ -29,14 +29,14 @@ from swarmctl.report.outcome import Report
 from swarmctl.report.terminal import LiveTable, PlainLines, Terminal
 
 RealOption = Annotated[
-    bool, typer.Option("--real", help="Allow arming vehicles that the built-in simulator does not play.")
+    bool, typer.Option("--real", help="Allow arming vehicles outside the built-in simulator.")
 ]
 ForwardOption = Annotated[
     list[str] | None,
     typer.Option(
         "--forward",
         metavar="MAVLINK_URL",
-        help="Send a copy of all traffic of the vehicles there, for QGroundControl or Mission Planner, such "
+        help="Send a copy of the vehicles' traffic to this URL, for QGroundControl or Mission Planner, such "
         "as udpout:127.0.0.1:14550; repeatable.",
     ),
 ]
@@ -47,17 +47,19 @@ WaiveOption = Annotated[
     typer.Option(
         "--waive",
         metavar="CHECK[:VEHICLE]",
-        help="Accept a failed preflight check; it is shown and recorded in summary.json; repeatable.",
+        help="Accept a failed preflight check. Tables and summary.json show the waiver; repeatable.",
     ),
 ]
 T = TypeVar("T")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-LATE_INTERRUPT = b"the flight is over and its files are being written; Ctrl-C again exits without them\n"
+LATE_INTERRUPT = (
+    b"the flight is over and its files are being written; press Ctrl-C again to exit without them\n"
+)
 STDERR = 2
 
 
 def parse_waivers_or_exit(texts: list[str] | None, scenario: Scenario) -> tuple[Waiver, ...]:
-    """Return the waivers of the options; exit if one is not allowed."""
+    """Return the waivers of the options; exit if a waiver is not allowed."""
     try:
         return parse_waivers(texts or (), [spec.name for spec in scenario.specs])
     except ValueError as error:
@@ -77,7 +79,7 @@ class _TimedTable(LiveTable):
 
 
 def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
-    """Return the display; `with_time`: each permanent line has the wall clock's time."""
+    """Return the display; with `with_time`, each permanent line begins with the wall clock's time."""
     if out.is_terminal:
         return (_TimedTable if with_time else LiveTable)(out, verbose=verbose)
     return (_TimedLines if with_time else PlainLines)(out, verbose=verbose)
@@ -126,11 +128,13 @@ def _print_results(report: Report, folder: Path) -> None:
             out.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
     if report.ended != "ended" or not report.all_arrived:
         if report.ended == "abandoned":
-            out.print("ended at once, without waiting for the vehicles:", style="yellow", highlight=False)
+            out.print(
+                "the flight ended at once, without waiting for the vehicles:", style="yellow", highlight=False
+            )
         for text in report.final_states:
             out.print(text, highlight=False, markup=False, soft_wrap=True)
     if report.ended == "failed":
-        out.print("no flight was completed; see above", highlight=False)
+        out.print("no flight was completed; see the reasons above", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
         if recalled := companion.ended_by_operator(report):
@@ -143,7 +147,7 @@ def _print_results(report: Report, folder: Path) -> None:
 
 
 def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
-    """Write a run's files; return the problem, empty if there is none."""
+    """Write a run's files; return the problem as text, empty without a problem."""
     try:
         if report.states:
             outputs.write_run(folder, scenario, report)
@@ -153,13 +157,19 @@ def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
 
 
 def confirm_real(scenario: Scenario, confirm: str) -> frozenset[str]:
-    """Return the names of all real vehicles, after the operator has typed them; exit without."""
+    """Return the names of all real vehicles, after the operator has typed them; else exit."""
     names = [spec.name for spec in scenario.specs if not spec.simulated]
     if not names:
         fail(["--real: every vehicle of this configuration is simulated; remove --real"], USAGE)
     if not confirm:
         if not sys.stdin.isatty():
-            fail([f"--real needs a terminal for the confirmation, or --confirm {','.join(names)}"], USAGE)
+            fail(
+                [
+                    "--real asks for a confirmation on a terminal; without a terminal add --confirm "
+                    f"{','.join(names)}"
+                ],
+                USAGE,
+            )
         for spec in scenario.specs:
             if not spec.simulated:
                 out.print(f"  {spec.name}: system {spec.sysid} at {spec.url}", highlight=False)
@@ -189,15 +199,15 @@ def arming_permission(allowed: frozenset[str]) -> Permission:
 def _refusal(member: Member) -> str:
     found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
     return (
-        f"{member.name}: {found} at {member.spec.url} is not played by the built-in simulator, so it is not "
-        "armed; to fly it, give --real and type the vehicles' names [real-not-confirmed]"
+        f"{member.name}: {found} at {member.spec.url} is not a vehicle of the built-in simulator, so it is "
+        "not armed; to fly it, give --real and type the vehicles' names [real-not-confirmed]"
     )
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """An event loop that keeps a handler for a signal after the flight has removed its own.
+    """An event loop with a signal handler for the time after the flight has removed its own handlers.
 
-    asyncio would restore a handler that ends the process at once.
+    asyncio would restore handlers that end the process at once.
     """
 
     def __init__(self, on_late_signal: Callable[[int, FrameType | None], None]) -> None:

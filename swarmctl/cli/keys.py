@@ -35,8 +35,8 @@ def keys(
         typer.Option(
             "--host",
             metavar="NAME=HOST",
-            help="A participant's host (router, or a vehicle of a mesh) besides the endpoints of the "
-            "configuration; repeatable.",
+            help="A further host name or address of a participant (the router, or a vehicle of a mesh), in "
+            "addition to the endpoints of the configuration; repeatable.",
         ),
     ] = None,
 ) -> None:
@@ -54,17 +54,17 @@ def keys(
         fail([str(error)], EXPECTED)
     out.print(_table(made, participants))
     say(_what_to_copy(made))
-    say(f"Keep {out_folder / AUTHORITY} here and secret: its key makes new participants.")
+    say(f"Keep {out_folder / AUTHORITY} on this machine and secret: its key can certify new participants.")
 
 
 def _what_to_copy(made: list[ParticipantFolder]) -> str:
     new = [str(one.folder) for one in made if one.is_new or one.is_changed]
     if not new:
         return "No folder has changed; the machines need no new copies."
-    where = "to its machine, into the folder of communication.keys there"
+    where = "to its machine, into the folder that communication.keys names there"
     if all(one.is_new for one in made):
         return f"Copy each folder {where}."
-    refusing = "A machine without a new key refuses the messages of its owner."
+    refusing = "A machine with an old copy refuses the messages of participants with new keys."
     return f"Copy these folders again, each {where}: {', '.join(new)}. {refusing}"
 
 

@@ -53,7 +53,7 @@ ConnectOption = Annotated[
     ),
 ]
 SendCommand = Callable[
-    [Station, Request, Credentials | None, client.Seals], Coroutine[Any, Any, OperatorAnswer]
+    [Station, Request, Credentials | None, client.CommandSigning], Coroutine[Any, Any, OperatorAnswer]
 ]
 
 
@@ -70,8 +70,8 @@ def send_and_exit(
         request = command()
         station, keyring = _find_station(swarm, config, connect)
         credentials = joining.certified(station.endpoint, keyring)
-        seals = client.UNSEALED if keyring is None else Seals(station.swarm, keyring)
-        answer = asyncio.run(send(station, request, credentials, seals))
+        signing = client.UNSIGNED if keyring is None else KeyringSigning(station.swarm, keyring)
+        answer = asyncio.run(send(station, request, credentials, signing))
     except KeyringError as error:
         fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
     except (BusError, client.NoAnswer) as error:
@@ -82,17 +82,17 @@ def send_and_exit(
 
 
 @dataclass(frozen=True, slots=True)
-class Seals:
+class KeyringSigning:
     """Signs the operator's commands, and checks the signatures of the vehicles' answers."""
 
     swarm: str
     keyring: Keyring
 
-    def close(self, key: str, command: bytes) -> bytes:
-        return requests.seal(self.swarm, key, command, time.time(), self.keyring.signer.sign)
+    def sign_command(self, key: str, command: bytes) -> bytes:
+        return requests.sign_command(self.swarm, key, command, time.time(), self.keyring.signer.sign)
 
-    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
-        return requests.open_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
+    def verify_answer(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+        return requests.verify_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
 
 
 def find_station(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:

@@ -1,4 +1,4 @@
-"""`swarmctl order`: launch, hold, return or land vehicles, above all those flown by `swarmctl agent`."""
+"""`swarmctl order`: launch, hold, return or land vehicles, mainly those flown by `swarmctl agent`."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def order(
         typer.Option(
             "--ignore",
             metavar="NAME",
-            help="Launch although the route conflicts with this vehicle's (name or system id); repeatable. "
-            "Collision avoidance in flight still applies to it.",
+            help="Launch although the route conflicts with the flight of this vehicle (name or system id); "
+            "repeatable. Collision avoidance in flight still covers that vehicle.",
             show_default=False,
         ),
     ] = None,
@@ -45,10 +45,10 @@ def order(
 ) -> None:
     """Order vehicles flown by `swarmctl agent` to launch, hold, return or land.
 
-    Also reaches vehicles of a running `swarmctl fly`, which launches real vehicles only by itself.
-    On the ground, hold, return and land keep a vehicle there until an order to launch. In flight, each of
-    them ends its route for good. A launch waits on the ground while another vehicle conflicts with the
-    route, for 3 min at most. Then the order ends, and it may be given again.
+    The order also reaches vehicles of a running `swarmctl fly`, but `fly` launches real vehicles only by
+    itself. On the ground, hold, return and land keep a vehicle there until an order to launch. In flight,
+    hold, return and land end the vehicle's route permanently. A launch waits on the ground for 3 min at
+    most while another vehicle conflicts with the route. After that the order expires; give it again.
     """
     send_and_exit(
         lambda: GiveOrder(

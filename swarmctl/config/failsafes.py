@@ -25,10 +25,10 @@ class Rules(Section):
         description="Fence ahead: a vehicle off its route holds before the fence. Outside it returns.",
     )
     not_following: NotFollowing | None = Field(
-        NotFollowing(), description="Vehicle in its mission mode that does not follow the mission."
+        NotFollowing(), description="Not following: a vehicle in its mission mode does not fly the mission."
     )
     gps_loss: GpsLoss | None = Field(
-        GpsLoss(), description="Loss of the GPS fix: the program reports it, and lands the vehicle later."
+        GpsLoss(), description="Loss of the GPS fix: the program warns first, and lands the vehicle later."
     )
 
 

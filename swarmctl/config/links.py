@@ -30,7 +30,7 @@ class Links(Section):
         None,
         description="File with the MAVLink signing key of the vehicles, relative to the folder of the "
         "command: 64 hexadecimal digits, base64 as in Mission Planner, or `passphrase: WORDS`. Messages "
-        "without its signature are refused. Default: no signing.",
+        "not signed with this key are refused. Default: no signing.",
     )
     signing_link_id: int = Field(
         0,
@@ -49,7 +49,7 @@ class Links(Section):
     stop_other_streams: bool = Field(
         False,
         description="Stop the messages that this program does not read (attitude, …), until the vehicle "
-        "boots again. A program that watches the link misses them.",
+        "boots again. Other programs on the link do not receive these messages either.",
     )
     forward_commands: bool = Field(
         False,

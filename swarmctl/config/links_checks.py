@@ -11,25 +11,29 @@ from swarmctl.links.url import parse_url
 
 
 def check_links(config: Config) -> Iterator[ConfigProblem]:
-    """Yield unusable signing keys, and places where forwarding is impossible or unsafe."""
-    # The built-in simulator never has the key: in `scenario.json` it would lie in the run folder, and over
-    # the link it would go in clear. A simulator started by hand with the key is a vehicle with a URL.
+    """Yield unusable signing keys, and URLs to which forwarding is impossible or unsafe."""
+    # The built-in simulator never has the key: its `scenario.json` in the run folder would show the key, and
+    # so would a message on the link that sets it. A simulator started by hand with the key has a URL.
     if config.links.signing_key is not None and config.simulate is not None:
         text = (
-            "vehicles of `simulate` have no signing key, so all their messages would be refused; remove this "
-            "key, or list vehicles that have it (also a simulator that you start with the key)"
+            "vehicles of `simulate` have no signing key, so all their messages would be refused; remove "
+            "signing_key, or list vehicles with this key under `vehicles` (a simulator that you start with "
+            "the key is also possible)"
         )
         yield ConfigProblem(("links", "signing_key"), text)
     vehicles = {parse_url(vehicle.url) for vehicle in config.vehicles}
     for i, url in enumerate(config.links.forward):
         if parse_url(url) in vehicles:
-            text = f"{url} is the URL of a vehicle; give the watching program an endpoint of its own"
+            text = f"{url} is the URL of a vehicle; give the receiving program another endpoint"
             yield ConfigProblem(("links", "forward", i), text)
         if text := forwarding_problem(config.links, url):
             yield ConfigProblem(("links", "forward", i), text)
 
 
 def forwarding_problem(links: Links, url: str) -> str:
-    """Return why forwarding to this URL is unsafe: strangers could command vehicles. Empty if it is safe."""
+    """Return the reason why forwarding to this URL is unsafe; empty if it is safe.
+
+    It is unsafe if other machines could command vehicles through it.
+    """
     signed = links.signing_key is not None
     return open_to_strangers(parse_url(url), signed=signed) if links.forward_commands else ""

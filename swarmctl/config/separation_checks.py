@@ -25,7 +25,7 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
 
     `routes` are the first routes, by system id. Two vehicles share an altitude band if their altitudes differ
     by less than `separation.vertical_m`; a fixed wing shares every band. First routes in a shared band must
-    not meet. Altitudes of different bands differ by more than the errors of the heights.
+    not meet. Altitudes of different bands must differ by more than the height errors of vehicles.
     """
     limits = scenario.config.separation
     yield from _hardly_apart(scenario)
@@ -48,13 +48,13 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
         at = conflict.closest
         near = f"{at.horizontal_m:.0f} m over ground and {at.vertical_m:.0f} m in height after {at.t_s:.0f} s"
         yield _problem(scenario, specs[conflict.uav], specs[conflict.other], near)
-        return  # one change cures most of them
+        return  # one change of the configuration usually resolves the other conflicts too
 
 
 def _hardly_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two vehicles with `separation.vertical_m` between their altitudes, and hardly more.
+    """Yield the first two vehicles whose altitudes differ by `separation.vertical_m` or slightly more.
 
-    Planning regards them as apart, but errors of their heights would raise an alarm at every crossing.
+    Planning regards them as separated, but their height errors would raise an alarm at every crossing.
     """
     vertical_m = scenario.config.separation.vertical_m
     wanted_m = HEIGHT_MARGIN * vertical_m
@@ -63,9 +63,9 @@ def _hardly_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
         if vertical_m - 1e-9 <= apart_m < wanted_m - 1e-9:
             text = (
                 f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, "
-                f"hardly more than separation.vertical_m = {vertical_m:g} m apart: vehicles do not hold "
-                f"their height to the metre, so each crossing would raise an alarm; give them altitudes that "
-                f"differ by {wanted_m:g} m or more, or set separation.vertical_m to "
+                f"{apart_m:g} m apart, hardly more than separation.vertical_m = {vertical_m:g} m. Vehicles "
+                f"do not hold their height to the metre, so each crossing would raise an alarm; give them "
+                f"altitudes that differ by {wanted_m:g} m or more, or set separation.vertical_m to "
                 f"{math.floor(100.0 * apart_m / HEIGHT_MARGIN) / 100.0:g} m or less"
             )
             yield ConfigProblem(("flight", "altitude_step_m"), text)
@@ -96,11 +96,12 @@ def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigPro
         bands = "and a fixed wing climbs and descends on its route"
     text = (
         f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, {bands}, "
-        f"and their first routes meet: {near}, with {TIME_TOLERANCE_S:g} s for delays; {_cure(one, other)}"
+        f"and their first routes meet: {near}, with a tolerance of {TIME_TOLERANCE_S:g} s for delays; "
+        f"{_cure(one, other)}"
     )
     return ConfigProblem(("flight", "altitude_step_m"), text)
 
 
 def _cure(one: Spec, other: Spec) -> str:
     slots = "simulate.delay_step_s" if one.simulated and other.simulated else "delay_s of one of them"
-    return f"give them altitudes that differ by more, or raise {slots} until they do not meet"
+    return f"give them altitudes that differ by more, or raise {slots} until the routes do not meet"

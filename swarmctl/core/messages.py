@@ -1,8 +1,8 @@
 """Operator commands to agents and their answers, and the bytes of both on the bus.
 
-A message is one version byte and a MessagePack map (msgspec). Another version, a missing field or an invalid
-value is refused. An earlier version ignores the fields that a later one adds, with one exception: a command
-with an unknown field is refused, because a part of a command is not what the operator has ordered.
+A message is one version byte and a MessagePack map (msgspec). A message of another version, with a missing
+field or with an invalid value is refused. Unknown fields of an answer are ignored. A command with an unknown
+field is refused, because an agent must not execute a part of a command.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
     vehicles: tuple[VehicleAnswer, ...] = ()
     """answers of the named vehicles, in the order of the swarm"""
     refused: str = ""
-    """reason why the whole command was refused without any effect; empty if it was not"""
+    """reason why the whole command was refused, without any effect; empty for a command not refused"""
 
 
 class BadMessage(ValueError):

@@ -67,7 +67,7 @@ def track_plan(
     position: LatLon | None = None,
     may_join: Callable[[tuple[float, float], Cell], bool] = lambda _point, _corner: False,
 ) -> FlightPlan:
-    """Return the plan to fly straight from corner to corner, which are cells, and land.
+    """Return the plan to fly straight legs between corners (cells) and land.
 
     A vehicle whose `position` is within corners[0] does not fly back to the centre of that cell if `may_join`
     allows the straight leg from its position (x, y) [cells] to the next corner.
@@ -111,8 +111,8 @@ def _step(here: Cell, there: Cell) -> Cell:
 def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) -> bool:
     (row, col), (next_row, next_col) = turns[0], turns[1]
     if row == next_row or col == next_col:
-        return True  # both ends lie in one straight row of cells, and so does the leg between them
-    # A diagonal leg converges on the line of centres, so it is farthest from it at the first shared corner.
+        return True  # both ends lie in one row or column of cells, so the leg does too
+    # A diagonal leg converges on the line of centres. Its greatest distance is at the first shared corner.
     leg, across = _leg(grid, turns[0], turns[1], position)
     return abs(across) <= CORNER_TOLERANCE * leg
 
@@ -127,10 +127,10 @@ def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
 
 
 def _leg(grid: Grid, here: Cell, there: Cell, position: LatLon) -> tuple[float, float]:
-    """Return the length of the leg from `position` to the centre of `there` [cells], and leg × corner.
+    """Return the length [cells] of the leg from `position` to the centre of `there`, and a cross product.
 
-    The cross product is positive if the corner that `here` shares with its diagonal neighbour lies to the
-    left of the leg.
+    The cross product is leg × corner. It is positive if the corner that `here` shares with its diagonal
+    neighbour lies to the left of the leg.
     """
     (row, col), (next_row, next_col) = here, there
     x, y = (metres / grid.cell_size_m for metres in grid.frame.to_local(*position))

@@ -6,7 +6,7 @@ import ipaddress
 from collections.abc import Iterable, Mapping
 
 MAX_LISTED = 10
-"""Names listed in an error, at most."""
+"""Greatest number of names listed in an error."""
 
 
 def printable(text: str) -> str:
@@ -15,7 +15,7 @@ def printable(text: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine reaches `host`. The only name that is resolved is localhost."""
+    """Return whether only this machine reaches `host`: a loopback address, or the name localhost."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -25,7 +25,7 @@ def is_loopback(host: str) -> bool:
 def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
     """Return the system ids that `words` name, each once, in the order of `names` (system id: name).
 
-    Raises ValueError if a word names no vehicle, or two: one by its name, another by its system id.
+    Raises ValueError if a word names no vehicle, or is the name of one and the system id of another.
     """
     found: set[int] = set()
     unknown: list[str] = []
@@ -33,15 +33,16 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
         vehicles = [uav for uav, name in names.items() if word in (str(uav), name)]
         if len(vehicles) > 1:
             raise ValueError(
-                f"{word} means two vehicles, {_listed(f'{uav} ({names[uav]})' for uav in vehicles)}: "
-                "say the one by its name, the other by its system id"
+                f"{word} is the system id of one vehicle and the name of another: "
+                f"{_listed(f'{uav} ({names[uav]})' for uav in vehicles)}; select the vehicle by its other "
+                "identifier"
             )
         if not vehicles:
             unknown.append(word)
         found.update(vehicles)
     if unknown:
         known = _listed(f"{uav} ({name})" for uav, name in names.items())
-        raise ValueError(f"no vehicle has the system id or name {_listed(unknown)}; there is {known}")
+        raise ValueError(f"no vehicle has the system id or name {_listed(unknown)}; the vehicles are {known}")
     return [uav for uav in names if uav in found]
 
 

@@ -17,7 +17,7 @@ from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.bus import external_observations
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NetworkCounters
-from swarmctl.bus.operator_service import NO_SEAL, CommandCounts, CommandSeal
+from swarmctl.bus.operator_service import UNSIGNED, CommandCounts, CommandSigning
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import FlightOrder
@@ -64,9 +64,9 @@ class FlightOptions:
     orders_closed: Callable[[Sequence[Member]], str] | None = None
     """the reason why operators' orders are refused now; empty: they are taken. None: one process flies all
     vehicles and takes the orders of its own machine"""
-    unseal: CommandSeal = NO_SEAL
+    signing: CommandSigning = UNSIGNED
     """opens operators' commands"""
-    seal: FrameCodec | None = None
+    frame_codec: FrameCodec | None = None
     """signs the messages of this process's vehicles and verifies the others'; None: messages are unsigned"""
     signer: Signer | None = None
     """signs the evidence when the run ends; None: the evidence stays unsigned"""
@@ -186,7 +186,7 @@ class _Run:
 
 def _network(run: _Run, resources: FlightResources, observers: Sequence[Observer]) -> Network:
     refused = partial(_refused, observers)
-    return network_of(run.scenario, resources.transport, run.run_clock, run.options.seal, refused)
+    return network_of(run.scenario, resources.transport, run.run_clock, run.options.frame_codec, refused)
 
 
 def _build_members(
@@ -201,7 +201,7 @@ def _build_members(
         run.members,
         uav=run.options.operator_service_of,
         closed_by=run.options.orders_closed,
-        unseal=run.options.unseal,
+        signing=run.options.signing,
     )
     # All members or none: the summary needs the link of each.
     run.members += list(

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
-from swarmctl.bus.operator_service import NO_SEAL
+from swarmctl.bus.operator_service import UNSIGNED
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.routes import ReportOnce
@@ -33,7 +33,7 @@ from swarmctl.report.outcome import Report
 from swarmctl.report.ui import SafeUi, Ui
 from swarmctl.security.evidence_keys import EvidenceSigner
 from swarmctl.security.participant import Keyring
-from swarmctl.security.requests import CommandOpener, seal_answer
+from swarmctl.security.requests import CommandVerifier, sign_answer
 
 FIRST_LINK_S = 3.0
 """time without a network until the operator is told"""
@@ -116,8 +116,10 @@ async def fly(
         launch,
         spec.sysid,
         lambda members: orders_closed(members, has_keys=keyring is not None),
-        seal=None if keyring is None else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
-        unseal=NO_SEAL if keyring is None else _Unseal(scenario, keyring),
+        frame_codec=None
+        if keyring is None
+        else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
+        signing=UNSIGNED if keyring is None else _KeyringSigning(scenario, keyring),
         signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signer),
         waivers=waivers,
     )
@@ -149,20 +151,20 @@ async def fly(
             await cancelled(watch)
 
 
-class _Unseal:
+class _KeyringSigning:
     """Accepts requests that the operator has signed since now, and signs the vehicle's answers."""
 
     def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
         tolerance_s = scenario.config.communication.clock_tolerance_s
         self._swarm = scenario.config.name
         self._sign = keyring.signer.sign
-        self._opener = CommandOpener(self._swarm, keyring.is_operators, time.time(), tolerance_s)
+        self._verifier = CommandVerifier(self._swarm, keyring.is_operators, time.time(), tolerance_s)
 
-    def open(self, key: str, payload: bytes) -> bytes:
-        return self._opener.open(key, payload, time.time())
+    def verify_command(self, key: str, payload: bytes) -> bytes:
+        return self._verifier.verify(key, payload, time.time())
 
-    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
-        return seal_answer(self._swarm, key, payload, answer, self._sign)
+    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        return sign_answer(self._swarm, key, payload, answer, self._sign)
 
 
 async def _say_links(bus: ZenohBus, network: Configuration, ui: Ui) -> None:

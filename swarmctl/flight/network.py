@@ -38,7 +38,7 @@ def network_of(
     scenario: Scenario,
     transport: Transport,
     clock: RunClock,
-    seal: FrameCodec | None = None,
+    frame_codec: FrameCodec | None = None,
     say: Callable[[int, str], None] = lambda _uav, _text: None,
 ) -> Network:
     """Return the network of a swarm, of which this process flies some vehicles or all."""
@@ -50,7 +50,7 @@ def network_of(
         options_of(scenario),
         clock=clock,
         radio=Radio(radio_settings(scenario.config.communication, names), scenario.config.seed),
-        codec=seal,
+        codec=frame_codec,
         seed=scenario.config.seed,
         say=say,
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
-from swarmctl.bus.operator_service import CommandCounts, CommandSeal, OperatorService
+from swarmctl.bus.operator_service import CommandCounts, CommandSigning, OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
@@ -24,7 +24,7 @@ def operator_service_for(
     *,
     uav: int | None,
     closed_by: Callable[[Sequence[Member]], str] | None,
-    unseal: CommandSeal,
+    signing: CommandSigning,
 ) -> OperatorService:
     """Return the service of the vehicle `uav`, or the station's for all vehicles (None).
 
@@ -47,7 +47,7 @@ def operator_service_for(
         uav=uav,
         refusal=closed,
         delays=partial(return_delays_s, members, ui.say),
-        seal=unseal,
+        signing=signing,
     )
 
 

@@ -1,4 +1,4 @@
-"""The question to a planner, its answer, and its interface."""
+"""The interface of a planner: the problem, and the route as its answer."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Unreachable(ValueError):
 
 
 class BoundTooTight(Unreachable):
-    """Routes lead to a goal, but none keeps the bounds; `nearest` misses them least."""
+    """Routes lead to a goal, but none keeps the bounds; `nearest` is the route closest to the bounds."""
 
     def __init__(self, text: str, nearest: Route) -> None:
         super().__init__(text)
@@ -46,7 +46,7 @@ class Problem:
     leave it in any direction. `start` is one (row, col); `goals` is one or several.
 
     `w` is the distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed. `psi_per_cell` is ψ,
-    the cost of one cell of length. Planners that do not follow Eq. 5 ignore the two.
+    the cost of one cell of length. Planners that do not follow Eq. 5 ignore both.
 
     A cell of P_s above `max_exposure` is a wall too. `min_length_cells` and `max_length_cells` bound the
     length of the route [cells], for planners that keep bounds. At the vehicle's speed they are a time bound
@@ -98,7 +98,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """A route that a planner found before its answer."""
+    """One of the routes that a planner found before its answer."""
 
     w: float
     length_cells: float
@@ -185,7 +185,7 @@ def eq5_route(problem: Problem, cells: Sequence[Cell]) -> Route:
 
 def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Route:
     """Return a route with its sums; `cost` is its planner's measure, None for Eq. 5."""
-    # One array for all sums: to make one of a thousand tuples holds the interpreter lock.
+    # One array serves all sums: converting a thousand tuples holds the interpreter lock.
     way = np.asarray(cells, dtype=np.int64)
     length, total = measures.length_cells(way), measures.exposure_sum(problem.exposure, way)
     if cost is None:
@@ -205,7 +205,7 @@ def _eq5(problem: Problem, length: float, total: float) -> float:
 
 
 def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
-    """Return whether a route over neighbouring cells enters no wall and passes no corner of one.
+    """Return whether a route over neighbouring cells enters no wall and passes no wall's corner.
 
     A route that starts in a wall may leave it in any direction.
     """
@@ -220,7 +220,7 @@ def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
 def checked_field(
     exposure: object, goals: object, w: float, psi_per_cell: float
 ) -> tuple[NDArray[np.float64], tuple[Cell, ...]]:
-    """Return P_s as an array of floats (rows, cols), copied only if it is none, and the goals as cells.
+    """Return P_s as an array of floats (rows, cols), and the goals as cells; copy no array of floats.
 
     Raises BadProblem if Eq. 5 has no meaning.
     """

@@ -1,4 +1,4 @@
-"""The bounds of a problem on length: the check of a route, and the errors if no route keeps them."""
+"""The bounds of a problem on length: the check of a route, and the errors if no route keeps the bounds."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from swarmctl.planners.base import BoundTooTight, Problem, Route
 
 
 def window(problem: Problem) -> tuple[float, float]:
-    """Return the least and the greatest length [cells], widened by the rounding of a bound.
+    """Return the least and the greatest length [cells], widened by the rounding error of a length.
 
-    Two lattice lengths differ by more than that on any real area.
+    Two different lattice lengths differ by more than this error on any real area.
     """
     return problem.min_length_cells - kernels.LENGTH_TIE, problem.max_length_cells + kernels.LENGTH_TIE
 
@@ -28,18 +28,18 @@ def keeps(problem: Problem, cells: Sequence[Cell]) -> bool:
 def shortest_too_long(problem: Problem, shortest: Route) -> BoundTooTight:
     """Return the error that the shortest route is too long."""
     return BoundTooTight(
-        f"no route is at most {problem.max_length_cells:.2f} cells long: the shortest one takes "
-        f"{shortest.length_cells:.2f} cells; raise the bound to that",
+        f"no route is at most {problem.max_length_cells:.2f} cells long; raise the bound to the length of "
+        f"the shortest route, {shortest.length_cells:.2f} cells",
         shortest,
     )
 
 
 def none_between(problem: Problem, what: str, nearest: Route) -> BoundTooTight:
     """Return the error that all routes are too short or too long; `what` names the routes considered."""
-    asked = f"{problem.min_length_cells:.2f} or more cells"
+    wanted = f"{problem.min_length_cells:.2f} or more cells"
     if not math.isinf(problem.max_length_cells):
-        asked = f"{problem.min_length_cells:.2f} to {problem.max_length_cells:.2f} cells"
+        wanted = f"{problem.min_length_cells:.2f} to {problem.max_length_cells:.2f} cells"
     return BoundTooTight(
-        f"{what} is {asked} long: the nearest one takes {nearest.length_cells:.2f} cells; widen the window",
+        f"{what} is {wanted} long; widen the bounds to the nearest length, {nearest.length_cells:.2f} cells",
         nearest,
     )

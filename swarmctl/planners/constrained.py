@@ -1,12 +1,12 @@
-"""The least exposed route of all within a bound on length: a resource-constrained shortest path.
+"""The least exposed of all routes within a bound on length: a resource-constrained shortest path.
 
-It may lie inside the convex hull of the routes that some w finds, so that no w finds it. The search has two
+No w may find this route, because it can lie inside the convex hull of the routes of all w. The search has two
 steps:
 
 1. Bracket the bound as in `time_bound`. That gives a route within the bound, and a price of length λ. At that
    price every route costs at least the field's cost. So the least exposure is at least the field's cost
    − λ · bound (the Lagrangian bound).
-2. Set labels from the start, the most promising first, except those that this bound rules out
+2. Set labels from the start, the most promising first. Skip the labels that the Lagrangian bound rules out
    (`kernels.labels`).
 """
 
@@ -23,7 +23,7 @@ from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import Summed, Sweep
 
 ENOUGH = 0.02
-"""Labels close a gap between the bounds of this share faster than one more search does."""
+"""Greatest gap between the bounds, as a share, that labels close faster than one more search."""
 
 
 USES_W = False
@@ -42,17 +42,17 @@ class Params:
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """Return the least exposed route within the upper bound on length; of equals the shortest.
+    """Return the least exposed route within the upper bound on length; the shortest of equally exposed ones.
 
-    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals it. If `max_labels` are spent, the
-    route is the best so far, and its `lower_bound` may be less. Raises Unreachable, BoundTooTight with the
-    shortest route, and BadProblem for a lower bound on length.
+    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost`. If `max_labels` are used up,
+    the route is the best so far, and its `lower_bound` may be less. Raises Unreachable, BoundTooTight with
+    the shortest route, and BadProblem for a lower bound on length.
     """
     if problem.min_length_cells > 0.0:
-        # The least exposed route above a length would fly loops; to find it is as hard as a longest path.
+        # The least exposed route above a length would fly loops. That search is as hard as a longest path.
         raise BadProblem(
-            f"a route of at least {problem.min_length_cells:g} cells: constrained keeps an upper bound only; "
-            "use time_bound for an arrival window, or fly slower"
+            f"the problem wants a route of at least {problem.min_length_cells:g} cells, but planner "
+            "constrained keeps an upper bound only; use time_bound for an arrival window, or fly slower"
         )
     if problem.start in problem.goals:
         return route_of(problem, (problem.start,), 0.0)
@@ -78,7 +78,7 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
 
 
 def _label(sweep: Sweep, best: Summed, to_go: kernels.ToGo, params: Params) -> Route:
-    """Return the least exposed route that labels find; the best so far if they find none."""
+    """Return the least exposed route that labels find; without one, `best`."""
     problem = sweep.problem
     greatest = bounds.window(problem)[1]
     found = kernels.label_search(
@@ -97,7 +97,7 @@ def _label(sweep: Sweep, best: Summed, to_go: kernels.ToGo, params: Params) -> R
 
 
 def _route(sweep: Sweep, cells: tuple[Cell, ...]) -> Route:
-    """Return a route of which it is proved that none is less exposed."""
+    """Return a proved route: its exposure is also its lower bound."""
     exposure = measures.exposure_sum(sweep.problem.exposure, cells)
     route = route_of(sweep.problem, cells, exposure)
     return replace(route, searched=tuple(sweep.searched), lower_bound=exposure)

@@ -112,9 +112,9 @@ def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, 
 
 def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
     """Search around the old route, with the field of an earlier search for these goals and weights."""
-    asked = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
+    key = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
     taken = _replanners.take_all()
-    planner = next((kept for kept in taken if kept.asked == asked), None)
+    planner = next((kept for kept in taken if kept.problem_key == key), None)
     _replanners.put([kept for kept in taken if kept is not planner], Replanner.size, KEPT_CELLS)
     if planner is None:
         planner = Replanner(exposure, problem.goals, problem.w, problem.psi_per_cell)

@@ -1,14 +1,14 @@
-"""Exact replanning of a large area that becomes known cell by cell, by a search of a small part.
+"""Exact replanning in a large area that becomes known cell by cell, by a search of a small part.
 
-An observation changes P_s a little everywhere, because the cells not seen share the remaining hostiles, and
-much in a few cells. The new route is nearly always near the old one. A replan has these steps:
+An observation changes P_s much in a few cells. It changes P_s a little everywhere, because the cells not seen
+share the remaining hostiles. The new route is nearly always near the old one. A replan has these steps:
 
 1. Search a box around the old route, with the present costs.
-2. Prove that no route out of the box and back is cheaper. The box's field gives the cost to each cell of its
-   rim. An older field of the whole area gives a lower bound from there to a goal: scaled by the least ratio
-   of new to old costs, and lowered where cells have become cheaper.
-3. Without a proof the box grows. If the box is too large, the whole area is searched, which gives the next
-   older field.
+2. Prove that no route out of the box and back is cheaper. The box's field gives the cost to each cell of the
+   box's rim. An older field of the whole area gives a lower bound from the rim to a goal. That bound is
+   scaled by the least ratio of new to old costs, and lowered where cells have become cheaper.
+3. Without a proof, enlarge the box. If the box is too large, search the whole area; the result is the older
+   field of later replans.
 
 The result equals that of a search of the whole area, ties included.
 """
@@ -34,21 +34,21 @@ FIRST_MARGIN = 12
 LARGEST_BOX = 0.25
 """largest box, as a share of the area; beyond it the whole area is searched"""
 STRIDE = 997
-"""one of this many cells is sampled for the drift of all costs"""
+"""distance between the cells that are sampled for the drift of all costs"""
 WHOLE = slice(None)
 MOST_LOST = 4096.0
-"""A label divided by more than this keeps too few digits for a bound."""
+"""greatest ratio of an old label to the lowered label; beyond it too few digits are left for a bound"""
 SURE = 1.0 + 1e-9
-"""ratio by which a route out of the box must be dearer; rounding alone is no proof"""
+"""least ratio of the cost outside the box to the cost inside; it is above 1 because sums are rounded"""
 
 
 @dataclass(slots=True, eq=False)
 class Layers:
     """P_s in two layers, `known + p_unseen · unseen`, each of shape (rows, cols).
 
-    That is Eq. 3 over Eq. 4: the exposure to the cells seen, and the kernel's weight of the cells not seen,
-    which all have the same p_O. An infinite `known` is a wall. The owner of the layers changes them in place
-    and tells the `Replanner` the cells.
+    That is Eq. 3 over Eq. 4. `known` is the exposure to the cells seen. `unseen` is the kernel's weight of
+    the cells not seen; all of them have the same p_O. An infinite `known` is a wall. The owner of the layers
+    changes them in place and calls `Replanner.changed` with the cells.
     """
 
     known: NDArray[np.float64]
@@ -57,7 +57,7 @@ class Layers:
 
     @classmethod
     def of(cls, exposure: Floats) -> Layers:
-        """Return layers of which all is known."""
+        """Return layers in which all cells are seen."""
         return cls(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
 
     def within(self, rows: slice, cols: slice, p_unseen: float | None = None) -> Floats:
@@ -77,8 +77,8 @@ class Replanner:
         replanner.route((250, 100))                      # searches a small part of the area
 
     The routes are those of `dijkstra` without a maximum exposure, ties included. `exposure` is an array, or
-    `Layers` if all cells not seen have one p_O that drifts. It is kept, not copied: change it in place and
-    call `changed`, or pass another one to `renew`. Raises BadProblem as a Problem does.
+    `Layers` if all cells not seen have one p_O that drifts. The exposure is not copied: change it in place
+    and call `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does.
     """
 
     def __init__(
@@ -100,16 +100,16 @@ class Replanner:
         self._begin_from(whole)
 
     @property
-    def asked(self) -> tuple[tuple[int, ...], tuple[Cell, ...], float, float]:
-        """Shape, goals, w and ψ per cell."""
+    def problem_key(self) -> tuple[tuple[int, ...], tuple[Cell, ...], float, float]:
+        """Shape, goals, w and ψ per cell: equal for all problems that this replanner can solve."""
         return self._now.known.shape, self.goals, self._w, self._psi
 
     def size(self) -> int:
-        """Return the number of cells of its field."""
+        """Return the number of cells of the area."""
         return self._now.known.size
 
     def changed(self, cells: Iterable[Cell]) -> None:
-        """Take in that P_s has changed at `cells`; a change of p_unseen needs no call.
+        """Update the bounds for `cells` whose P_s has changed; a change of p_unseen needs no call.
 
         Raises BadProblem for a cell outside the area, NaN and negative exposures.
         """
@@ -125,7 +125,7 @@ class Replanner:
                 self._lower(np.array([m]), np.array([straight]))
 
     def renew(self, exposure: NDArray[np.float64]) -> None:
-        """Use P_s of shape (rows, cols) from now on; every cell is compared with the old one.
+        """Replace P_s, shape (rows, cols); every cell is compared with the old array.
 
         The array is kept, not copied. Raises BadProblem for another shape, NaN and negative numbers.
         """
@@ -174,14 +174,14 @@ class Replanner:
         return self._old.run_down(start)
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
-        """Take in that a straight step into `cells` costs less than in the old field."""
+        """Lower the old field's labels of `cells`, because a straight step into them costs less now."""
         if self._outdated:
             return
         old, straight = self._old, np.minimum(costs / self._drift, self._old.straight[cells])
         with np.errstate(invalid="ignore"):
             label = old.label[cells] - (old.straight[cells] - straight)
         if not (old.label[cells] <= MOST_LOST * label).all():
-            # A wall is gone, or a cell as dear as one: old labels next to it consist of rounding only.
+            # A wall, or a cell nearly as dear, has become cheap: the old labels next to it are only rounding.
             self._outdated = True
             return
         old.label[cells], old.straight[cells] = label, straight
@@ -195,13 +195,13 @@ class Replanner:
         self._old = spread_large(exposure, self.goals, self._w, self._psi, into=self._old)
         self._p_unseen = self._now.p_unseen
         self._lowered: list[int] = []
-        """cells whose label was lowered, while their neighbours' labels were not yet"""
+        """cells with a lowered label, next to cells whose labels are not lowered yet"""
         self._outdated, self._drift = False, 1.0
         self.searched_cells = self._now.known.size
         """number of cells searched for the last route"""
 
     def _guess(self, start: Cell) -> NDArray[np.int64]:
-        """Return flat indices of a good route by the old field, after cheaper cells near it are taken in."""
+        """Lower the old labels near the route, and return flat indices of a good route by the old field."""
         old, m = self._old, self._old.index(start)
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
         self._lowered = old.lower(waiting, float(old.label[m]) * SURE).tolist()
@@ -220,7 +220,7 @@ class Replanner:
         )
 
     def _within(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
-        """Return the route in the box if no route outside is proved to be as good; else an empty one."""
+        """Return the route in the box if every route out of the box is proved dearer; else an empty route."""
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
         exposure = self._now.within(slice(top, bottom), slice(left, right))
@@ -239,14 +239,14 @@ class Replanner:
         return tuple((r + top, c + left) for r, c in field.run_down(inside))
 
     def _unsure(self) -> float:
-        """Return the label from which on labels of the old field are no lower bounds; no true one is less."""
+        """Return the least label that may be no lower bound; all smaller old labels are lower bounds."""
         return float(self._old.label[self._lowered].min()) if self._lowered else math.inf
 
     def _rate(self) -> float:
-        """Return a share of its old cost below which no cell's cost has fallen."""
+        """Return a lower bound of new cost / old cost, valid for all cells."""
         if self._now.p_unseen >= self._p_unseen:
             return self._drift
-        # A cost s + w(K + pU) falls the most, relatively, where K = 0 and pU is the greatest there is.
+        # The ratio of the costs s + w(K + pU) is least for K = 0 and the greatest pU of the area.
         step, greatest = self._old.step, self._old.greatest
         fallen = step + (greatest - step) * self._now.p_unseen / self._p_unseen
         return self._drift * (fallen / greatest if greatest > 0.0 else 1.0)

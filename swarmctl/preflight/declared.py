@@ -24,13 +24,13 @@ def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
     )
 
 
-_SIMULATED = {"BATT_LOW_VOLT": 10.5}  # of a battery with three cells
+_SIMULATED = {"BATT_LOW_VOLT": 10.5}  # for a battery of three cells
 
 
 def simulated_parameters(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:
-    """Return the parameters of a simulated vehicle, set as the owner of a real one sets them.
+    """Return the parameters that a simulated vehicle starts with, as the owner of a real vehicle sets them.
 
-    Empty if the firmware cannot behave as declared: the checks report it.
+    The result is empty if the firmware has no table of parameters; the checks report that.
     """
     try:
         required = parameters_for(firmware, declared_behaviour(scenario, spec))

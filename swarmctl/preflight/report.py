@@ -38,7 +38,7 @@ def _verdict(found: CheckResult | None) -> Text:
 
 
 def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
-    """Return a table of all failures, waived ones too: found, wanted, what to do."""
+    """Return a table of all failures, including the waived ones: found, wanted, what to do."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for title in ("vehicle", "check"):
         grid.add_column(title, no_wrap=True)

@@ -1,6 +1,6 @@
 """Signed commands of an operator, which cannot be forged, redirected or replayed, and their answers.
 
-A sealed command is 64 bytes of Ed25519 signature and a MessagePack map. The signature covers the swarm's
+A signed command is 64 bytes of Ed25519 signature and a MessagePack map. The signature covers the swarm's
 name and the map. The map has the key of the command: a command to one vehicle is not valid for another. The
 vehicle signs its answer together with the command.
 """
@@ -22,7 +22,7 @@ FRESH_S = 20.0
 """Limit on a command's age: an old command may no longer be right."""
 
 
-class SealedCommand(msgspec.Struct, frozen=True):
+class SignedCommand(msgspec.Struct, frozen=True):
     """A command, its key and its time."""
 
     key: Annotated[str, msgspec.Meta(max_length=200)]
@@ -36,41 +36,43 @@ class SealedCommand(msgspec.Struct, frozen=True):
 
 
 _encoder = msgspec.msgpack.Encoder()
-_decoder = msgspec.msgpack.Decoder(SealedCommand)
+_decoder = msgspec.msgpack.Decoder(SignedCommand)
 
 
-def _signed(swarm: str, body: bytes) -> bytes:
+def _signed_command_bytes(swarm: str, body: bytes) -> bytes:
     return b"swarmctl request\0" + swarm.encode() + b"\0" + body
 
 
-def seal(swarm: str, key: str, command: bytes, unix_s: float, sign: Callable[[bytes], bytes]) -> bytes:
+def sign_command(
+    swarm: str, key: str, command: bytes, unix_s: float, sign: Callable[[bytes], bytes]
+) -> bytes:
     """Return the signed payload of a command under `key`."""
-    body = _encoder.encode(SealedCommand(key, unix_s, command))
-    return sign(_signed(swarm, body)) + body
+    body = _encoder.encode(SignedCommand(key, unix_s, command))
+    return sign(_signed_command_bytes(swarm, body)) + body
 
 
-def _answer_signed(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
-    # Constant length. Sealed commands are unique.
+def _signed_answer_bytes(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
+    # Constant length. Signed commands are unique.
     question = hashlib.sha256(asked).digest()
     return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + question + answer
 
 
-def seal_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Callable[[bytes], bytes]) -> bytes:
+def sign_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Callable[[bytes], bytes]) -> bytes:
     """Return the signed answer to the payload `asked` under `key`."""
-    return sign(_answer_signed(swarm, key, asked, answer)) + answer
+    return sign(_signed_answer_bytes(swarm, key, asked, answer)) + answer
 
 
-def open_answer(
+def verify_answer(
     swarm: str, key: str, asked: bytes, data: bytes, verify: Callable[[bytes, bytes], bool]
 ) -> bytes:
     """Return the answer to `asked`; `verify` checks the vehicle's signature. Raises BadMessage."""
     signature, answer = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
-    if not verify(signature, _answer_signed(swarm, key, asked, answer)):
+    if not verify(signature, _signed_answer_bytes(swarm, key, asked, answer)):
         raise BadMessage("the answer is not signed by the vehicle")
     return answer
 
 
-class CommandOpener:
+class CommandVerifier:
     """Checks an agent's commands: the operator's signature, the key, the time, and no repetition.
 
     `verify` checks the operator's signature. Commands from before `began_unix_s`, the start of this process,
@@ -86,26 +88,26 @@ class CommandOpener:
         self._tolerance_s = tolerance_s
         self._taken: set[float] = set()
 
-    def open(self, key: str, data: bytes, unix_s: float) -> bytes:
+    def verify(self, key: str, data: bytes, unix_s: float) -> bytes:
         """Return the command. Raises BadMessage, and no other exception, whatever the bytes."""
         signature, body = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
-        if not self._verify(signature, _signed(self._swarm, body)):
+        if not self._verify(signature, _signed_command_bytes(self._swarm, body)):
             raise BadMessage(
                 "the command is not signed by the operator of this swarm; use the operator's keys "
                 "[not-signed]"
             )
         try:
-            sealed = _decoder.decode(body)
+            signed = _decoder.decode(body)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise BadMessage(f"the payload is not a sealed command: {error}") from None
-        if sealed.key != key:
-            raise BadMessage(f"the command is for {sealed.key}, and came under {key}")
-        self._check_time(sealed.unix_s, unix_s)
+            raise BadMessage(f"the payload is not a signed command: {error}") from None
+        if signed.key != key:
+            raise BadMessage(f"the command is for {signed.key}, and came under {key}")
+        self._check_time(signed.unix_s, unix_s)
         self._taken = {at_s for at_s in self._taken if at_s > unix_s - FRESH_S}
-        if sealed.unix_s in self._taken:
+        if signed.unix_s in self._taken:
             raise BadMessage("a replay: the same command was received before [command-replayed]")
-        self._taken.add(sealed.unix_s)
-        return sealed.command
+        self._taken.add(signed.unix_s)
+        return signed.command
 
     def _check_time(self, given_unix_s: float, unix_s: float) -> None:
         age_s = unix_s - given_unix_s

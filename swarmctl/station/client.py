@@ -35,11 +35,11 @@ TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
 
 class Unclear(ValueError):
-    """The options do not say which swarm or vehicles are meant; the text has the missing option."""
+    """The options do not select one swarm or its vehicles; the text names the missing option."""
 
 
 class NoAnswer(Exception):
-    """There is no valid answer; the text says what is known about the command."""
+    """No valid answer to a command; the text says whether the command may have had an effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,39 +54,45 @@ class Station:
     """vehicles (system id: name) with agents of their own; empty: one process answers for all"""
 
 
-class Seals(Protocol):
+class CommandSigning(Protocol):
     """Signs commands, and checks the signatures of answers."""
 
-    def close(self, key: str, command: bytes) -> bytes:
+    def sign_command(self, key: str, command: bytes) -> bytes:
         """Return the signed payload of a command under `key`."""
 
-    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+    def verify_answer(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
         """Return the answer of `uav` to the payload `asked`. Raises BadMessage for a forged answer."""
 
 
-class _Unsealed:
-    def close(self, _key: str, command: bytes) -> bytes:
+class _Unsigned:
+    def sign_command(self, _key: str, command: bytes) -> bytes:
         return command
 
-    def open(self, _uav: int, _key: str, _asked: bytes, data: bytes) -> bytes:
+    def verify_answer(self, _uav: int, _key: str, _asked: bytes, data: bytes) -> bytes:
         return data
 
 
-UNSEALED: Seals = _Unsealed()
+UNSIGNED: CommandSigning = _Unsigned()
 """Signs nothing, and accepts every answer."""
 
 
 def chosen_vehicles(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
-    """Return names or system ids as given; None for all vehicles. Raises Unclear."""
+    """Return the vehicles as given, by name or system id; None for all vehicles. Raises Unclear."""
     if everyone == bool(uavs):
         raise Unclear("give either --uav NAME (or system id; repeatable) or --all [which-vehicles]")
     return None if everyone else tuple(uavs)
 
 
 def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
-    """Return all three firing strengths, or None; the swarm's own are unknown here. Raises Unclear."""
+    """Return the three firing strengths of the options; None without such an option. Raises Unclear.
+
+    All three are required, because this program does not know the swarm's present ones.
+    """
     if text and any(value is not None for value in single):
-        raise Unclear("--firing-strength has all three; remove the other options [strengths-twice]")
+        raise Unclear(
+            "--firing-strength sets all three strengths; remove --direct, --first-neighbour and "
+            "--second-neighbour [strengths-twice]"
+        )
     try:
         values = [float(part) for part in text.split(",")] if text else [v for v in single if v is not None]
     except ValueError:
@@ -95,8 +101,8 @@ def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float
         return None
     if len(values) != 3:
         raise Unclear(
-            f"firing strengths: found {len(values)}, expected three: --firing-strength 0.7,0.3,0.1, or "
-            "--direct, --first-neighbour and --second-neighbour"
+            f"firing strengths: found {len(values)}, expected three: give --firing-strength 0.7,0.3,0.1, or "
+            "all of --direct, --first-neighbour and --second-neighbour"
         )
     return values[0], values[1], values[2]
 
@@ -107,9 +113,9 @@ def find(
     connect: str | None,
     names: Mapping[int, str] | None = None,
 ) -> Station:
-    """Return the flight that is meant: by its endpoint, by name, or the only one on this machine.
+    """Return the flight that the options select: by endpoint, by name, or the only one on this machine.
 
-    `names` are the vehicles of `config`; their agents may run on machines of their own. Raises Unclear, and
+    `names` are the vehicles of `config`; each agent may run on a machine of its own. Raises Unclear, and
     BusError if no such swarm flies.
     """
     swarm = _name(swarm, config)
@@ -147,8 +153,8 @@ def find(
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
     raise BusError(
         f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}. Flights with "
-        "--clock virtual, bus: memory or listen: none take no commands; agents on machines of their own are "
-        "found with --config [no-swarm]"
+        "--clock virtual, bus: memory or listen: none take no commands. For agents on other machines, give "
+        "--config [no-swarm]"
     )
 
 
@@ -188,9 +194,11 @@ def entry_points(config: Swarm) -> list[BusEndpoint]:
 
 def _name(swarm: str | None, config: Swarm | None) -> str | None:
     if swarm is not None and not re.fullmatch(keys.SWARM_NAME, swarm):
-        raise Unclear(f"--swarm {swarm!r}: expected a name as in a configuration: {keys.SWARM_NAME}")
+        raise Unclear(f"--swarm {swarm!r}: expected a swarm's name, which matches {keys.SWARM_NAME}")
     if swarm is not None and config is not None and swarm != config.name:
-        raise Unclear(f"--swarm {swarm}, but the configuration is that of {config.name}; give one of them")
+        raise Unclear(
+            f"--swarm is {swarm}, but the swarm of --config is {config.name}; remove one of the two options"
+        )
     return config.name if config is not None else swarm
 
 
@@ -200,7 +208,7 @@ def _endpoint(text: str) -> BusEndpoint:
     except ValueError as error:
         raise Unclear(f"--connect: {error}") from None
     if endpoint.port == 0:
-        raise Unclear("--connect: port 0 is not an address; give the port that the flight listens at")
+        raise Unclear("--connect: port 0 is no port; give the port at which the flight listens")
     return endpoint
 
 
@@ -208,16 +216,16 @@ async def send(
     station: Station,
     command: Request,
     credentials: Credentials | None = None,
-    seals: Seals = UNSEALED,
+    signing: CommandSigning = UNSIGNED,
 ) -> OperatorAnswer:
     """Send a command and return the answer. Raises BusError, Unclear and NoAnswer."""
     with connected(station, credentials) as bus:
-        return await ask(bus, station, command, seals)
+        return await ask(bus, station, command, signing)
 
 
 @contextlib.contextmanager
 def connected(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
-    """Connect to the first of the station's endpoints that answers. Raises BusError."""
+    """Connect to the first of the station's endpoints to answer. Raises BusError."""
     failures: list[str] = []
     for endpoint in (station.endpoint, *station.others):
         try:
@@ -233,43 +241,45 @@ def connected(station: Station, credentials: Credentials | None = None) -> Itera
     raise BusError("; ".join(failures))
 
 
-async def ask(bus: Transport, station: Station, command: Request, seals: Seals = UNSEALED) -> OperatorAnswer:
+async def ask(
+    bus: Transport, station: Station, command: Request, signing: CommandSigning = UNSIGNED
+) -> OperatorAnswer:
     """Send a command over an open bus and return the answer. Raises Unclear and NoAnswer.
 
-    A process that flies all vehicles requires no signature, and signs nothing.
+    If one process flies all vehicles, neither the command nor the answer is signed.
     """
     kind = KINDS[type(command)]
     if station.agents:
-        return await _ask_each(bus, station, kind, command, seals)
+        return await _ask_each(bus, station, kind, command, signing)
     key = keys.request(station.swarm, kind)
     try:
         answers = await bus.ask(key, encode(command), TIMEOUT_S)
     except TimeoutError:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s, so it is "
-            "unknown whether it took the command; check its table, or repeat the command [no-answer]"
+            f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s. The command may "
+            "have had an effect; check the flight's table, or repeat the command [no-answer]"
         ) from None
     if not answers:
         raise NoAnswer(
-            f"{station.endpoint} has no swarm {station.swarm}, or its queue of commands is full; nothing was "
-            "changed [not-served]"
+            f"no swarm {station.swarm} answers at {station.endpoint}, or the swarm's queue of commands is "
+            "full; nothing was changed [not-served]"
         )
     if len(answers) > 1:
         raise NoAnswer(
-            f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}: the result of the "
-            "command is unknown; end all but one, and check its table"
+            f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}, so the result of "
+            "the command is unknown; end all processes but one, and check the table of that one"
         )
     try:
         return decode_answer(answers[0])
     except BadMessage as error:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} sent an invalid answer: {error}; it may be another "
-            "version of this program"
+            f"{station.swarm} at {station.endpoint} sent an invalid answer: {error}; the flight may run "
+            "another version of this program"
         ) from error
 
 
 async def _ask_each(
-    bus: Transport, station: Station, kind: keys.Kind, command: Request, seals: Seals
+    bus: Transport, station: Station, kind: keys.RequestKind, command: Request, signing: CommandSigning
 ) -> OperatorAnswer:
     """Send a command to each vehicle's own agent, all at once. Raises Unclear."""
     try:
@@ -284,23 +294,25 @@ async def _ask_each(
 
     async def one(uav: int) -> VehicleAnswer:
         key, name = keys.request(station.swarm, kind, uav), station.agents[uav]
-        payload = seals.close(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
+        payload = signing.sign_command(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
         try:
             answers = await bus.ask(key, payload, TIMEOUT_S)
         except TimeoutError:
             note = f"its agent did not answer within {TIMEOUT_S:g} s"
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
-        own = list(_own(seals, uav, key, payload, answers))
+        own = list(_signed_answers(signing, uav, key, payload, answers))
         return _merge_answers(uav, name, ended_text(station.swarm, uav), own, len(answers) - len(own))
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(one, uavs))))
 
 
-def _own(seals: Seals, uav: int, key: str, asked: bytes, answers: Sequence[bytes]) -> Iterator[bytes]:
+def _signed_answers(
+    signing: CommandSigning, uav: int, key: str, asked: bytes, answers: Sequence[bytes]
+) -> Iterator[bytes]:
     """Yield the answers with the vehicle's own signature."""
     for data in answers:
         with contextlib.suppress(BadMessage):
-            yield seals.open(uav, key, asked, data)
+            yield signing.verify_answer(uav, key, asked, data)
 
 
 def _merge_answers(uav: int, name: str, ended: str, answers: Sequence[bytes], dropped: int) -> VehicleAnswer:
@@ -308,8 +320,8 @@ def _merge_answers(uav: int, name: str, ended: str, answers: Sequence[bytes], dr
     if not dropped:
         return _decode_one(uav, name, ended, answers)
     warning = (
-        f"{dropped} answer{'s' if dropped > 1 else ''} without its signature "
-        "(another process serves its key, or it has other keys)"
+        f"{dropped} answer{'s' if dropped > 1 else ''} without the vehicle's signature "
+        "(another process answers for the vehicle, or the vehicle has other keys)"
     )
     if not answers:
         return VehicleAnswer(uav, name, "unconfirmed", note=f"no signed answer, and {warning}")
@@ -328,12 +340,12 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
         )
         return VehicleAnswer(uav, name, "silent", note=note)
     if len(answers) > 1:
-        note = f"{len(answers)} agents answer for it; end all but one"
+        note = f"{len(answers)} agents answer for this vehicle; end all but one"
         return VehicleAnswer(uav, name, "unconfirmed", note=note)
     try:
         answer = decode_answer(answers[0])
     except BadMessage as error:
-        note = f"its answer is invalid: {error}; it may be another version of this program"
+        note = f"its answer is invalid: {error}; its agent may run another version of this program"
         return VehicleAnswer(uav, name, "unconfirmed", note=note)
     if answer.refused:
         return VehicleAnswer(uav, name, "refused", note=answer.refused)
@@ -343,7 +355,7 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
 
 
 def has_failed(command: Request, answer: OperatorAnswer) -> bool:
-    """Return whether a vehicle did not take the command; with --all, landed vehicles need not."""
+    """Return whether a vehicle did not take the command. With --all, landed vehicles do not count."""
     outcomes = {vehicle.outcome for vehicle in answer.vehicles}
     accepted = {"taken", "over"} if command.uavs is None else {"taken"}
     return bool(answer.refused) or "taken" not in outcomes or not outcomes <= accepted

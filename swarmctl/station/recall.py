@@ -13,10 +13,10 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.station import client
-from swarmctl.station.client import UNSEALED, Seals, Station
+from swarmctl.station.client import UNSIGNED, CommandSigning, Station
 
 NO_TURN_S = 120.0
-"""Time after which a holding vehicle without a turn returns: the station may be lost."""
+"""Time after which a holding vehicle without a turn returns by itself, because the station may be lost."""
 MAX_ATTEMPTS = 3
 """attempts per vehicle: an unconfirmed return delays the turns of the others"""
 
@@ -25,20 +25,28 @@ async def send(
     station: Station,
     command: Request,
     credentials: Credentials | None = None,
-    seals: Seals = UNSEALED,
+    signing: CommandSigning = UNSIGNED,
 ) -> OperatorAnswer:
-    """Send a command as `client.send`; returns take turns. Raises BusError, Unclear and NoAnswer."""
+    """Send a command as `client.send` does; an order to return gives each vehicle its turn.
+
+    Raises BusError, Unclear and NoAnswer.
+    """
     with client.connected(station, credentials) as bus:
-        return await ask(bus, station, command, seals)
+        return await ask(bus, station, command, signing)
 
 
-async def ask(bus: Transport, station: Station, command: Request, seals: Seals = UNSEALED) -> OperatorAnswer:
-    """Send a command over an open bus; returns take turns. Raises Unclear and NoAnswer."""
+async def ask(
+    bus: Transport, station: Station, command: Request, signing: CommandSigning = UNSIGNED
+) -> OperatorAnswer:
+    """Send a command over an open bus; an order to return gives each vehicle its turn.
+
+    Raises Unclear and NoAnswer.
+    """
     # A process that flies all vehicles gives them their turns itself.
     if not (station.agents and isinstance(command, GiveOrder) and command.order == "return"):
-        return await client.ask(bus, station, command, seals)
+        return await client.ask(bus, station, command, signing)
     began_s = _now_s()
-    held = await _send_repeatedly(bus, station, msgspec.structs.replace(command, after_s=NO_TURN_S), seals)
+    held = await _send_repeatedly(bus, station, msgspec.structs.replace(command, after_s=NO_TURN_S), signing)
     recalled = [v for v in held if v.outcome == "taken"]
     turns = schedule_for({v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)})
     down_s = turns.down_s if len(turns.begins_s) == len(recalled) else math.inf
@@ -50,11 +58,11 @@ async def ask(bus: Transport, station: Station, command: Request, seals: Seals =
         # Vehicles at unknown positions return after all others are down.
         after_s = min(later_s + turns.begins_s.get(vehicle.uav, turns.down_s), MAX_AFTER_S)
         turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
-        (answer,) = await _send_repeatedly(bus, station, turn, seals)
+        (answer,) = await _send_repeatedly(bus, station, turn, signing)
         if answer.outcome == "taken":
             return answer
-        # It took the first command, and returns after that time.
-        note = f"it holds, and returns after {NO_TURN_S:g} s without regard to the others: {answer.note}"
+        # The vehicle took the first command, so it returns after NO_TURN_S.
+        note = f"holds, and returns after {NO_TURN_S:g} s without regard to other vehicles: {answer.note}"
         return msgspec.structs.replace(vehicle, note=note)
 
     answers = {answer.uav: answer for answer in await asyncio.gather(*map(give_turn, recalled))}
@@ -62,28 +70,28 @@ async def ask(bus: Transport, station: Station, command: Request, seals: Seals =
 
 
 async def _send_repeatedly(
-    bus: Transport, station: Station, command: GiveOrder, seals: Seals
+    bus: Transport, station: Station, command: GiveOrder, signing: CommandSigning
 ) -> Sequence[VehicleAnswer]:
     """Send a command, and repeat it to vehicles without an answer, with the remaining delay.
 
-    An unconfirmed vehicle stays unconfirmed unless it answers: it may have taken the command.
+    An unconfirmed vehicle may have taken the command, so it stays unconfirmed until it answers.
     """
     began_s = _now_s()
-    answers = {v.uav: v for v in (await client.ask(bus, station, command, seals)).vehicles}
+    answers = {v.uav: v for v in (await client.ask(bus, station, command, signing)).vehicles}
     for _ in range(MAX_ATTEMPTS - 1):
         unsure = tuple(uav for uav, v in answers.items() if v.outcome in ("unconfirmed", "silent"))
         if not unsure:
             break
         left_s = max(command.after_s - (_now_s() - began_s), 0.0)
         again = msgspec.structs.replace(command, uavs=unsure, after_s=left_s)
-        for v in (await client.ask(bus, station, again, seals)).vehicles:
+        for v in (await client.ask(bus, station, again, signing)).vehicles:
             if v.outcome != "silent":
                 answers[v.uav] = v
     return list(answers.values())
 
 
 def _longest_s(recalled: Sequence[VehicleAnswer]) -> float:
-    """Return the longest return of any vehicle, by those at known positions [s]."""
+    """Return the duration of the longest return [s], among the vehicles at known positions."""
     alone = [schedule_for({v.uav: v.place}).down_s for v in recalled if v.place is not None]
     return max(alone, default=NO_TURN_S)
 
@@ -91,8 +99,8 @@ def _longest_s(recalled: Sequence[VehicleAnswer]) -> float:
 def _with_unconfirmed_note(vehicle: VehicleAnswer, later_s: float) -> VehicleAnswer:
     if vehicle.outcome != "unconfirmed":
         return vehicle
-    others = "the others wait until then" if later_s else "the others are down by then"
-    note = f"if it took the command, it holds and returns after {NO_TURN_S:g} s; {others}: {vehicle.note}"
+    others = "the other vehicles wait until then" if later_s else "the other vehicles have landed by then"
+    note = f"holds and returns after {NO_TURN_S:g} s if it took the command; {others}: {vehicle.note}"
     return msgspec.structs.replace(vehicle, note=note)
 
 

@@ -150,14 +150,19 @@ def test_a_holding_vehicle_needs_no_stop() -> None:
 
 def test_a_stop_behind_the_goal_costs_nothing() -> None:
     here, path = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
-    stop = BrakingStop(on_s=8.0, on_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    stop = BrakingStop(brakes_in_s=8.0, brakes_in_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
     assert fly_with_stop(here, 30.0, path, 10.0, 10.0, stop) == fly_along(here, 30.0, path, 10.0, 10.0)
 
 
 def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
     here, path = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
     path = fly_with_stop(
-        here, 30.0, path, 10.0, 10.0, BrakingStop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
+        here,
+        30.0,
+        path,
+        10.0,
+        10.0,
+        BrakingStop(brakes_in_s=5.0, brakes_in_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5),
     )
     assert path.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
     assert path.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
@@ -179,7 +184,12 @@ def test_the_deceleration_follows_from_the_firmware(
 def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> None:
     here, path = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
     path = fly_with_stop(
-        here, 30.0, path, 10.0, 10.0, BrakingStop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
+        here,
+        30.0,
+        path,
+        10.0,
+        10.0,
+        BrakingStop(brakes_in_s=1.1, brakes_in_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5),
     )
     path = path.later(50_000.0)  # by the clock of a vehicle that was booted long ago
     assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]

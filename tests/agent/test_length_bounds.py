@@ -108,7 +108,7 @@ def test_bounds_are_ordered_and_a_margin_only_narrows_them(
     underway = LeadIn(elapsed_s, climb_m, lead_m)
     found = length_bounds(arrival, CELL_M, underway)
     assert 0.0 <= found.min_cells <= found.max_cells
-    narrower = found.less(spare)
+    narrower = found.with_reserve(spare)
     assert found.min_cells == narrower.min_cells <= narrower.max_cells <= found.max_cells
     if not math.isinf(found.max_cells) and found.max_cells > 0.0:
         # If any length is left, the longest route arrives exactly at the late bound.

@@ -120,7 +120,7 @@ def test_messages_and_questions_reach_their_receiver_in_order(
             net.one.subscribe(keys.inbox(SWARM, 1), lambda *told: heard["one"].append(told))
             net.two.subscribe(keys.inbox(SWARM, 2), lambda *told: heard["two"].append(told))
             net.operator.subscribe(keys.station(SWARM), lambda *told: heard["station"].append(told))
-            weights, order = (keys.request(SWARM, kind, 2) for kind in keys.KINDS)
+            weights, order = (keys.request(SWARM, kind, 2) for kind in keys.REQUEST_KINDS)
             asked: list[bytes | None] = []
 
             def serve(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> None:

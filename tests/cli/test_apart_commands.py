@@ -46,7 +46,7 @@ def swarmctl(*words: str | Path) -> Result:
 
 REFUSED: list[tuple[str, list[str], str, int, str]] = [
     # name, words, configuration, exit code, what is said
-    ("an agent of no vehicle", ["agent", "--uav", "uav9"], PLAIN + ROUTER, 2, "there is 1 (uav1), 2 (uav2)"),
+    ("an agent of no vehicle", ["agent", "--uav", "uav9"], PLAIN + ROUTER, 2, "1 (uav1), 2 (uav2)"),
     ("an agent without a network", ["agent", "--uav", "1"], PLAIN, 2, "--launch when-ready"),
     ("an agent at no URL", ["agent", "--uav", "1", "--url", "ftp://x"], PLAIN + ROUTER, 2, "--url: "),
     ("an agent at no router", ["agent", "--uav", "1", "--connect", "x"], PLAIN, 2, "--connect: 'x' is no"),

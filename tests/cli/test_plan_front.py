@@ -118,7 +118,7 @@ WRONG = [
     (
         "a name nobody has",
         ["--front", "--uav", "uav9"],
-        "--uav uav9: no vehicle has the system id or name uav9; there is 1 (uav1), 2 (uav2)",
+        "1 (uav1), 2 (uav2)",
     ),
     ("a vehicle without a front", ["--uav", "uav1"], "give --front too"),
 ]

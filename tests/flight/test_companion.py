@@ -20,7 +20,7 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.flights import conclude
-from swarmctl.cli.operator_command import Seals
+from swarmctl.cli.operator_command import KeyringSigning
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import (
     GiveOrder,
@@ -178,9 +178,9 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
     keyring = {name: load_keyring(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
     commands: list[tuple[str, bytes]] = []
 
-    class Operators(Seals):
-        def close(self, key: str, command: bytes) -> bytes:
-            commands.append((key, super().close(key, command)))
+    class Operators(KeyringSigning):
+        def sign_command(self, key: str, command: bytes) -> bytes:
+            commands.append((key, super().sign_command(key, command)))
             return commands[-1][1]
 
     async def scene(folder: Path, own: str) -> tuple[list[VehicleAnswer], list[VehicleAnswer]]:

@@ -14,7 +14,13 @@ from flights import small
 from swarmctl.agent.state import Phase
 from swarmctl.bus import directory, keys, operator_service
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.operator_service import NO_SEAL, AgentCommand, CommandCounts, CommandSeal, OperatorService
+from swarmctl.bus.operator_service import (
+    UNSIGNED,
+    AgentCommand,
+    CommandCounts,
+    CommandSigning,
+    OperatorService,
+)
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
@@ -224,24 +230,24 @@ OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
 
 
 class Guarded:
-    """A seal that checks the operator's name before requests and puts the vehicle's before answers."""
+    """The vehicle's signing: checks the operator's name before requests, puts its own before answers."""
 
-    def open(self, key: str, payload: bytes) -> bytes:
+    def verify_command(self, key: str, payload: bytes) -> bytes:
         if not payload.startswith(OPERATORS):
             raise BadMessage(f"nobody of this swarm signed what came under {key}")
         return payload.removeprefix(OPERATORS)
 
-    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
+    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
         return OF_UAV2 + key.encode() + payload + answer
 
 
 class Operators:
-    """The operator's side of the seal."""
+    """The operator's signing, for the same names."""
 
-    def close(self, _key: str, command: bytes) -> bytes:
+    def sign_command(self, _key: str, command: bytes) -> bytes:
         return OPERATORS + command
 
-    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+    def verify_answer(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
         before = f"uav{uav}".encode().ljust(64) + key.encode() + asked
         if not data.startswith(before):
             raise BadMessage("not its own")
@@ -252,7 +258,7 @@ class Ground:
     """The service of one vehicle whose agent takes every command, unless it is slow."""
 
     def __init__(
-        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", unseal: CommandSeal = NO_SEAL
+        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", signing: CommandSigning = UNSIGNED
     ) -> None:
         self.said: list[str] = []
         self.posted: list[AgentCommand] = []
@@ -264,7 +270,7 @@ class Ground:
             CommandCounts(),
             uav=2,
             refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
-            seal=unseal,
+            signing=signing,
         )
         self.service.join(2, "uav2", self._post)
 
@@ -334,7 +340,7 @@ def test_a_service_closed_for_orders_gives_the_reason_and_takes_weights() -> Non
 def test_an_unsigned_order_is_refused() -> None:
     async def scene() -> None:
         bus = MemoryBus()
-        ground = Ground(bus, unseal=Guarded())
+        ground = Ground(bus, signing=Guarded())
         command = encode(GiveOrder(None, "land"))
         (data,) = await bus.ask(ORDER, command, 5.0)
         answer = decode_answer(data.removeprefix(OF_UAV2 + ORDER.encode() + command))
@@ -350,7 +356,7 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
 
     async def scene() -> None:
         bus, garbage = MemoryBus(), GARBAGE_PER_S * 4
-        ground = Ground(bus, unseal=Guarded())
+        ground = Ground(bus, signing=Guarded())
         served = bus._served[ORDER]
         for n in range(garbage):
             served(ORDER, b"nonsense", lambda _: None)
@@ -368,10 +374,10 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
 def test_requests_beyond_the_rate_limit_are_counted_and_not_answered() -> None:
     async def scene() -> None:
         bus, answers = MemoryBus(), []
-        ground = Ground(bus, unseal=Guarded())
+        ground = Ground(bus, signing=Guarded())
         for _ in range(5000):
             bus._served[ORDER](ORDER, b"nonsense", answers.append)
-        assert len(answers) == operator_service.OPENED_BURST
+        assert len(answers) == operator_service.CHECKED_BURST
         assert ground.service._counts.refused == 5000
 
     run_virtual(scene())
@@ -409,7 +415,7 @@ def forged(_key: str, _payload: bytes) -> bytes:
 
 
 def of_another_question(key: str, _payload: bytes) -> bytes:
-    return Guarded().close(key, b"another question", forged("", b""))
+    return Guarded().sign_answer(key, b"another question", forged("", b""))
 
 
 def by_uav3(key: str, payload: bytes) -> bytes:
@@ -423,7 +429,7 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
     async def scene(*, is_there: bool) -> VehicleAnswer:
         bus = Crowd(other)
         if is_there:
-            Ground(bus, unseal=Guarded(), closed="not now")
+            Ground(bus, signing=Guarded(), closed="not now")
         (answer,) = (await client.ask(bus, STATION, GiveOrder((2,), "hold"), Operators())).vehicles
         return answer
 

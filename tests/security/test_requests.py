@@ -1,4 +1,4 @@
-"""An operator's commands under seal: what an agent takes, and what nobody can make it take."""
+"""Signed commands of an operator: an agent accepts valid ones, and no forgery or replay."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.core.messages import BadMessage
-from swarmctl.security.requests import FRESH_S, CommandOpener, open_answer, seal, seal_answer
+from swarmctl.security.requests import FRESH_S, CommandVerifier, sign_answer, sign_command, verify_answer
 
 NOW = 1_800_000_000.0
 KEY = "swarmctl/test/uav/3/request/order/operator"
@@ -26,14 +26,14 @@ def is_operators(signature: bytes, data: bytes) -> bool:
     return True
 
 
-def opener(began_unix_s: float = NOW - 100.0) -> CommandOpener:
-    return CommandOpener("test", is_operators, began_unix_s, 5.0)
+def verifier(began_unix_s: float = NOW - 100.0) -> CommandVerifier:
+    return CommandVerifier("test", is_operators, began_unix_s, 5.0)
 
 
-def sealed(
+def signed(
     unix_s: float = NOW, key: str = KEY, by: Ed25519PrivateKey = OPERATOR, swarm: str = "test"
 ) -> bytes:
-    return seal(swarm, key, b"land", unix_s, by.sign)
+    return sign_command(swarm, key, b"land", unix_s, by.sign)
 
 
 def timeless() -> bytes:
@@ -42,20 +42,20 @@ def timeless() -> bytes:
 
 
 def test_a_command_of_the_operator_is_accepted() -> None:
-    agent = opener()
-    assert agent.open(KEY, sealed(NOW), NOW + 1.0) == b"land"
-    assert agent.open(KEY, sealed(NOW + 0.5), NOW + 1.0) == b"land"
+    agent = verifier()
+    assert agent.verify(KEY, signed(NOW), NOW + 1.0) == b"land"
+    assert agent.verify(KEY, signed(NOW + 0.5), NOW + 1.0) == b"land"
 
 
 REFUSED = {
-    "no seal": (b"land", "not-signed"),
+    "no signature": (b"land", "not-signed"),
     "nothing": (b"", "not-signed"),
-    "a UAV's": (sealed(by=UAV), "not-signed"),
-    "of another swarm": (sealed(swarm="other"), "not-signed"),
-    "changed on its way": (sealed()[:-1] + b"!", "not-signed"),
-    "for another vehicle": (sealed(key=KEY.replace("/3/", "/4/")), "swarmctl/test/uav/4"),
-    "old": (sealed(NOW - FRESH_S - 1.0), "21 s.*command-old"),
-    "from the future": (sealed(NOW + 6.0), "6 s.*command-early"),
+    "a UAV's": (signed(by=UAV), "not-signed"),
+    "of another swarm": (signed(swarm="other"), "not-signed"),
+    "changed on its way": (signed()[:-1] + b"!", "not-signed"),
+    "for another vehicle": (signed(key=KEY.replace("/3/", "/4/")), "swarmctl/test/uav/4"),
+    "old": (signed(NOW - FRESH_S - 1.0), "21 s.*command-old"),
+    "from the future": (signed(NOW + 6.0), "6 s.*command-early"),
     "no time": (timeless(), "time"),
 }
 
@@ -63,23 +63,23 @@ REFUSED = {
 @pytest.mark.parametrize(("data", "said"), REFUSED.values(), ids=REFUSED)
 def test_an_invalid_command_is_refused(data: bytes, said: str) -> None:
     with pytest.raises(BadMessage, match=said):
-        opener().open(KEY, data, NOW)
+        verifier().verify(KEY, data, NOW)
 
 
 def test_a_command_is_accepted_once() -> None:
-    agent, data = opener(), sealed()
-    agent.open(KEY, data, NOW)
+    agent, data = verifier(), signed()
+    agent.verify(KEY, data, NOW)
     with pytest.raises(BadMessage, match="command-replayed"):
-        agent.open(KEY, data, NOW + 1.0)
+        agent.verify(KEY, data, NOW + 1.0)
     with pytest.raises(BadMessage, match="command-old"):
-        agent.open(KEY, data, NOW + FRESH_S + 1.0)
+        agent.verify(KEY, data, NOW + FRESH_S + 1.0)
 
 
 @pytest.mark.parametrize("down_s", [0.001, 3.0, 8.0])
 def test_a_command_from_before_the_agents_start_is_refused(down_s: float) -> None:
     """Also within the tolerance for clocks that differ."""
     with pytest.raises(BadMessage, match="command-before-start"):
-        opener(began_unix_s=NOW + down_s).open(KEY, sealed(NOW), NOW + 10.0)
+        verifier(began_unix_s=NOW + down_s).verify(KEY, signed(NOW), NOW + 10.0)
 
 
 def is_uavs(signature: bytes, data: bytes) -> bool:
@@ -91,25 +91,25 @@ def is_uavs(signature: bytes, data: bytes) -> bool:
 
 
 def test_an_answer_is_valid_for_its_vehicle_and_its_command_only() -> None:
-    question = sealed()
-    answer = seal_answer("test", KEY, question, b"taken", UAV.sign)
-    assert open_answer("test", KEY, question, answer, is_uavs) == b"taken"
+    question = signed()
+    answer = sign_answer("test", KEY, question, b"taken", UAV.sign)
+    assert verify_answer("test", KEY, question, answer, is_uavs) == b"taken"
     other_key = KEY.replace("/3/", "/4/")
     for data, swarm, key, asked in (
-        (seal_answer("test", KEY, question, b"taken", OPERATOR.sign), "test", KEY, question),
+        (sign_answer("test", KEY, question, b"taken", OPERATOR.sign), "test", KEY, question),
         (answer, "other", KEY, question),
         (answer, "test", other_key, question),
-        (answer, "test", KEY, sealed(NOW + 1.0)),
+        (answer, "test", KEY, signed(NOW + 1.0)),
         (answer[:-1] + b"!", "test", KEY, question),
         (b"taken", "test", KEY, question),
         (b"", "test", KEY, question),
     ):
         with pytest.raises(BadMessage):
-            open_answer(swarm, key, asked, data, is_uavs)
+            verify_answer(swarm, key, asked, data, is_uavs)
 
 
 @given(st.binary(max_size=300))
 def test_any_bytes_raise_bad_message_only(data: bytes) -> None:
-    trusting = CommandOpener("test", lambda *_: True, NOW, 5.0)
+    trusting = CommandVerifier("test", lambda *_: True, NOW, 5.0)
     with pytest.raises(BadMessage):
-        trusting.open(KEY, b"s" * 64 + data, NOW)
+        trusting.verify(KEY, b"s" * 64 + data, NOW)

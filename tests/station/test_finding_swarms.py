@@ -222,7 +222,7 @@ def test_a_given_endpoint_needs_no_search(
         ("o*", None, None, "--swarm"),
         (".dot", None, None, "--swarm"),
         ("a/b", None, None, "--swarm"),
-        ("one", listening(), None, "--swarm one, .* small"),
+        ("one", listening(), None, "--swarm is one, .* small"),
         (None, listening(listen="none"), None, "not-listening"),
         (None, listening(bus="memory"), None, "not-listening"),
     ],

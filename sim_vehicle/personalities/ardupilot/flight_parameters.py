@@ -12,7 +12,7 @@ LEAST_RETURN_M, LEAST_CONE_SLOPE = 0.3, 0.5
 FENCE_GIVE_UP_M = 100.0
 STALL_M_S = 8.0  # for a plane with AIRSPEED_STALL 0
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
-# Here and below: no vehicle has SmartRTL, so the action after "SmartRTL or" applies.
+# In all tables: no simulated vehicle has SmartRTL, so "SmartRTL or X" means X.
 _BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.LAND,
@@ -28,10 +28,10 @@ _PLANE_BATTERY_ACTIONS = {
     1: FailsafeAction.RETURN,
     2: FailsafeAction.LAND,
     3: FailsafeAction.TERMINATE,
-    4: FailsafeAction.LAND,  # LAND of a quadplane continues as this
-    5: FailsafeAction.WARN,  # no vehicle has a parachute
+    4: FailsafeAction.LAND,  # QLAND: without VTOL motors the same as LAND
+    5: FailsafeAction.WARN,  # no simulated vehicle has a parachute
     6: FailsafeAction.LAND,
-    7: FailsafeAction.RETURN,  # AUTOLAND, which requires a take-off in it
+    7: FailsafeAction.RETURN,  # "AUTOLAND or RTL": without the automatic take-off for AUTOLAND it is RTL
 }
 _LINK_ACTIONS = {
     0: FailsafeAction.NOTHING,
@@ -66,12 +66,12 @@ _PLANE_FENCE_ACTIONS = {
     1: FailsafeAction.RETURN,
     6: FailsafeAction.RETURN_POINT,
     7: FailsafeAction.RETURN_POINT,
-    8: FailsafeAction.RETURN,  # here and below AUTOLAND, as above
+    8: FailsafeAction.RETURN,  # "AUTOLAND or RTL", here and below
 }
 _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
 EKF_LANDS_EVERYWHERE = 3
-# Modes of a plane by number. With a long link loss that permits AUTO and GUIDED to continue, the plane
-# returns from the first group. With a short loss, the second group has no action.
+# Modes of a plane by number. With FS_LONG_ACTN 0 a long link loss lets AUTO and GUIDED continue; the plane
+# returns from the modes in _LONG_RETURNS. A short loss has no action in the modes of _SHORT_NEVER.
 FBWA, FBWB = 5, 6
 _PILOTED = (0, 2, FBWA, FBWB, 7)
 _CIRCLE, _RTL, _AUTO, _LOITER, _TAKEOFF, _GUIDED = 1, 11, 10, 12, 13, 15
@@ -81,7 +81,7 @@ _PLANE_LONG_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.RETURN,
     2: FailsafeAction.GLIDE,
-    3: FailsafeAction.WARN,  # no vehicle has a parachute
+    3: FailsafeAction.WARN,  # no simulated vehicle has a parachute
     4: FailsafeAction.MISSION,
     5: FailsafeAction.RETURN,
 }
@@ -128,7 +128,7 @@ def _return_height(params: Parameters) -> Callable[[float, float], float]:
 
 
 def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
-    """Return no action for the modes whose bit is set; pairs are (bit, modes)."""
+    """Return FailsafeAction.NOTHING for each mode whose bit in `options` is set; `modes` are (bit, modes)."""
     return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
 
 

@@ -1,12 +1,12 @@
-"""Addressing rules of PX4: its receivers check the target of a message individually and differently."""
+"""Addressing rules of PX4: each of its receivers checks the target of a message by a rule of its own."""
 
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 COMPONENTS = frozenset({int(mavlink.MAV_COMP_ID_ALL), int(mavlink.MAV_COMP_ID_AUTOPILOT1)})
-# Accepted also for all systems and any component, as an introduction.
-_TO_ANYBODY = frozenset(
+# Accepted for any system and any component: programs send them before they know the vehicle's ids.
+_TO_ANY_TARGET = frozenset(
     {mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION}
 )
 _COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
@@ -22,12 +22,13 @@ _TO_ALL_SYSTEMS = frozenset(
 
 
 def is_addressed(sysid: int, message: Any) -> bool:
-    """Return True if a vehicle processes a message to its system or to all.
+    """Return whether a vehicle processes a message, by the message's target.
 
-    The mission protocol checks its messages itself, as it answers strangers. Other messages are open to all.
+    Messages of other types are always processed. Among them are those of the mission protocol, which checks
+    the target itself, because it also answers messages to other systems.
     """
     kind = message.get_type()
-    if kind in _COMMANDS and message.command in _TO_ANYBODY:
+    if kind in _COMMANDS and message.command in _TO_ANY_TARGET:
         return True
     if kind in _TO_ALL_SYSTEMS:
         return message.target_component in COMPONENTS

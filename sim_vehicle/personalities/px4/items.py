@@ -15,7 +15,7 @@ READ_BACK_FRAME = {
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
 }
 
-_WITH_PLACE = frozenset(
+_WITH_POSITION = frozenset(
     {
         mavlink.MAV_CMD_NAV_WAYPOINT,
         mavlink.MAV_CMD_NAV_LOITER_UNLIM,
@@ -38,11 +38,11 @@ _WITH_PLACE = frozenset(
     }
 )
 _ROI = frozenset({mavlink.MAV_CMD_NAV_ROI, mavlink.MAV_CMD_DO_SET_ROI})
-_ROI_WITH_PLACE = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
-_ROI_WITHOUT_PLACE = frozenset({mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX})
+_ROI_WITH_POSITION = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
+_ROI_WITHOUT_POSITION = frozenset({mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX})
 
 # Commands without a position; accepted in frame MISSION only.
-_WITHOUT_PLACE = frozenset(
+_WITHOUT_POSITION = frozenset(
     {
         mavlink.MAV_CMD_DO_JUMP,
         mavlink.MAV_CMD_NAV_ROI,
@@ -88,9 +88,9 @@ def store_item(item: Item) -> Item | int:
     jump to a missing item are stored and read back.
     """
     if item.frame in READ_BACK_FRAME:
-        commands, regions, frame = _WITH_PLACE, _ROI_WITH_PLACE, READ_BACK_FRAME[item.frame]
+        commands, regions, frame = _WITH_POSITION, _ROI_WITH_POSITION, READ_BACK_FRAME[item.frame]
     elif item.frame == mavlink.MAV_FRAME_MISSION:
-        commands, regions, frame = _WITHOUT_PLACE, _ROI_WITHOUT_PLACE, item.frame
+        commands, regions, frame = _WITHOUT_POSITION, _ROI_WITHOUT_POSITION, item.frame
     else:
         return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
     if item.command not in commands:

@@ -1,12 +1,13 @@
 """GPS loss: a vehicle without a GPS fix, or without a position in its telemetry.
 
-The autopilot notices first and mostly acts by itself; the vehicle is then released (`taken_over`).
+The autopilot notices the loss first and mostly acts by itself; the agent then releases the vehicle
+(`taken_over`). Otherwise the rule acts:
 
 | condition | after `seconds` | after `land_s` | after twice `land_s` |
 |---|---|---|---|
 | no fix | warning | landing: without a position it can neither hold nor return | |
 | no position, GPS has no fix | warning | landing | |
-| no position, GPS has a fix | warning | return: it may know its position | landing, unless it returns |
+| no position, GPS has a fix | warning | return: it may know its position | landing, unless it is returning |
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ class Params(Section):
     """Limits for GPS health (SYS_STATUS, once a second) and for the age of the position."""
 
     seconds: float = Field(2.0, ge=0.0, description="time without a fix or a position until the warning [s]")
-    land_s: float = Field(20.0, gt=0.0, description="time until it lands, if it does nothing by itself [s]")
+    land_s: float = Field(
+        20.0, gt=0.0, description="time until the landing, if the autopilot does not act by itself [s]"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class GpsLossMemory:
     blind_since_s: float | None = None
     """time of the first telemetry without a position"""
     landing: Demand | None = None
-    """landing once demanded; a fix that comes back does not stop it, because it may go again"""
+    """the landing demanded; it continues with a new fix, because the fix may be lost again"""
 
 
 def evaluate(
@@ -45,12 +48,12 @@ def evaluate(
     if not facts.in_flight:
         return GpsLossMemory(), None
     if facts.lost:
-        # The last telemetry is old: neither count nor withdraw.
+        # The last telemetry is old: no duration counts, and a landing stays.
         return GpsLossMemory(landing=memory.landing), None
-    told_s = vehicle.status_s
-    since_s = None if told_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, told_s)
-    # Durations count from one SYS_STATUS to a later one: an old one holds nothing new.
-    no_fix_s = None if since_s is None or told_s is None else told_s - since_s
+    status_s = vehicle.status_s
+    since_s = None if status_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, status_s)
+    # A duration counts between two SYS_STATUS: without a new SYS_STATUS it does not grow.
+    no_fix_s = None if since_s is None or status_s is None else status_s - since_s
     blind_since_s = holds_since(memory.blind_since_s, not vehicle.has_position, now)
     blind_s = None if blind_since_s is None else now - blind_since_s
     demand = memory.landing or _demand(params, facts, no_fix_s, blind_s)
@@ -61,24 +64,28 @@ def evaluate(
 def _demand(
     params: Params, facts: FailsafeFacts, no_fix_s: float | None, blind_s: float | None
 ) -> Demand | None:
-    """Return the demand for these durations without a fix and without a position; None: with one."""
+    """Return the demand after `no_fix_s` without a fix and `blind_s` without a position.
+
+    A duration is None while the vehicle has a fix, or a position.
+    """
     if no_fix_s is not None and no_fix_s >= params.land_s:
         return Demand(
-            DemandKind.LAND, f"no GPS fix for {params.land_s:g} s, and its autopilot does not react"
+            DemandKind.LAND, f"no GPS fix for {params.land_s:g} s, and the autopilot does not react"
         )
     if blind_s is not None and blind_s >= params.land_s:
-        return _down_or_home(params, facts, blind_s)
+        return _return_or_landing(params, facts, blind_s)
     if no_fix_s is not None and no_fix_s >= params.seconds:
-        return Demand(DemandKind.WARN, "no GPS fix; its autopilot decides on the reaction")
+        return Demand(DemandKind.WARN, "no GPS fix; the autopilot decides on the reaction")
     if blind_s is not None and blind_s >= params.seconds:
-        return Demand(DemandKind.WARN, "its telemetry has no position any more")
+        return Demand(DemandKind.WARN, "telemetry without a position; the autopilot decides on the reaction")
     return None
 
 
-def _down_or_home(params: Params, facts: FailsafeFacts, blind_s: float) -> Demand:
-    text = f"no position for {params.land_s:g} s"
+def _return_or_landing(params: Params, facts: FailsafeFacts, blind_s: float) -> Demand:
+    text = f"telemetry without a position for {params.land_s:g} s"
     if facts.vehicle.gps_ok is not True:
-        return Demand(DemandKind.LAND, f"{text}, and its autopilot does not react")
+        return Demand(DemandKind.LAND, f"{text}, and the autopilot does not react")
     if blind_s >= 2.0 * params.land_s and facts.vehicle.mode_role != "return":
-        return Demand(DemandKind.LAND, f"{text} and more, and it does not return")
-    return Demand(DemandKind.RETURN, f"{text}, although its GPS has a fix")
+        text = f"telemetry without a position for {2.0 * params.land_s:g} s"
+        return Demand(DemandKind.LAND, f"{text}, and the vehicle does not return")
+    return Demand(DemandKind.RETURN, f"{text}, although the GPS has a fix")

@@ -1,4 +1,4 @@
-"""Not following: a vehicle reports to fly its mission but is off its route or does not move."""
+"""Not following: a vehicle reports its mission mode, but is off its route or does not move."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Params(Section):
 class NotFollowingMemory:
     plan_id: int
     track_m: tuple[PlanarPoint, ...]
-    """(east, north) [m], from its position when this plan was taken up"""
+    """(east, north) [m], from the vehicle's position at the start of this plan"""
     off_since_s: float | None = None
     still_since_s: float | None = None
     demanded: Demand | None = None
@@ -42,7 +42,7 @@ def evaluate(
     if facts.doing != "mission":
         return None, None
     if route is None or here is None or facts.lost:
-        # Without data: neither count nor withdraw.
+        # Without data, no duration counts, and a demand stays.
         kept = None if memory is None else memory.demanded
         return memory and NotFollowingMemory(memory.plan_id, memory.track_m, demanded=kept), kept
     if memory is None or memory.plan_id != route.plan_id:

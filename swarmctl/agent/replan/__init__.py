@@ -1,6 +1,6 @@
-"""The choice of a route, and whether it is worth a new mission.
+"""The choice of a route, and the decision to fly it as a new mission.
 
-Splice points, time bounds, travel times, predicted trajectories and fixed-wing landings belong to it.
+Here are also splice points, time bounds, travel times, predicted trajectories and fixed-wing landings.
 
 Begin with `decide`.
 """

@@ -99,19 +99,19 @@ def fly_with_stop(
 
     Without a stop (None) the result is that of `fly_along`.
     """
-    parts = None if stop is None else split_track([here[:2], *path], stop.in_m)
+    parts = None if stop is None else split_track([here[:2], *path], stop.stops_in_m)
     if stop is None or parts is None:
         return fly_along(here, height_m, path, speed_m_s, begins_m_s)
     until, rest = parts
-    if (brakes := split_track(until, stop.on_m)) is not None:
+    if (brakes := split_track(until, stop.brakes_in_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]
     points, times_s, way_m = [here], [0.0], 0.0
     for a, b in pairwise(until[:-1]):
         way_m += math.dist(a, b)
-        if times_s[-1] + SAME_TIME_S < (at_s := stop.passed_s(way_m)) < stop.in_s - SAME_TIME_S:
+        if times_s[-1] + SAME_TIME_S < (at_s := stop.time_at(way_m)) < stop.stops_in_s - SAME_TIME_S:
             points.append((*b, here[2]))
             times_s.append(at_s)
-    on = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.in_s)
+    on = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
     return Trajectory((*times_s, *on.times_s), (*points, *on.points))
 
 

@@ -1,7 +1,7 @@
-"""From the time bound of a vehicle to bounds on the remaining length of its route. Pure.
+"""Conversion of a vehicle's time bound to bounds on the remaining length of its route. Pure.
 
-A time bound counts from the take-off, when the vehicle is first seen armed, to its arrival over the goal
-cell. The descent does not count. Times are by the vehicle's own clock.
+A time bound counts from the take-off to the arrival over the goal cell; the descent does not count. The
+take-off is the first time at which the vehicle reports to be armed. Times are by the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ CLIMB_M_S = 2.5
 """assumed climb rate [m/s]: the default of ArduCopter's WPNAV_SPEED_UP"""
 
 LIFT_S = 1.5
-"""time from arming to the begin of the climb [s]"""
+"""time from arming to the start of the climb [s]"""
 
 HOLD_S = 0.5
 """assumed hold for the first swap in flight [s]; later swaps use measured times"""
 
 ROUNDING_CELLS = 1e-6
-"""greatest rounding difference between the lengths of a planner and of this module [cells]"""
+"""greatest rounding difference between a planner's length and this module's [cells]"""
 
 HALF_DIAGONAL_CELLS = math.sqrt(0.5)
 """greatest distance between the edge of the goal cell and its centre [cells]"""
@@ -38,7 +38,7 @@ class TimeBound:
     within_s: float = math.inf
     """latest arrival, from the take-off [s]"""
     approach_m: float = 0.0
-    """distance from the place of take-off to the centre of the entry cell [m]"""
+    """distance from the take-off position to the centre of the entry cell [m]"""
 
     def __str__(self) -> str:
         if self.after_s > 0.0:
@@ -55,7 +55,7 @@ UNBOUNDED = TimeBound()
 
 @dataclass(frozen=True, slots=True)
 class LeadIn:
-    """The flight before the planned route: the elapsed time, and the part up to the route's first cell."""
+    """The flight before the planned route: the time elapsed, and the part left to the route's first cell."""
 
     elapsed_s: float
     """time since the take-off [s]"""
@@ -64,7 +64,7 @@ class LeadIn:
     lead_m: float
     """distance to the centre of the route's first cell [m]; negative for a vehicle past it"""
     lost_s: float = 0.0
-    """time lost by the lift-off, and by a stop at the begin of the route [s]"""
+    """time lost by the lift-off, and by a stop at the start of the route [s]"""
 
     def arrives_s(self, arrival: TimeBound, length_m: float, lost_s: float = 0.0) -> float:
         """Return the arrival time for a route of this length, from the take-off [s].
@@ -84,45 +84,45 @@ class LengthBounds:
     max_cells: float = math.inf
 
     def misses_by(self, length_cells: float, lost_cells: float = 0.0) -> float:
-        """Return the distance of a length from the bounds [cells]; 0 inside, or outside by rounding only.
+        """Return the distance of a length from the bounds [cells]; 0 inside, and for a rounding difference.
 
-        `lost_cells` is the length that could be flown in the time lost at turns. It counts at the late end
-        alone.
+        `lost_cells` is the length that could be flown in the time lost at turns. It counts toward the
+        greatest length only.
         """
         missed = max(self.min_cells - length_cells, length_cells + lost_cells - self.max_cells)
         return missed if missed > ROUNDING_CELLS else 0.0
 
-    def less(self, cells: float) -> LengthBounds:
-        """Return the bounds with `cells` kept free at the late end, but at most half of the range."""
+    def with_reserve(self, cells: float) -> LengthBounds:
+        """Return the bounds with the greatest length reduced by `cells`, by half of the range at most."""
         kept = max(self.max_cells - cells, 0.5 * (self.min_cells + self.max_cells))
         return LengthBounds(self.min_cells, min(kept, self.max_cells))
 
 
 def before_takeoff(arrival: TimeBound, altitude_m: float) -> LeadIn:
-    """Return the lead-in of a vehicle on the ground: a climb, and the flight to the entry cell with a stop
-    there.
+    """Return the lead-in of a vehicle on the ground: a climb, the flight to the entry cell, and a stop.
 
-    The stop is assumed, because the turn at the entry may have any angle.
+    A stop at the entry cell is assumed, because the turn there may have any angle.
     """
     approach = ((0.0, 0.0), (arrival.approach_m, 0.0))
     lost_s = LIFT_S + travel_time.lost_s(approach, arrival.speed_m_s)
     return LeadIn(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
 
 
-def change_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
+def swap_loss_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
     """Return the time lost by a swap before the new route begins [s].
 
-    It is the measured stop of the vehicle (`SwapTimes.stop_s`), or an assumed one, and at least the time lost
-    by braking.
+    It is the vehicle's measured stop (`SwapTimes.stop_s`), or an assumed stop without a measurement. It is at
+    least the time lost by braking.
     """
     brakes_s = 0.0 if brakes_m_s2 is None else travel_time.brake_s(arrival.speed_m_s, brakes_m_s2)
     return max(travel_time.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)
 
 
 def length_bounds(arrival: TimeBound, cell_size_m: float, lead_in: LeadIn) -> LengthBounds:
-    """Return the bounds on the length of the route, without time lost at turns; 0 to 0 if no time is left.
+    """Return the bounds on the length of the route; both are 0 if no time is left.
 
-    The early end counts no losses at all, because it must hold for a vehicle that loses none.
+    The bounds do not count time lost at turns. The least length counts no losses at all, because it must
+    hold for a vehicle without losses.
     """
     if not arrival.is_bounded:
         return LengthBounds()

@@ -6,7 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from swarmctl.agent.replan.length_bounds import LeadIn, LengthBounds, before_takeoff, change_s, length_bounds
+from swarmctl.agent.replan.length_bounds import (
+    LeadIn,
+    LengthBounds,
+    before_takeoff,
+    length_bounds,
+    swap_loss_s,
+)
 from swarmctl.agent.replan.splice import Splice
 from swarmctl.agent.replan.travel_time import lost_s
 from swarmctl.agent.state import AgentState, Phase, Task
@@ -85,7 +91,7 @@ def change_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice
     back_m = 0.0
     if splice is None or not splice.leaves_ahead:
         back_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), task.grid.centre(start)) - lead_in.lead_m
-    stands_s = change_s(task.arrival, state.swap_times.stop_s, vehicle.brakes_m_s2)
+    stands_s = swap_loss_s(task.arrival, state.swap_times.stop_s, vehicle.brakes_m_s2)
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
 
@@ -157,7 +163,7 @@ def route_within_bounds(
         return task.method.plan(problem)
     if change > 0.0:
         try:
-            return _with_turns(task, problem, bounds.less(change).max_cells, joining)
+            return _with_turns(task, problem, bounds.with_reserve(change).max_cells, joining)
         except BoundTooTight as error:
             if _misses_by(task, bounds, error.nearest, joining) == 0.0:
                 return error.nearest
@@ -214,7 +220,7 @@ def is_no_worse(
         return False
     bounds = _bounds(problem)
     misses = bounds.misses_by(length_cells(ahead), _in_cells(task, lost_s))
-    would_miss = _misses_by(task, bounds.less(change), route, joining)
+    would_miss = _misses_by(task, bounds.with_reserve(change), route, joining)
     if misses > 0.0 or would_miss > 0.0:
         return misses <= would_miss
     return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)

@@ -23,7 +23,7 @@ from swarmctl.agent.replan.copter_trajectory import (
     waypoints_of,
 )
 from swarmctl.agent.replan.length_bounds import LIFT_S
-from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new
+from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
 from swarmctl.agent.traffic.collision_avoidance import AIRBORNE_M, position_of, stopping_point, track_ahead
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
@@ -162,7 +162,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         )
     if _climbs_on_the_spot(state, here, plan):
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, way, task.arrival.speed_m_s))
-    stop = stop_for_new(state)
+    stop = stop_for_new_plan(state)
     flight = fly_with_stop(here, plan.height_m, way, task.arrival.speed_m_s, begins_m_s, stop)
     return to_shared_frame(state, flight)
 
@@ -187,9 +187,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     match state.phase:
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
-            return climb_then_fly(
-                here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s
-            )
+            return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and state.interrupted_plan is None:
             plan, way = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:

@@ -1,4 +1,4 @@
-"""Outgoing messages of a UAV: numbered, sealed and counted. Pure."""
+"""Outgoing messages of a UAV: numbered, signed and counted. Pure."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Sender:
         return OutgoingMessage(to, act, data)
 
     def frame(self, content: Content, unix_s: float) -> bytes:
-        """Return the next sealed frame without a receiver."""
+        """Return the next signed frame without a receiver."""
         self._n += 1
         has_own_position = isinstance(content, StateShared)
         lat_deg, lon_deg = (None, None) if has_own_position or self.position is None else self.position

@@ -103,7 +103,7 @@ def _vehicle_rules(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
 
 def _operator_rules(swarm: str, uavs: Sequence[int]) -> list[Rule]:
     reports = tuple(keys.sensor_report(swarm, uav) for uav in uavs)
-    requests = tuple(keys.request(swarm, kind, uav) for uav in uavs for kind in keys.KINDS)
+    requests = tuple(keys.request(swarm, kind, uav) for uav in uavs for kind in keys.REQUEST_KINDS)
     station = (f"{keys.ROOT}/{swarm}/station/**",)
     return [
         Rule((IN,), ("query",), requests + reports),

@@ -31,7 +31,7 @@ def open_bus(
             raise BusError(
                 f"communication.listen: {endpoint}: a flight in one process listens at tcp/HOST:PORT"
             )
-        requests = tuple(keys.request(swarm, kind) for kind in keys.KINDS)
+        requests = tuple(keys.request(swarm, kind) for kind in keys.REQUEST_KINDS)
         reports = keys.sensor_report(swarm, "*")
         configuration = standalone(endpoint, (*requests, reports), (reports,))
         bus = stack.enter_context(ZenohBus(configuration, on_failure=on_failure))

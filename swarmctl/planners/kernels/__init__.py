@@ -25,7 +25,7 @@ def spread(
 ) -> Field:
     """Return the field by Eq. 5 for P_s of shape (rows, cols); without checks.
 
-    `into` is an older field that is not needed any more: a large one of the same shape gives its memory.
+    `into` is an older, unused field. A large field of the same shape is overwritten, which saves memory.
     """
     if is_small(exposure.size):
         return SmallField(exposure, goals, w, psi_per_cell)

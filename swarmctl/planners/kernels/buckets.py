@@ -1,14 +1,16 @@
-"""A label-correcting search with a queue of buckets, which completes a field after the sweeps.
+"""A label-correcting search with a queue of buckets; it completes a field after the sweeps.
 
 Cells wait in buckets by their label. A bucket is `span` wide, and the buckets form a circle. A few edges cost
-more than the whole circle; the cells at their ends wait in a list of their own until the circle has reached
-them. If no edge is cheaper than `span`, a label in the current bucket is final in any order (Dial; Denardo
-and Fox), and each cell is processed once. Cheaper edges make that impossible; a cell whose label is improved
-is then processed again, generation by generation (as in Δ-stepping). A bucket is a stack of blocks from a
-common pool, so that memory follows the front of the search and not the area.
+more than the whole circle. The cells at the ends of such edges wait in a separate list, `far`, until the
+circle reaches their labels.
 
-The queue's arrays are local to one long function. Passed to smaller functions, as arguments or as a tuple,
-they made the search three times slower.
+If no edge is cheaper than `span`, all labels in the current bucket are final (Dial; Denardo and Fox), and
+each cell is processed once. With cheaper edges, a cell whose label improves is processed again, generation by
+generation (as in Δ-stepping).
+
+A bucket is a stack of blocks from a common pool, so that memory follows the front of the search and not the
+area. The queue's arrays are local to one long function: passing them to smaller functions made the search
+three times slower.
 """
 
 from __future__ import annotations
@@ -20,11 +22,11 @@ from swarmctl.planners.kernels.lattice import Bytes, Floats, Int32s, Ints, offse
 BLOCK = 256
 N_BUCKETS = 1024
 TYPICAL_SPANS = 24
-"""spans in a typical edge, if the cheapest edge is cheaper than that"""
+"""spans in a typical edge; fewer if the cheapest edge allows a wider span"""
 N_SAMPLES = 128
 MAX_KEY = np.int64(2**62)
 MOST_CELLS = 2**23
-"""greatest number of cells of a route: with the dearest edges it must cost less than MAX_KEY spans"""
+"""greatest number of cells of a route; at the dearest edge's cost for each, it costs under MAX_KEY spans"""
 
 
 def correct(
@@ -90,7 +92,7 @@ def correct(
                         block = below[block]
                         filled = BLOCK
                 if waiting[n] == 0:
-                    continue  # it was processed with this label already
+                    continue  # the cell was already processed with this label
                 waiting[n] = 0
                 along, across = label[n], label[n] + extra
                 for k in range(8):
@@ -127,26 +129,26 @@ def correct(
                     queued += 1
         key += 1
         bucket = bucket + 1 if bucket + 1 < n_buckets else 0
-    left = np.empty(queued + due.size - joined + n_far, dtype=np.int64)
+    remaining = np.empty(queued + due.size - joined + n_far, dtype=np.int64)
     size = n_far + due.size - joined
-    left[:size] = np.concatenate((due[joined:], far[:n_far]))
+    remaining[:size] = np.concatenate((due[joined:], far[:n_far]))
     for q in range(n_buckets):
         block, filled = top[q], fill[q]
         while block >= 0:
-            left[size : size + filled] = pool[block * BLOCK : block * BLOCK + filled]
+            remaining[size : size + filled] = pool[block * BLOCK : block * BLOCK + filled]
             size += filled
             block, filled = below[block], BLOCK
     kept = 0
     for i in range(size):
-        if waiting[left[i]] != 0:
-            waiting[left[i]] = 0
-            left[kept] = left[i]
+        if waiting[remaining[i]] != 0:
+            waiting[remaining[i]] = 0
+            remaining[kept] = remaining[i]
             kept += 1
-    return left[:kept]
+    return remaining[:kept]
 
 
 def _span(straight: Floats, least: float, greatest: float) -> float:
-    """Return the width of a bucket: the cheapest edge, or a part of a typical one, whichever is more.
+    """Return the width of a bucket: the greater of the cheapest edge and a part of a typical edge.
 
     The typical edge is a median, so that a few very dear cells do not matter.
     """
@@ -160,7 +162,7 @@ def _span(straight: Floats, least: float, greatest: float) -> float:
 
 
 def _more_blocks(pool: Int32s, below: Ints) -> tuple[Int32s, Ints, Ints]:
-    """Return the pool at twice its size, the block below each block, and the free blocks: the new ones."""
+    """Return the pool at twice its size, the block below each block, and the free (new) blocks."""
     n = below.size
     n_new = max(n, 64)
     free = np.zeros(n + n_new, dtype=np.int64)

@@ -117,7 +117,7 @@ def spread_large(
 ) -> LargeField:
     """Return the field by Eq. 5 for P_s of shape (rows, cols), by compiled kernels; without checks.
 
-    `into` is an older field of the same shape that is not needed any more; its memory is used again.
+    `into` is an older, unused field of the same shape; it is overwritten, which saves memory.
     """
     rows, cols = exposure.shape
     if not isinstance(into, LargeField) or (into.rows, into.cols) != (rows, cols):

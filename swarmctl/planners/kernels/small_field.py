@@ -1,4 +1,4 @@
-"""The field of a small area by scipy and numpy, which needs no compiler."""
+"""The field of a small area, computed with scipy and numpy. It needs no compiler."""
 
 from __future__ import annotations
 
@@ -66,8 +66,9 @@ class SmallField(Field):
     def _labels(self, seeds: Floats) -> Floats:
         """Return the least labels that follow from those of the goals.
 
-        Each cell has two nodes, so that sums are rounded in the order of the fixed point. Straight steps
-        start at the label, diagonal steps at the label + `extra`. The last node is the source for the goals.
+        Each cell has two nodes, so that the sums are rounded as in the sweeps of a large field. Straight
+        steps start at the label, diagonal steps at the label + `extra`. The last node is the source of the
+        goals.
         """
         size = self.straight.size
         into = self.straight[self._graph.neighbours]
@@ -94,7 +95,7 @@ class SmallField(Field):
 
     @functools.cached_property
     def _costs(self) -> Floats:
-        """Least cost from each cell, as if none were a goal."""
+        """Least cost from each cell to a goal; for a goal itself, of a route that leaves it and returns."""
         costs: Floats = self._offers.min(axis=1) + self.step
         return costs
 
