@@ -9,7 +9,7 @@ from simulator_process import LIMIT_S, free_udp_port, simulator
 pytestmark = pytest.mark.interop
 
 
-def test_mavutil_signs_and_is_obeyed_and_without_the_key_is_not() -> None:
+def test_commands_of_mavutil_need_the_key_and_a_signature() -> None:
     port = free_udp_port()
     key = bytes(range(32))
     with simulator("--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
@@ -29,7 +29,7 @@ def test_mavutil_signs_and_is_obeyed_and_without_the_key_is_not() -> None:
             signed = link.recv_match(type="HEARTBEAT", blocking=True, timeout=LIMIT_S)
             assert signed is not None
             assert signed.get_signed()
-            assert signed.custom_mode == 0  # the unsigned change of mode was not obeyed
+            assert signed.custom_mode == 0  # the unsigned mode change was ignored
             link.set_mode("GUIDED")
             changed = link.recv_match(
                 condition="HEARTBEAT.custom_mode==4", type="HEARTBEAT", blocking=True, timeout=LIMIT_S

@@ -1,4 +1,4 @@
-"""The real MAVSDK and pymavlink's own FTP client read logs, parameters and metadata over loopback."""
+"""MAVSDK and pymavlink's FTP client read logs, parameters and metadata over loopback."""
 
 import json
 from collections.abc import Iterator
@@ -8,36 +8,38 @@ import pytest
 from mavsdk.plugins.component_metadata import ComponentMetadata, MetadataType
 from mavsdk.plugins.ftp import Ftp, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesResult
-from mavsdk_peer import COPTERS, Peer, Values, Vehicle, connected, finish
+from mavsdk_peer import COPTERS, MavsdkPeer, StreamedValues, Vehicle, connected, finish
 from pymavlink import DFReader, mavftp, mavutil
 from simulator_process import LIMIT_S, free_udp_port, simulator
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 
 @pytest.fixture(scope="module")
-def peer() -> Iterator[Peer]:
+def peer() -> Iterator[MavsdkPeer]:
     with connected("--personality", "ardupilot:1,px4:4", "--speedup", "15", *COPTERS) as found:
         yield found
 
 
 def hop(vehicle: Vehicle) -> None:
-    """Up, down, disarmed."""
+    """Take off, land and wait until disarmed."""
     vehicle.take_off(5.0)
     vehicle.action.land()
     vehicle.disarmed()
 
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-def test_mavsdk_lists_and_downloads_the_log_of_a_flight(peer: Peer, personality: str, tmp_path: Path) -> None:
+def test_mavsdk_lists_and_downloads_the_log_of_a_flight(
+    peer: MavsdkPeer, personality: str, tmp_path: Path
+) -> None:
     vehicle = peer.take(personality)
     hop(vehicle)
     logs = vehicle.plugin(LogFiles)
-    result, entries = finish(lambda told: logs.get_entries_async(lambda *a: told(*a[:2])))
+    result, entries = finish(lambda known: logs.get_entries_async(lambda *a: known(*a[:2])))
     assert result == LogFilesResult.SUCCESS
     assert len(entries) == 1
     path = tmp_path / "flight"
-    done = finish(lambda told: logs.download_log_file_async(entries[0], str(path), lambda *a: told(*a[:2])))
+    done = finish(lambda known: logs.download_log_file_async(entries[0], str(path), lambda *a: known(*a[:2])))
     assert done[0] == LogFilesResult.SUCCESS
     content = path.read_bytes()
     assert len(content) == entries[0].size_bytes > 5_000
@@ -53,20 +55,20 @@ def test_mavsdk_lists_and_downloads_the_log_of_a_flight(peer: Peer, personality:
 
 
 @pytest.mark.parametrize("burst", [False, True])
-def test_mavsdk_lists_reads_writes_and_compares_files(peer: Peer, burst: bool, tmp_path: Path) -> None:
+def test_mavsdk_lists_reads_writes_and_compares_files(peer: MavsdkPeer, burst: bool, tmp_path: Path) -> None:
     ftp = peer.take("px4").plugin(Ftp)
-    listed = finish(lambda told: ftp.list_directory_async("/etc/extras", lambda *a: told(*a[:2])))
+    listed = finish(lambda known: ftp.list_directory_async("/etc/extras", lambda *a: known(*a[:2])))
     assert [entry.name for entry in listed[1].entries] == [
         "component_general.json.xz",
         "parameters.json.xz",
     ]
     remote = "/etc/extras/parameters.json.xz"
-    told = finish(lambda told: ftp.download_async(remote, str(tmp_path), burst, lambda *a: told(*a[:2])))
-    assert told[0] == FtpResult.SUCCESS
+    known = finish(lambda known: ftp.download_async(remote, str(tmp_path), burst, lambda *a: known(*a[:2])))
+    assert known[0] == FtpResult.SUCCESS
     local = tmp_path / "parameters.json.xz"
     assert ftp.are_files_identical(str(local), remote)
     ftp.create_directory("/fs/microsd/mine")
-    done = finish(lambda told: ftp.upload_async(str(local), "/fs/microsd/mine", lambda *a: told(*a[:2])))
+    done = finish(lambda known: ftp.upload_async(str(local), "/fs/microsd/mine", lambda *a: known(*a[:2])))
     assert done[0] == FtpResult.SUCCESS
     assert ftp.are_files_identical(str(local), "/fs/microsd/mine/parameters.json.xz")
     ftp.rename("/fs/microsd/mine/parameters.json.xz", "/fs/microsd/mine/other")
@@ -74,9 +76,9 @@ def test_mavsdk_lists_reads_writes_and_compares_files(peer: Peer, burst: bool, t
     ftp.remove_directory("/fs/microsd/mine")
 
 
-def test_mavsdk_finds_the_parameter_metadata(peer: Peer) -> None:
+def test_mavsdk_finds_the_parameter_metadata(peer: MavsdkPeer) -> None:
     metadata = peer.take("px4").plugin(ComponentMetadata)
-    available = Values()
+    available = StreamedValues()
     metadata.subscribe_metadata_available(available, None)
     metadata.request_autopilot_component()
     update = available.until(lambda found: found.type == MetadataType.PARAMETER)

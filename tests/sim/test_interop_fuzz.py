@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulator_process import Ground, free_tcp_port, heartbeat, line, simulator, udp_socket
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 FLOOD_S = 1.5
 MOST_GROWTH_BYTES = 80_000_000

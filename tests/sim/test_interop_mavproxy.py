@@ -1,4 +1,4 @@
-"""The real MAVProxy, headless and scripted, flies the real `python -m sim_vehicle` over loopback."""
+"""MAVProxy, scripted, flies `python -m sim_vehicle` over loopback."""
 
 import math
 import subprocess
@@ -33,7 +33,7 @@ FENCE = """QGC WPL 110
 """
 
 
-def test_an_ardupilot_copter_is_set_up_and_flown(tmp_path: Path) -> None:
+def test_mavproxy_sets_up_and_flies_an_ardupilot_copter(tmp_path: Path) -> None:
     port = free_tcp_port()
     (tmp_path / "plan.txt").write_text(PLAN)
     (tmp_path / "fence.txt").write_text(FENCE)
@@ -53,7 +53,7 @@ def test_an_ardupilot_copter_is_set_up_and_flown(tmp_path: Path) -> None:
             proxy.expect(r"TYPE_MISSION: ACCEPTED")
             proxy.ask("wp list", r"Requesting 4 waypoints")
             proxy.expect(r"^22 3 .* 20\.000000 p1")
-            proxy.expect(r"^16 3 46\.0495000000 14\.5065000000 20\.29\d* p1")  # cut to whole centimetres
+            proxy.expect(r"^16 3 46\.0495000000 14\.5065000000 20\.29\d* p1")  # truncated to centimetres
             proxy.expect(r"Saved 4 waypoints")
 
             proxy.ask("fence load fence.txt", r"Sent all 4 fence items")
@@ -73,6 +73,7 @@ def test_an_ardupilot_copter_is_set_up_and_flown(tmp_path: Path) -> None:
             proxy.expect(r"\bDISARMED")
 
 
+@pytest.mark.full
 def test_a_mission_is_flown_in_auto(tmp_path: Path) -> None:
     udp, port = udp_socket()
     udp.close()
@@ -94,7 +95,8 @@ def test_a_mission_is_flown_in_auto(tmp_path: Path) -> None:
     extract_mission(tmp_path, wanted=[16, 22, 16, 21])
 
 
-def test_a_px4_copter_is_set_up_and_flown(tmp_path: Path) -> None:
+@pytest.mark.full
+def test_mavproxy_sets_up_and_flies_a_px4_copter(tmp_path: Path) -> None:
     port = free_tcp_port()
     (tmp_path / "plan.txt").write_text(PLAN)
     more = ("--personality", "px4", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}")
@@ -115,7 +117,7 @@ def test_a_px4_copter_is_set_up_and_flown(tmp_path: Path) -> None:
 
 
 def asked(proxy: MAVProxy, command: str, pattern: str, condition: Callable[[float], bool]) -> None:
-    """Ask again and again for a number until it is as wanted; an answer may also be missing at first."""
+    """Request a number until it has the expected value; early answers may be missing."""
     end_s = time.monotonic() + LIMIT_S
     value = math.nan
     while not condition(value):
@@ -126,7 +128,7 @@ def asked(proxy: MAVProxy, command: str, pattern: str, condition: Callable[[floa
 
 
 def extract_mission(folder: Path, *, wanted: list[int]) -> None:
-    """pymavlink's mavmission reads the plan out of MAVProxy's own log of the flight."""
+    """pymavlink's mavmission reads the plan from MAVProxy's log of the flight."""
     (log,) = folder.glob("test/logs/*/flight1/flight.tlog")
     tool = Path(sys.executable).with_name("mavmission.py")
     plan = folder / "from_log.txt"

@@ -17,21 +17,21 @@ from mavsdk.plugins.offboard import (
     VelocityNedYaw,
 )
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import COPTERS, Peer, Vehicle, connected, refusal, side_by_side
+from mavsdk_peer import COPTERS, MavsdkPeer, Vehicle, connected, refusal, side_by_side
 
 pytestmark = pytest.mark.interop
 OFFBOARD = FlightMode.OFFBOARD
 
 
 @pytest.fixture(scope="module")
-def fast() -> Iterator[Peer]:
+def fast() -> Iterator[MavsdkPeer]:
     with connected("--personality", "ardupilot:3,px4:2", "--speedup", "25", *COPTERS) as peer:
         yield peer
 
 
 @pytest.fixture(scope="module")
-def slow() -> Iterator[Peer]:
-    """Slow enough for MAVSDK's set-points, 20 a second of its own time, and for its transfers."""
+def slow() -> Iterator[MavsdkPeer]:
+    """Connect at a speed that MAVSDK's 20 set-points a second of wall time and its transfers allow."""
     with connected("--personality", "ardupilot:3,px4:4", "--speedup", "10", *COPTERS) as peer:
         yield peer
 
@@ -44,7 +44,7 @@ def slow() -> Iterator[Peer]:
     "1.14", "MAVSDK 5 goto_location", "MAVSDK 5 set_current_speed", "MAVSDK 5 hold", of="px4"
 )
 @side_by_side
-def test_takeoff_goto_speed_orbit_hold_return_and_landing(fast: Peer, personality: str) -> None:
+def test_takeoff_goto_speed_orbit_hold_return_and_landing(fast: MavsdkPeer, personality: str) -> None:
     vehicle = fast.take(personality)
     action, telemetry = vehicle.action, vehicle.telemetry
     vehicle.take_off(8.0)
@@ -74,7 +74,7 @@ def test_takeoff_goto_speed_orbit_hold_return_and_landing(fast: Peer, personalit
 
 
 def orbit(vehicle: Vehicle) -> None:
-    """Round a place 20 m to the north: 15 m away from it on all sides."""
+    """Wait for an orbit with a radius of 15 m around a point 20 m north."""
     centre = vehicle.place_deg(60, 20)
     height_m = vehicle.telemetry.position().absolute_altitude_m
     vehicle.action.do_orbit(15.0, 4.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *centre, height_m)
@@ -84,7 +84,7 @@ def orbit(vehicle: Vehicle) -> None:
 
 
 @side_by_side
-def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str) -> None:
+def test_landing_in_place_and_termination_in_flight(fast: MavsdkPeer, personality: str) -> None:
     vehicle = fast.take(personality)
     vehicle.take_off(6.0)
     vehicle.action.land()
@@ -92,7 +92,7 @@ def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str)
     vehicle.disarmed()
     if not vehicle.px4:
         # In LAND it goes to what MAVSDK takes for hold before it arms, and ArduPilot does not arm in BRAKE;
-        # a take-off that fails leaves it in GUIDED.
+        # a failed take-off leaves GUIDED.
         assert refusal(vehicle.action.arm) == "FAILED"
         assert refusal(vehicle.action.takeoff) == "FAILED"
         vehicle.in_mode(OFFBOARD)
@@ -105,10 +105,11 @@ def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str)
 # -- geofence --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use")
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use", of="px4")
 @side_by_side
-def test_a_geofence_is_kept_obeyed_and_cleared(slow: Peer, personality: str) -> None:
+def test_a_geofence_is_stored_kept_and_cleared(slow: MavsdkPeer, personality: str) -> None:
     vehicle = slow.take(personality)
     vehicle.ready()
     fence, param = vehicle.geofence, vehicle.param
@@ -128,7 +129,7 @@ def test_a_geofence_is_kept_obeyed_and_cleared(slow: Peer, personality: str) -> 
     up_m = vehicle.telemetry.position().absolute_altitude_m
     outside = (*vehicle.place_deg(60, 0), up_m, math.nan)
     if vehicle.px4:
-        vehicle.action.goto_location(*outside)  # the commander says yes, the navigator does not go
+        vehicle.action.goto_location(*outside)  # accepted, but not flown
         vehicle.until(lambda: any("outside geofence" in text for text in vehicle.texts), "a text", 10)
     else:
         assert refusal(vehicle.action.goto_location, *outside) == "FAILED"
@@ -146,10 +147,11 @@ def test_a_geofence_is_kept_obeyed_and_cleared(slow: Peer, personality: str) -> 
 # -- offboard --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("MAVSDK 5 offboard")
 @pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
 @side_by_side
-def test_offboard_positions_velocities_and_attitudes(slow: Peer, personality: str) -> None:
+def test_offboard_positions_velocities_and_attitudes(slow: MavsdkPeer, personality: str) -> None:
     vehicle = slow.take(personality)
     offboard, telemetry = vehicle.offboard, vehicle.telemetry
     telemetry.set_rate_position_velocity_ned(10.0)
@@ -202,8 +204,8 @@ def moves(vehicle: Vehicle, north_m_s: float, east_m_s: float) -> bool:
 
 
 @side_by_side
-def test_set_points_that_stop_coming(slow: Peer, personality: str) -> None:
-    """Without a word: PX4 leaves OFFBOARD, ArduPilot stops where it is."""
+def test_the_end_of_set_points_stops_the_vehicle(slow: MavsdkPeer, personality: str) -> None:
+    """PX4 leaves OFFBOARD and ArduPilot stops, both without a text."""
     vehicle = slow.take(personality)
     vehicle.take_off(6.0)
     vehicle.offboard.set_velocity_ned(VelocityNedYaw(3.0, 0.0, 0.0, 0.0))
@@ -220,13 +222,13 @@ def test_set_points_that_stop_coming(slow: Peer, personality: str) -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 failure", of="px4")
-def test_px4_loses_its_satellites_and_finds_them_again(slow: Peer) -> None:
+def test_px4_loses_and_regains_its_satellites(slow: MavsdkPeer) -> None:
     vehicle = slow.take("px4")
     vehicle.take_off(6.0)
     refused = refusal(vehicle.plugin(Failure).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     assert refused in ("DENIED", "DISABLED")
     vehicle.param.set_param_int("SYS_FAILURE_EN", 1)
-    failure, telemetry = vehicle.plugin(Failure), vehicle.telemetry  # asks for the parameter once
+    failure, telemetry = vehicle.plugin(Failure), vehicle.telemetry  # reads the parameter once
     failure.inject(FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     vehicle.until(lambda: telemetry.gps_info().num_satellites == 0, "no satellites")
     vehicle.until(lambda: not telemetry.health().is_global_position_ok, "no global position")
@@ -238,7 +240,7 @@ def test_px4_loses_its_satellites_and_finds_them_again(slow: Peer) -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 failure")
-def test_ardupilot_does_not_know_the_failure_command(fast: Peer) -> None:
+def test_ardupilot_does_not_know_the_failure_command(fast: MavsdkPeer) -> None:
     vehicle = fast.take("ardupilot")
     refused = refusal(vehicle.plugin(Failure).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     assert refused == "UNSUPPORTED"

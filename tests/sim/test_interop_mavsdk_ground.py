@@ -1,4 +1,4 @@
-"""MAVSDK's telemetry, info, param and action plug-ins with vehicles that stand on the ground."""
+"""MAVSDK's telemetry, info, param and action plug-ins with vehicles on the ground."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mavsdk.plugins.action import OrbitYawBehavior, RelayCommand
 from mavsdk.plugins.telemetry import FixType, FlightMode, LandedState, Odometry
-from mavsdk_peer import Peer, Values, Vehicle, connected, refusal, side_by_side
+from mavsdk_peer import MavsdkPeer, StreamedValues, Vehicle, connected, refusal, side_by_side
 
 pytestmark = pytest.mark.interop
 SPEEDUP = 5.0
@@ -23,11 +23,11 @@ RATED_BY = {
     "ardupilot": {"raw_imu"},
     "px4": {"altitude", "ground_truth", "odometry", "actuator_output_status"},
 }
-NEVER_RATED = "actuator_control_target"  # gone from PX4 since 1.14, never ArduPilot's
+NEVER_RATED = "actuator_control_target"  # removed from PX4 in 1.14, never in ArduPilot
 
 
 @pytest.fixture(scope="module")
-def peer() -> Iterator[Peer]:
+def peer() -> Iterator[MavsdkPeer]:
     home = f"{LAT_DEG},{LON_DEG},{ALT_M},{HEADING_DEG}"
     fleet = ("--personality", "ardupilot:8,px4:9", "--home", home, "--speedup", str(SPEEDUP))
     with connected(*fleet) as found:
@@ -35,7 +35,7 @@ def peer() -> Iterator[Peer]:
 
 
 @pytest.fixture(scope="module")
-def unready() -> Iterator[Peer]:
+def unready() -> Iterator[MavsdkPeer]:
     with connected(
         "--personality", "ardupilot:1,px4:1", "--speedup", str(SPEEDUP), "--ready-s", "600"
     ) as found:
@@ -43,8 +43,8 @@ def unready() -> Iterator[Peer]:
 
 
 def first(vehicle: Vehicle, what: str) -> Any:
-    """The next that a stream brings."""
-    values = Values()
+    """Return the next value of a stream."""
+    values = StreamedValues()
     getattr(vehicle.telemetry, f"subscribe_{what}")(values, None)
     return values.next()
 
@@ -55,11 +55,11 @@ def first(vehicle: Vehicle, what: str) -> Any:
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
 @pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
 @side_by_side
-def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> None:
+def test_telemetry_has_the_requested_rate(peer: MavsdkPeer, personality: str) -> None:
     vehicle = peer.take(personality, telemetry=False)
     telemetry = vehicle.telemetry
     if not vehicle.px4:
-        first(vehicle, "armed")  # of the heartbeat, which is all there is
+        first(vehicle, "armed")  # from the heartbeat, the only message
         assert math.isnan(telemetry.position().latitude_deg)
         assert math.isnan(telemetry.battery().voltage_v)
     ours = RATED_BY[personality]
@@ -68,10 +68,10 @@ def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> 
     others = RATED_BY["ardupilot" if vehicle.px4 else "px4"]
     for what in (*others, NEVER_RATED):
         refused = refusal(getattr(telemetry, f"set_rate_{what}"), 10.0)
-        assert refused == ("UNKNOWN" if vehicle.px4 else "COMMAND_DENIED")  # of FAILED it knows nothing
+        assert refused == ("UNKNOWN" if vehicle.px4 else "COMMAND_DENIED")  # MAVSDK maps FAILED to this
     for rate_hz in (10.0, 2.0):
         telemetry.set_rate_attitude_euler(rate_hz)
-        values = Values()
+        values = StreamedValues()
         handle = telemetry.subscribe_attitude_euler(values, None)
         for _ in range(6):
             values.next()
@@ -83,7 +83,7 @@ def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
 @pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
 @side_by_side
-def test_telemetry_of_a_vehicle_that_stands(peer: Peer, personality: str) -> None:
+def test_telemetry_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str) -> None:
     vehicle = peer.take(personality)
     telemetry = vehicle.telemetry
     for what in ("landed_state", "battery", "gps_info", "unix_epoch_time", "attitude_quaternion", "raw_gps"):
@@ -91,7 +91,7 @@ def test_telemetry_of_a_vehicle_that_stands(peer: Peer, personality: str) -> Non
     vehicle.ready()
     here, home = telemetry.position(), telemetry.home()
     assert here.latitude_deg == pytest.approx(LAT_DEG, abs=2e-5)
-    assert here.longitude_deg == pytest.approx(LON_DEG, abs=2e-3)  # each stands beside the one before it
+    assert here.longitude_deg == pytest.approx(LON_DEG, abs=2e-3)  # the vehicles stand in a row
     assert here.absolute_altitude_m == pytest.approx(ALT_M, abs=1.5)
     assert here.relative_altitude_m == pytest.approx(0, abs=1.5)
     assert home.latitude_deg == pytest.approx(here.latitude_deg, abs=1e-5)
@@ -117,7 +117,7 @@ def test_telemetry_of_a_vehicle_that_stands(peer: Peer, personality: str) -> Non
     assert origin.altitude_m == pytest.approx(ALT_M, abs=1.5)
 
 
-def test_what_only_px4_streams(peer: Peer) -> None:
+def test_streams_of_px4_only(peer: MavsdkPeer) -> None:
     vehicle = peer.take("px4")
     telemetry = vehicle.telemetry
     for what in RATED_BY["px4"]:
@@ -140,7 +140,7 @@ def test_what_only_px4_streams(peer: Peer) -> None:
 
 
 @side_by_side
-def test_info(peer: Peer, personality: str) -> None:
+def test_info(peer: MavsdkPeer, personality: str) -> None:
     vehicle, other = peer.take(personality), peer.take(personality)
     version = vehicle.info.get_version()
     numbers = (version.flight_sw_major, version.flight_sw_minor, version.flight_sw_patch)
@@ -176,7 +176,7 @@ INT_AND_FLOAT = {
 @pytest.mark.autopilots("MAVSDK 5 params", "1.16")
 @pytest.mark.autopilots("1.16", of="px4")
 @side_by_side
-def test_parameters_of_both_types(peer: Peer, personality: str) -> None:
+def test_parameters_of_both_types(peer: MavsdkPeer, personality: str) -> None:
     vehicle = peer.take(personality)
     param = vehicle.param
     whole, real = INT_AND_FLOAT[personality]
@@ -197,8 +197,8 @@ def test_parameters_of_both_types(peer: Peer, personality: str) -> None:
 
 
 @pytest.mark.autopilots("1.16")
-def test_what_is_not_answered_times_out(peer: Peer) -> None:
-    """Three seconds each, which is MAVSDK's own patience; side by side."""
+def test_unanswered_requests_time_out(peer: MavsdkPeer) -> None:
+    """MAVSDK waits three seconds for each; they run in parallel."""
     get, older = peer.take("ardupilot"), peer.take("ardupilot")
     unknown, wrong = peer.take("px4"), peer.take("px4")
 
@@ -217,7 +217,7 @@ def test_what_is_not_answered_times_out(peer: Peer) -> None:
         assert unknown.action.get_return_to_launch_altitude() == 27.0
 
     def wrong_type_of_px4() -> None:
-        assert refusal(wrong.param.set_param_int, "MPC_XY_CRUISE", 3) == "TIMEOUT"  # it is no integer
+        assert refusal(wrong.param.set_param_int, "MPC_XY_CRUISE", 3) == "TIMEOUT"  # not an integer parameter
         assert wrong.param.get_param_float("MPC_XY_CRUISE") == 5.0
 
     silent = (no_such_of_ardupilot, later_of_ardupilot, no_such_of_px4, wrong_type_of_px4)
@@ -232,16 +232,16 @@ def test_what_is_not_answered_times_out(peer: Peer) -> None:
 @pytest.mark.autopilots("MAVSDK 5 takeoff")
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @side_by_side
-def test_what_a_vehicle_that_stands_refuses(peer: Peer, personality: str) -> None:
+def test_refusals_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str) -> None:
     vehicle = peer.take(personality)
     vehicle.ready()
     action, here = vehicle.action, vehicle.telemetry.position()
     place = (here.latitude_deg, here.longitude_deg, here.absolute_altitude_m + 10)
     action.set_takeoff_altitude(7.5)
     assert action.get_takeoff_altitude() == 7.5
-    action.disarm()  # it is
+    action.disarm()  # already disarmed
     if vehicle.px4:
-        action.takeoff()  # a mode that may be chosen on the ground
+        action.takeoff()  # a mode that can be set on the ground
         assert vehicle.param.get_param_float("MIS_TAKEOFF_ALT") == 7.5
     else:
         assert refusal(action.takeoff) == "FAILED"
@@ -249,7 +249,7 @@ def test_what_a_vehicle_that_stands_refuses(peer: Peer, personality: str) -> Non
     vehicle.in_mode(FlightMode.HOLD)
     orbit = (10.0, 2.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *place)
     assert refusal(action.do_orbit, *orbit) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
-    for _ in range(2):  # the first may have been for other plug-ins only
+    for _ in range(2):  # the first may be for other plug-ins
         first(vehicle, "vtol_state")
     assert refusal(action.transition_to_fixedwing) == "NO_VTOL_TRANSITION_SUPPORT"
     assert refusal(action.set_relay, 0, RelayCommand.ON) == "UNSUPPORTED"
@@ -269,8 +269,8 @@ def test_what_a_vehicle_that_stands_refuses(peer: Peer, personality: str) -> Non
 
 @pytest.mark.autopilots("1.3", "1.18")
 @side_by_side
-def test_arming_before_it_is_ready_is_refused_with_a_reason_and_a_reboot_begins_anew(
-    unready: Peer, personality: str
+def test_early_arming_is_refused_with_a_reason_and_a_reboot_restarts_the_boot(
+    unready: MavsdkPeer, personality: str
 ) -> None:
     vehicle = unready.take(personality)
     vehicle.until(lambda: vehicle.telemetry.attitude_euler().timestamp_us > 4e6, "4 s after boot")
@@ -284,5 +284,5 @@ def test_arming_before_it_is_ready_is_refused_with_a_reason_and_a_reboot_begins_
     back: Callable[[], bool] = lambda: vehicle.telemetry.attitude_euler().timestamp_us < 4e6  # noqa: E731
     if not vehicle.px4:
         first(vehicle, "armed")
-        vehicle.ask_for_telemetry()  # its streams are forgotten
+        vehicle.ask_for_telemetry()  # a reboot ends its streams
     vehicle.until(back, "a clock that began anew", 20)

@@ -10,10 +10,20 @@ from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mission import MissionItem, MissionPlan
 from mavsdk.plugins.mission_raw import MissionRawError
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import COPTERS, Peer, Values, Vehicle, connected, finish, raw_item, refusal, side_by_side
+from mavsdk_peer import (
+    COPTERS,
+    MavsdkPeer,
+    StreamedValues,
+    Vehicle,
+    connected,
+    finish,
+    raw_item,
+    refusal,
+    side_by_side,
+)
 from station import LAT_DEG, LON_DEG, home_item, item, land, takeoff, waypoint
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 ROUTE = [takeoff(7.0), waypoint(25, 0, 7.0), waypoint(25, 25, 9.4), land(25, 25)]
 # ArduPilot asks again for an item after a second of its own, and refuses one that then comes twice.
 SITE = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "12", "--ready-s", "0")
@@ -21,20 +31,20 @@ NAN = math.nan
 
 
 @pytest.fixture(scope="module")
-def copters() -> Iterator[Peer]:
+def copters() -> Iterator[MavsdkPeer]:
     with connected("--personality", "ardupilot:4,px4:4", *SITE, *COPTERS) as peer:
         yield peer
 
 
 @pytest.fixture(scope="module")
-def planes() -> Iterator[Peer]:
+def planes() -> Iterator[MavsdkPeer]:
     patient = ("--param", "LAND_DISARMDELAY=0", "--param", "COM_DISARM_PRFLT=-1")
     with connected("--type", "plane", "--personality", "ardupilot:1,px4:1", *SITE, *patient) as peer:
         yield peer
 
 
 def placed(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The route from where this vehicle stands; ArduPilot's begins with a placeholder for home."""
+    """Return a route from the vehicle's position, on ArduPilot after a home placeholder."""
     east_e7 = round((vehicle.telemetry.home().longitude_deg - LON_DEG) * 1e7)
     moved = [fields | {"x": fields["x"], "y": fields["y"] + east_e7} for fields in route]
     return moved if vehicle.px4 else [home_item(), *moved]
@@ -47,7 +57,7 @@ def upload(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, 
 
 
 def until_accepted(vehicle: Vehicle, call: Callable[..., Any], *arguments: Any, but: str) -> None:
-    """Again, as long as the result is one that passes; another one is raised."""
+    """Repeat a call while its result is a temporary one; raise others."""
 
     def accepted() -> bool:
         try:
@@ -62,7 +72,7 @@ def until_accepted(vehicle: Vehicle, call: Callable[..., Any], *arguments: Any, 
 
 
 def start(vehicle: Vehicle, plugin: Any) -> None:
-    """As often as it takes: right after an upload PX4 says no."""
+    """Start the mission, repeatedly, because PX4 refuses right after an upload."""
     until_accepted(vehicle, plugin.start_mission, but="DENIED")
     vehicle.in_mode(FlightMode.MISSION)
 
@@ -75,7 +85,7 @@ def start(vehicle: Vehicle, plugin: Any) -> None:
     "2 item 0", "2 read-back", "MAVSDK 5 mission_raw item 0", "MAVSDK 5 start_mission", of="px4"
 )
 @side_by_side
-def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, personality: str) -> None:
+def test_a_raw_mission_is_stored_and_flown_to_its_landing(copters: MavsdkPeer, personality: str) -> None:
     vehicle = copters.take(personality)
     vehicle.ready()
     raw = vehicle.mission_raw
@@ -86,7 +96,7 @@ def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, pers
     last = plan[-1]
     assert places[-1] == (last["x"], last["y"])
     assert kept[-2].z == pytest.approx(9.4 if vehicle.px4 else 9.39)
-    progress = Values()
+    progress = StreamedValues()
     raw.subscribe_mission_progress(progress, None)
     vehicle.action.arm()
     start(vehicle, raw)
@@ -101,18 +111,18 @@ def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, pers
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight")
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4")
 @side_by_side
-def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_goes_on(
-    copters: Peer, personality: str
+def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_continues(
+    copters: MavsdkPeer, personality: str
 ) -> None:
     vehicle = copters.take(personality)
     vehicle.take_off(10.0)
     raw, first = vehicle.mission_raw, 0 if vehicle.px4 else 1
-    changed, progress = Values(), Values()
+    changed, progress = StreamedValues(), StreamedValues()
     raw.subscribe_mission_changed(changed, None)
     raw.subscribe_mission_progress(progress, None)
     upload(vehicle, [waypoint(30, 0, 10), waypoint(60, 0, 10), waypoint(60, -30, 10)])
     if vehicle.px4:
-        changed.next()  # told by the checksum or the id of the plan
+        changed.next()  # known from the checksum or the id of the plan
     start(vehicle, raw)
     raw.set_current_mission_item(first + 2)
     vehicle.until(lambda: vehicle.offset_m()[1] < -5, "on the way to the last item")
@@ -130,7 +140,7 @@ def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_goes_on(
 
 
 def plan_of(vehicle: Vehicle) -> str:
-    """A plan as QGroundControl saves it."""
+    """Return a plan in the file format of QGroundControl."""
 
     def simple(command: int, frame: int, north_m: float, east_m: float, up_m: float) -> dict[str, Any]:
         return {
@@ -159,7 +169,7 @@ def plan_of(vehicle: Vehicle) -> str:
 
 
 @side_by_side
-def test_a_plan_of_qgroundcontrol_and_its_rally_point(copters: Peer, personality: str) -> None:
+def test_a_plan_of_qgroundcontrol_and_its_rally_point(copters: MavsdkPeer, personality: str) -> None:
     vehicle = copters.take(personality)
     vehicle.ready()
     raw = vehicle.mission_raw
@@ -187,7 +197,7 @@ def to(vehicle: Vehicle, north_m: float, east_m: float, up_m: float, **fields: A
     return MissionItem(*vehicle.place_deg(north_m, east_m), up_m, **({"is_fly_through": True} | fields))
 
 
-def test_px4_flies_what_the_mission_plugin_makes_of_a_plan_and_returns(copters: Peer) -> None:
+def test_px4_flies_a_plan_of_the_mission_plugin_and_returns(copters: MavsdkPeer) -> None:
     vehicle = copters.take("px4")
     vehicle.ready()
     mission = vehicle.mission
@@ -201,14 +211,14 @@ def test_px4_flies_what_the_mission_plugin_makes_of_a_plan_and_returns(copters: 
     ]  # fmt: skip
     shares: list[float] = []
 
-    def told(tell: Any) -> Any:
+    def known(tell: Any) -> Any:
         def progress(result: Any, data: Any, _: Any) -> None:
             shares.append(data.progress)
             tell(result)
 
         return mission.upload_mission_with_progress_async(MissionPlan(plan), progress, None)
 
-    assert finish(told)[0].name == "SUCCESS"
+    assert finish(known)[0].name == "SUCCESS"
     assert max(shares) == pytest.approx(1.0)
     kept = mission.download_mission().mission_items
     assert len(kept) == len(plan)
@@ -218,7 +228,7 @@ def test_px4_flies_what_the_mission_plugin_makes_of_a_plan_and_returns(copters: 
     assert (kept[1].speed_m_s, kept[1].gimbal_pitch_deg) == (6.0, -30.0)
     assert (kept[2].loiter_time_s, kept[2].yaw_deg) == (2.0, 90.0)
     assert not mission.is_mission_finished()
-    progress = Values()
+    progress = StreamedValues()
     mission.subscribe_mission_progress(progress, None)
     vehicle.action.arm()
     start(vehicle, mission)
@@ -241,16 +251,16 @@ def test_px4_flies_what_the_mission_plugin_makes_of_a_plan_and_returns(copters: 
 
 
 @pytest.mark.autopilots("2 error codes", "MAVSDK 5 mission_raw item 0")
-def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) -> None:
-    """MAVSDK sends what is not set as no number: ArduPilot refuses its take-off, landing and return."""
+def test_ardupilot_accepts_plain_waypoints_of_the_mission_plugin(copters: MavsdkPeer) -> None:
+    """MAVSDK sends unset values as NaN, so ArduPilot refuses its take-off, landing and return."""
     vehicle = copters.take("ardupilot")
     vehicle.take_off(10.0)
     mission = vehicle.mission
     start_item = to(vehicle, 0, 0, 10.0, vehicle_action=MissionItem.VehicleAction.TAKEOFF)
     assert refusal(mission.upload_mission, MissionPlan([start_item])) == "INVALID_ARGUMENT"
-    route = [(0, 0), (25, 0), (25, 25), (0, 25)]  # the first is home's
+    route = [(0, 0), (25, 0), (25, 25), (0, 25)]  # the first is home
     plan = MissionPlan([to(vehicle, *place, 12.0) for place in route])
-    until_accepted(vehicle, mission.upload_mission, plan, but="BUSY")  # with the refused one, for a moment
+    until_accepted(vehicle, mission.upload_mission, plan, but="BUSY")  # for a moment, with the refused one
     start(vehicle, mission)
     vehicle.until(lambda: vehicle.near(25, 0, 4), "at the first waypoint")
     mission.pause_mission()
@@ -259,7 +269,7 @@ def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) 
     start(vehicle, mission)
     vehicle.until(lambda: vehicle.near(0, 25), "at the last one")
     vehicle.until(mission.is_mission_finished, "finished", 10)
-    assert refusal(mission.download_mission) == "UNSUPPORTED"  # it does not know the frame of home
+    assert refusal(mission.download_mission) == "UNSUPPORTED"  # it does not support the frame of home
     vehicle.action.return_to_launch()
     vehicle.disarmed()
 
@@ -268,14 +278,14 @@ def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) 
 
 
 @side_by_side
-def test_a_plane_flies_a_mission_and_circles(planes: Peer, personality: str) -> None:
+def test_a_plane_flies_a_mission_and_circles(planes: MavsdkPeer, personality: str) -> None:
     vehicle = planes.take(personality)
     telemetry = vehicle.telemetry
     telemetry.set_rate_fixedwing_metrics(5.0)
     vehicle.ready()
     loiter = item(17, 200, 160, 40.0, param3=80.0)
     upload(vehicle, [item(22, 150, 0, 30.0), waypoint(200, 0, 40.0), loiter])
-    progress = Values()
+    progress = StreamedValues()
     vehicle.mission_raw.subscribe_mission_progress(progress, None)
     vehicle.action.arm()
     start(vehicle, vehicle.mission_raw)

@@ -1,4 +1,4 @@
-"""pymavlink's own connection and log tools against the real `python -m sim_vehicle`."""
+"""pymavlink's connection and log tools with `python -m sim_vehicle`."""
 
 import subprocess
 import sys
@@ -63,7 +63,7 @@ def download(connection: Any) -> list[int]:
     return commands
 
 
-def test_mavutil_flies_it_and_the_log_tools_read_the_log(tmp_path: Path) -> None:
+def test_mavutil_flies_a_copter_and_the_log_tools_read_its_log(tmp_path: Path) -> None:
     port = free_tcp_port()
     # Down in a hurry: by default the last ten metres alone take twenty seconds.
     brisk = ("--param", "LAND_SPEED=150", "--param", "RTL_LOIT_TIME=0", "--param", "DISARM_DELAY=0")

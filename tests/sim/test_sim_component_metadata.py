@@ -24,7 +24,7 @@ KNOWN = {395: (0, 212), 396: (50, 160), 397: (182, 108)}
 
 
 def payload(message_id: int) -> bytes:
-    """The payload of the frame, zeros at its end restored, its checksum checked."""
+    """Return the payload of a frame, with its trailing zeros; check its checksum."""
     message = METADATA.message(message_id, 1234)
     assert message is not None
     frame = message.pack(mavlink.MAVLink(None, srcSystem=3, srcComponent=1))
@@ -52,13 +52,13 @@ def test_component_information_names_the_same_file_and_no_peripherals() -> None:
     assert (no_crc, none) == (0, bytes(100))
 
 
-def test_component_information_basic_says_who_it_is() -> None:
+def test_component_information_basic_has_the_identity() -> None:
     fields = struct.unpack("<QII32s32s24s24s32s", payload(396))
     assert fields[:3] == (0xE0EF, 1234, 0)
     assert [text.rstrip(b"\0") for text in fields[3:]] == [b"PX4", b"SITL", b"1.15.2", b"", b""]
 
 
-def test_there_is_no_other_message() -> None:
+def test_another_message_id_gives_none() -> None:
     assert METADATA.message(0, 0) is None
 
 

@@ -1,4 +1,4 @@
-"""MAVLink FTP: what each autopilot answers, and that the bytes read are the file's."""
+"""MAVLink FTP: the answers of each autopilot, and the content of files."""
 
 import errno
 import struct
@@ -6,7 +6,7 @@ import zlib
 from typing import Any
 
 import pytest
-from files_client import FtpClient, Reply, Wire, pymavlink_ftp
+from files_client import FtpClient, FtpReply, MessageCodec, pymavlink_ftp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -40,7 +40,7 @@ def opened(client: FtpClient, path: bytes, opcode: int = Opcode.OPEN_FILE_RO, se
 
 
 @BOTH
-def test_open_tells_the_size_and_reading_past_the_end_says_so(rules: FtpRules) -> None:
+def test_open_returns_the_size_and_a_read_after_the_end_is_refused(rules: FtpRules) -> None:
     c = client(rules)
     reply = c.one(Opcode.OPEN_FILE_RO, b"/etc/motd")
     assert (reply.seq, reply.request, reply.data) == (2, Opcode.OPEN_FILE_RO, struct.pack("<I", 5))
@@ -50,7 +50,7 @@ def test_open_tells_the_size_and_reading_past_the_end_says_so(rules: FtpRules) -
     assert c.one(Opcode.TERMINATE_SESSION, session=reply.session).opcode == Opcode.ACK
 
 
-def test_ardupilot_reads_as_much_as_was_asked_for_and_px4_a_full_message() -> None:
+def test_ardupilot_returns_the_requested_size_and_px4_a_full_message() -> None:
     for rules, length in ((ftp.ARDUPILOT, 10), (ftp.PX4, 239)):
         c = client(rules)
         session = opened(c, b"/etc/big.bin")
@@ -60,7 +60,7 @@ def test_ardupilot_reads_as_much_as_was_asked_for_and_px4_a_full_message() -> No
 @BOTH
 @settings(derandomize=True, deadline=None, max_examples=examples(40))
 @given(content=st.binary(max_size=2000), reads=st.lists(st.tuples(st.integers(0, 2100), st.integers(1, 239))))
-def test_every_read_is_that_part_of_the_file(
+def test_every_read_returns_its_part_of_the_file(
     rules: FtpRules, content: bytes, reads: list[tuple[int, int]]
 ) -> None:
     c = FtpClient(FileSystem(lambda: {"a": constant(content)}), rules)
@@ -98,7 +98,7 @@ def test_a_burst_is_the_rest_of_the_file_in_order(
 
 
 @BOTH
-def test_a_burst_is_paced_and_stops_to_be_asked_again(rules: FtpRules) -> None:
+def test_a_burst_is_paced_and_pauses_for_a_new_request(rules: FtpRules) -> None:
     big = bytes(400_000)
     c = FtpClient(FileSystem(lambda: {"a": constant(big)}), rules, bytes_s=20_000, most_bytes_at_once=5_000)
     session = opened(c, b"a")
@@ -121,7 +121,7 @@ def test_terminating_ends_a_burst(rules: FtpRules) -> None:
     assert c.wait(5.0) == []
 
 
-def test_a_file_is_read_as_it_was_when_it_was_opened() -> None:
+def test_a_read_returns_the_content_at_the_open() -> None:
     content = bytearray(b"one")
     source = Source(read=lambda _query: bytes(content), size=lambda: len(content))
     c = FtpClient(FileSystem(lambda: {"log": source}), ftp.ARDUPILOT)
@@ -148,7 +148,7 @@ def test_the_sequence_number_wraps(rules: FtpRules) -> None:
     assert client(rules).one(Opcode.NONE, seq=65535).seq == 0
 
 
-def test_px4_has_one_session_and_closes_it_when_it_is_left() -> None:
+def test_px4_has_one_session_and_closes_an_idle_one() -> None:
     c = client(ftp.PX4)
     assert c.one(Opcode.READ_FILE, size=10).error == FtpError.INVALID_SESSION
     assert c.one(Opcode.TERMINATE_SESSION).error == FtpError.INVALID_SESSION
@@ -159,12 +159,12 @@ def test_px4_has_one_session_and_closes_it_when_it_is_left() -> None:
     assert opened(c, b"/etc/big.bin") == 0
 
 
-def test_on_ardupilot_the_client_names_the_session_and_another_waits_three_seconds() -> None:
+def test_on_ardupilot_the_client_chooses_the_session_and_another_waits_three_seconds() -> None:
     c = client(ftp.ARDUPILOT)
     assert c.one(Opcode.READ_FILE, size=10).error == FtpError.FILE_NOT_FOUND
     assert c.one(Opcode.TERMINATE_SESSION, session=9).opcode == Opcode.ACK
     assert opened(c, b"/etc/motd", session=3) == 3
-    other = Wire(sysid=254)
+    other = MessageCodec(sysid=254)
     assert c.one(Opcode.OPEN_FILE_RO, b"/etc/motd", session=3).error == FtpError.FAIL
     assert c.one(Opcode.OPEN_FILE_RO, b"/etc/motd", session=4, wire=other).error == FtpError.INVALID_SESSION
     assert c.one(Opcode.RESET_SESSIONS, session=4, wire=other).opcode == Opcode.ACK
@@ -174,7 +174,7 @@ def test_on_ardupilot_the_client_names_the_session_and_another_waits_three_secon
 
 
 @BOTH
-def test_what_goes_wrong_has_the_autopilots_error(rules: FtpRules) -> None:
+def test_errors_have_the_autopilots_codes(rules: FtpRules) -> None:
     c = client(rules)
     assert c.one(Opcode.OPEN_FILE_RO, b"/nowhere").error == FtpError.FILE_NOT_FOUND
     assert c.one(Opcode.LIST_DIRECTORY, b"/nowhere").error == FtpError.FILE_NOT_FOUND
@@ -219,7 +219,7 @@ def listed(c: FtpClient, path: bytes) -> list[bytes]:
         names += reply.data.removesuffix(b"\0").split(b"\0")
 
 
-def test_a_directory_is_listed_in_as_many_answers_as_it_takes() -> None:
+def test_a_long_directory_is_listed_in_several_answers() -> None:
     many = {f"logs/{i:08d}.BIN": constant(bytes(i)) for i in range(60)}
     c = FtpClient(FileSystem(lambda: many), ftp.ARDUPILOT)
     assert listed(c, b"/logs") == [b"F%08d.BIN\t%d" % (i, i) for i in range(60)]
@@ -228,7 +228,7 @@ def test_a_directory_is_listed_in_as_many_answers_as_it_takes() -> None:
 
 
 @BOTH
-def test_a_file_is_written_read_measured_renamed_and_removed(rules: FtpRules) -> None:
+def test_a_file_is_written_read_checksummed_renamed_and_removed(rules: FtpRules) -> None:
     c = client(rules)
     assert c.one(Opcode.CREATE_DIRECTORY, b"/disk/a").opcode == Opcode.ACK
     session = opened(c, b"/disk/a/f", Opcode.CREATE_FILE)
@@ -250,7 +250,7 @@ def test_a_file_is_written_read_measured_renamed_and_removed(rules: FtpRules) ->
     assert [line for line in listed(c, b"/disk") if line != b"S"] == []
 
 
-def test_the_disk_is_small() -> None:
+def test_the_disk_space_is_limited() -> None:
     c = client(ftp.PX4)
     session = opened(c, b"/disk/f", Opcode.CREATE_FILE)
     full = c.one(Opcode.WRITE_FILE, b"x", session=session, offset=2**31)
@@ -271,7 +271,7 @@ STEPS = st.tuples(st.sampled_from(["make", "rmdir", "write", "remove", "rename",
 
 @settings(derandomize=True, deadline=None, max_examples=examples(150))
 @given(steps=st.lists(STEPS, max_size=14))
-def test_whatever_is_done_to_the_files_every_entry_that_is_listed_can_be_opened(steps: list[Any]) -> None:
+def test_every_listed_entry_can_be_opened_after_any_operations(steps: list[Any]) -> None:
     tree = files()
     for kind, path, other in steps:
         try:
@@ -304,13 +304,13 @@ def test_whatever_is_done_to_the_files_every_entry_that_is_listed_can_be_opened(
 @BOTH
 @settings(derandomize=True, deadline=None, max_examples=examples(40))
 @given(content=st.binary(min_size=1, max_size=900), fates=st.lists(st.sampled_from("rqd-"), max_size=60))
-def test_a_file_survives_the_way_there_and_back_over_a_bad_link(
+def test_a_file_survives_upload_and_download_over_a_lossy_link(
     rules: FtpRules, content: bytes, fates: list[str]
 ) -> None:
-    """An exchange may lose the request or its reply, or come twice; the client asks until answered."""
+    """Each exchange may lose its request or reply, or be duplicated; the client repeats requests."""
     c, waiting = client(rules), list(fates)
 
-    def ask(opcode: int, data: bytes = b"", **fields: Any) -> Reply:
+    def ask(opcode: int, data: bytes = b"", **fields: Any) -> FtpReply:
         c.seq += 1
         while True:
             fate = waiting.pop() if waiting else "-"

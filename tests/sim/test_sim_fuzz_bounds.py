@@ -39,9 +39,9 @@ def storm(kind: str) -> Iterator[Any]:
 
 @pytest.mark.parametrize("kind", ["parameters", "log list", "log data", "burst", "mission"])
 @pytest.mark.parametrize(("name", "craft"), CRAFT[::2])
-def test_long_answers_are_paced_however_often_they_are_asked_for(name: str, craft: str, kind: str) -> None:
+def test_repeated_long_answers_are_paced(name: str, craft: str, kind: str) -> None:
     bench = Bench(name, craft)
-    for message in [command(400, 1), command(400, 0)]:  # a log to be had
+    for message in [command(400, 1), command(400, 0)]:  # so that a log exists
         bench.send(message)
         bench.wait(1.0)
     before = len(bench.raw)
@@ -52,12 +52,12 @@ def test_long_answers_are_paced_however_often_they_are_asked_for(name: str, craf
     assert len(bench.raw) - before <= 2.2 * A_SECOND
     bench.wait(8.0)
     before = len(bench.raw)
-    bench.wait(2.0)  # and they come to an end
+    bench.wait(2.0)  # the answers end
     assert len(bench.raw) - before <= 2 * 2 * 80
     bench.check()
 
 
-def test_a_list_of_parameters_is_whole_in_spite_of_a_storm() -> None:
+def test_a_parameter_list_is_complete_during_a_flood() -> None:
     bench = Bench("ardupilot", "copter")
     bench.put(b"".join(bench.frame(message) for message in storm("parameters")))
     bench.wait(2.0)
@@ -67,8 +67,8 @@ def test_a_list_of_parameters_is_whole_in_spite_of_a_storm() -> None:
 
 
 @pytest.mark.parametrize(("name", "craft"), CRAFT[::2])
-def test_messages_are_asked_for_one_by_one(name: str, craft: str) -> None:
-    """REQUEST_MESSAGE of everything: an acknowledgement and what was asked for, all modes at the most."""
+def test_each_message_request_brings_one_message(name: str, craft: str) -> None:
+    """Each REQUEST_MESSAGE brings an acknowledgement and its message, at most all modes."""
     bench = Bench(name, craft)
     for number in (*mavlink.mavlink_map, 300, 380, 396, 397, 410, 411, 435, 436):
         before = len(bench.raw)
@@ -86,7 +86,7 @@ def test_no_stream_is_faster_than_the_clock() -> None:
 
 
 def endless(name: str) -> list[tuple[int, int, float, float]]:
-    """Frame, command, parameters 1 and 2: hundreds of do-commands, and jumps back to them for ever."""
+    """Return items of hundreds of DO commands with endless jumps back: frame, command, parameters 1 and 2."""
     home = [(3, 16, 0.0, 0.0)] if name == "ardupilot" else []
     frame = 3 if name == "ardupilot" else 2
     speed = [(frame, 178, 1.0, 5.0)] * 500
@@ -96,7 +96,7 @@ def endless(name: str) -> list[tuple[int, int, float, float]]:
 
 
 @pytest.mark.parametrize(("name", "craft"), CRAFT)
-def test_a_mission_of_commands_that_take_no_time_takes_some(name: str, craft: str) -> None:
+def test_a_mission_of_instant_commands_takes_time(name: str, craft: str) -> None:
     bench = Bench(name, craft)
     bench.fly()
     items = endless(name)
@@ -124,7 +124,7 @@ def test_a_mission_of_commands_that_take_no_time_takes_some(name: str, craft: st
 # -- memory ----------------------------------------------------------------------------------------------
 
 
-def test_a_stream_that_never_ends_with_a_frame_is_not_kept() -> None:
+def test_a_stream_without_frame_ends_is_not_stored() -> None:
     bench = Bench("ardupilot", "copter")
     beat = bench.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
     bench.fleet.receive(beat[:5], 0.5, peer="cut")
@@ -134,7 +134,7 @@ def test_a_stream_that_never_ends_with_a_frame_is_not_kept() -> None:
     assert bench.fleet.waiting_bytes <= 300
 
 
-def test_peers_are_forgotten_when_they_are_gone() -> None:
+def test_ended_peers_are_forgotten() -> None:
     bench = Bench("ardupilot", "copter")
     for peer in range(1000):
         bench.fleet.receive(b"\xfd\xff", 0.5, peer=peer)
@@ -142,10 +142,10 @@ def test_peers_are_forgotten_when_they_are_gone() -> None:
     assert bench.fleet.waiting_bytes == 0
 
 
-def test_signing_hears_only_so_many_streams() -> None:
+def test_signing_limits_the_number_of_streams() -> None:
     bench = Bench("ardupilot", "copter")
     bench.sign()
-    bench.check()  # known peers stay known
+    bench.check()  # known peers are still served
     codec = mavlink.MAVLink(None)
     codec.signing.secret_key, codec.signing.sign_outgoing = bytes(range(7, 39)), True
     beat = mavlink.MAVLink_timesync_message(0, 1)
@@ -160,7 +160,7 @@ def test_signing_hears_only_so_many_streams() -> None:
 
 
 def test_unknown_and_odd_length_frames_cost_in_proportion_to_their_content() -> None:
-    """Unknown ids and payloads longer or shorter than the message: nothing but what was meant is answered."""
+    """Only valid requests among unknown ids and odd payloads are answered."""
     source = random.Random(5)
     bench = Bench("px4", "copter")
     for message_id in [*mavlink.mavlink_map, 80, 300, 397, 410, 12_345, 2**24 - 1]:

@@ -1,4 +1,4 @@
-"""Bytes that are no messages, frames that are broken, and good ones over wires that break them."""
+"""Bytes outside of messages, broken frames, and good frames over impaired links."""
 
 import hashlib
 import random
@@ -16,6 +16,8 @@ from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import FAULTS
+
+pytestmark = pytest.mark.full
 
 MODEST = settings(max_examples=examples(25), derandomize=True, deadline=None)
 WIRES = (
@@ -50,7 +52,7 @@ def test_random_bytes(name: str, data: list[tuple[bytes, int, float]]) -> None:
 
 @MODEST
 @given(seed=st.integers(0, 2**32), cuts=st.lists(st.integers(1, 400), max_size=20))
-def test_a_stream_may_be_cut_anywhere(seed: int, cuts: list[int]) -> None:
+def test_a_stream_may_be_split_anywhere(seed: int, cuts: list[int]) -> None:
     """Every split of the bytes gives the same answers."""
     whole, dealt = Bench("ardupilot", "copter"), Bench("ardupilot", "copter")
     stream = b"".join(frames(whole, random.Random(seed)))
@@ -63,7 +65,7 @@ def test_a_stream_may_be_cut_anywhere(seed: int, cuts: list[int]) -> None:
 
 
 def frames(bench: Bench, source: random.Random, count: int = 60) -> Iterator[bytes]:
-    """Frames of all kinds; most have something wrong about them."""
+    """Return frames of all kinds, most of them broken."""
     kinds = list(mavlink.mavlink_map.values())
     for _ in range(count):
         kind = source.choice(kinds)
@@ -94,7 +96,7 @@ def test_broken_frames(name: str, kind: str, is_signing: bool) -> None:
 # -- impaired links ---------------------------------------------------------------------------------------
 
 
-def test_every_fault_of_the_wire_is_here() -> None:
+def test_every_link_fault_is_covered() -> None:
     named = {wire.partition(":")[0] for wire in WIRES}
     elsewhere = {
         "battery_sag", "gps_glitch", "gps_loss", "mission_refused", "motor_loss", "rc_loss", "reboot",
@@ -136,6 +138,6 @@ def digest(name: str, kind: str, **extra: Any) -> str:
 
 
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_equal_attacks_are_answered_with_equal_bytes(name: str, kind: str) -> None:
+def test_equal_attacks_get_equal_bytes(name: str, kind: str) -> None:
     faults = ["sik_radio:at=5,for=10", "corruption:rate=0.1,at=20"]
     assert digest(name, kind, faults=faults) == digest(name, kind, faults=faults)

@@ -9,7 +9,9 @@ from fuzz_bench import CRAFT, Bench
 from fuzz_values import DEAFENING
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-FASTEST_M_S = 250.0  # a plane that dives with the strongest wind there is
+pytestmark = pytest.mark.full
+
+FASTEST_M_S = 250.0  # a diving plane in the strongest wind
 LARGEST = 3.4e38
 REAL, INTEGER = mavlink.MAV_PARAM_TYPE_REAL32, mavlink.MAV_PARAM_TYPE_INT32
 
@@ -20,7 +22,7 @@ def set_parameter(bench: Bench, name: str, value: float) -> None:
     if personality.parameters_byte_wise and isinstance(personality.parameters[name], int):
         whole = round(min(max(value, -(2**31)), 2**31 - 1))
         kind, sent = INTEGER, struct.unpack("<f", struct.pack("<i", whole))[0]
-        if math.isnan(sent):  # a float would not keep these bytes
+        if math.isnan(sent):  # a float changes these bytes
             return
     for sysid in (1, 2):
         bench.send(mavlink.MAVLink_param_set_message(sysid, 1, name.encode(), sent, kind))
@@ -41,7 +43,7 @@ def is_sane(bench: Bench) -> bool:
 
 @pytest.mark.parametrize("value", [LARGEST, -LARGEST, 0.0, 1e-45, -1.0, 32.0])
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_one_after_the_other(name: str, kind: str, value: float) -> None:
+def test_each_parameter_at_an_extreme_value(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     bench.fly()
     for parameter, usual in bench.fleet.vehicles[0].personality.parameters.items():
@@ -76,12 +78,12 @@ def test_a_vehicle_with_all_parameters_changed_still_flies(name: str, kind: str,
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_a_value_that_is_no_number_is_refused(name: str, kind: str, value: float) -> None:
+def test_a_nan_value_is_refused(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     personality = bench.fleet.vehicles[0].personality
     for parameter, usual in personality.parameters.items():
         if not (personality.parameters_byte_wise and isinstance(usual, int)):
             bench.send(mavlink.MAVLink_param_set_message(1, 1, parameter.encode(), value, REAL))
-    told = [m.param_value for _, m in bench.heard if m.get_type() == "PARAM_VALUE"]
-    assert told
-    assert all(map(math.isfinite, told))
+    reported = [m.param_value for _, m in bench.heard if m.get_type() == "PARAM_VALUE"]
+    assert reported
+    assert all(map(math.isfinite, reported))

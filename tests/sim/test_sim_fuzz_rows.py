@@ -19,7 +19,7 @@ ACCEPTED, UNSUPPORTED, IN_PROGRESS, CANCELLED = 0, 3, 5, 6
 
 
 def upload(bench: Bench, *items: tuple[Any, ...]) -> list[int]:
-    """Items of (frame, command, parameters 1 to 4, z); the types of the acknowledgements."""
+    """Upload items of (frame, command, parameters 1 to 4, z); return the acknowledgements."""
     replies = bench.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
     for seq, (frame, command, *parameters, z) in enumerate(items):
         head = (1, 1, seq, frame, command, 0, 1, *parameters)
@@ -28,7 +28,7 @@ def upload(bench: Bench, *items: tuple[Any, ...]) -> list[int]:
 
 
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_landing_where_there_is_no_mode_for_it(name: str, kind: str) -> None:
+def test_a_landing_without_a_landing_mode(name: str, kind: str) -> None:
     bench = Bench(name, kind)
     bench.fly()
     wanted = UNSUPPORTED if (name, kind) == ("ardupilot", "plane") else ACCEPTED
@@ -37,7 +37,7 @@ def test_landing_where_there_is_no_mode_for_it(name: str, kind: str) -> None:
 
 
 @pytest.mark.parametrize("parameter", [b"BATT_FS_LOW_ACT", b"FS_LONG_ACTN"])
-def test_a_failsafe_that_lands_a_plane_brings_it_home(parameter: bytes) -> None:
+def test_a_landing_failsafe_of_a_plane_returns_home(parameter: bytes) -> None:
     bench = Bench("ardupilot", "plane")
     bench.fly()
     for key, value in ((parameter, 2), (b"BATT_LOW_VOLT", 50), (b"FS_GCS_ENABL", 1)):
@@ -49,18 +49,18 @@ def test_a_failsafe_that_lands_a_plane_brings_it_home(parameter: bytes) -> None:
 
 
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_an_interval_longer_than_its_message_can_say(name: str, kind: str) -> None:
+def test_an_interval_beyond_the_range_of_its_message(name: str, kind: str) -> None:
     bench = Bench(name, kind)
     assert bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ATTITUDE, 3.4e38) == ACCEPTED
     bench.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, ATTITUDE)
     bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL, ATTITUDE)
-    told = [m.interval_us for _, m in bench.heard if m.get_type() == "MESSAGE_INTERVAL"]
-    assert told
-    assert set(told) == {2**31 - 1}
+    reported = [m.interval_us for _, m in bench.heard if m.get_type() == "MESSAGE_INTERVAL"]
+    assert reported
+    assert set(reported) == {2**31 - 1}
 
 
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_heartbeats_at_their_usual_interval_beat(name: str, kind: str) -> None:
+def test_heartbeats_at_the_default_interval_continue(name: str, kind: str) -> None:
     bench = Bench(name, kind)
     for interval_us in (-1, 0):
         assert bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, HEARTBEAT, interval_us) == ACCEPTED
@@ -76,7 +76,7 @@ def test_a_negative_count_of_flights() -> None:
 
 
 @pytest.mark.parametrize("kind", ["copter", "plane"])
-def test_a_wind_beyond_all_winds(kind: str) -> None:
+def test_an_extreme_wind(kind: str) -> None:
     bench = Bench("ardupilot", kind)
     bench.fly()
     bench.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_WIND_SPD", 3.4e38, 9))
@@ -87,7 +87,7 @@ def test_a_wind_beyond_all_winds(kind: str) -> None:
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 @pytest.mark.parametrize("parameter", ["RTL_ALT", "WPNAV_SPEED", "SIM_GPS_GLITCH_Z"])
-def test_an_uploaded_file_of_parameters_that_are_no_numbers(parameter: str, value: float) -> None:
+def test_an_uploaded_file_with_nan_parameters(parameter: str, value: float) -> None:
     bench = Bench("ardupilot", "copter")
     body = bytes([4, (len(parameter) - 1) << 4]) + parameter.encode() + struct.pack("<f", value)
     content = struct.pack("<HHH", 0x671B, 1, 6 + len(body)) + body
@@ -100,7 +100,7 @@ def test_an_uploaded_file_of_parameters_that_are_no_numbers(parameter: str, valu
     bench.check()
 
 
-def test_a_mission_that_was_cut_behind_where_it_was_left() -> None:
+def test_a_mission_shortened_before_its_current_item() -> None:
     bench = Bench("ardupilot", "copter")
     bench.fly()
     waypoint = (3, 16, 0, 0, 0, 0, 30.0)
@@ -114,14 +114,14 @@ def test_a_mission_that_was_cut_behind_where_it_was_left() -> None:
 
 
 @pytest.mark.parametrize("z", [3.4e38, -3.4e38])
-def test_a_home_beyond_the_sky(z: float) -> None:
+def test_a_home_at_an_extreme_altitude(z: float) -> None:
     bench = Bench("px4", "copter")
     bench.fly()
     items = [(3, 22, 0, 0, 0, 0, 30.0), (2, 179, 0, 0, 0, 0, z), (3, 16, 0, 0, 0, 0, 40.0)]
     assert upload(bench, *items) == [ACCEPTED]
     bench.wait(1.0)
     assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, 4) == ACCEPTED
-    for _ in range(3):  # each time above the one before
+    for _ in range(3):  # each time above the previous one
         bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 1))
         bench.wait(5.0)
     bench.check()
@@ -139,7 +139,7 @@ def test_a_position_outside_the_earth_in_a_legacy_item(name: str, kind: str, at:
 
 
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_the_protocol_version_is_asked_for(name: str, kind: str) -> None:
+def test_a_request_for_the_protocol_version(name: str, kind: str) -> None:
     bench = Bench(name, kind)
     assert bench.command(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION, 1) is not None
     bench.check()
@@ -175,5 +175,5 @@ def test_a_corrupted_cancellation_is_ignored() -> None:
     assert calibration_results(Bench("ardupilot", "copter"), spoilt=1) == [ACCEPTED]
 
 
-def test_a_cancellation_for_another_vehicle_is_not_for_this_one() -> None:
+def test_a_cancellation_for_another_vehicle_is_ignored() -> None:
     assert calibration_results(Bench("ardupilot", "copter"), 2) == [ACCEPTED]

@@ -1,9 +1,9 @@
-"""Listing and downloading logs over MAVLink, as each autopilot does it."""
+"""Listing and download of logs over MAVLink, on each autopilot."""
 
 from typing import Any
 
 import pytest
-from files_client import Wire
+from files_client import MessageCodec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -17,7 +17,7 @@ BOTH = pytest.mark.parametrize("rules", [log_transfer.ARDUPILOT, log_transfer.PX
 
 
 class Vehicle:
-    """The machine, and what it sent."""
+    """A log transfer and its sent messages."""
 
     def __init__(self, rules: LogRules, *contents: bytes, **pace: float) -> None:
         self.logs = [
@@ -36,9 +36,9 @@ class Vehicle:
             armed=lambda: self.armed,
             **pace,
         )
-        self.wire = Wire()
+        self.wire = MessageCodec()
 
-    def receive(self, message: Any, wire: Wire | None = None) -> list[Any]:
+    def receive(self, message: Any, wire: MessageCodec | None = None) -> list[Any]:
         self.machine.receive((wire or self.wire).to_vehicle(message), self.now)
         return self.take()
 
@@ -55,11 +55,13 @@ class Vehicle:
             sent += self.take()
         return sent
 
-    def listing(self, start: int = 0, end: int = 0xFFFF, wire: Wire | None = None) -> list[tuple[int, ...]]:
+    def listing(
+        self, start: int = 0, end: int = 0xFFFF, wire: MessageCodec | None = None
+    ) -> list[tuple[int, ...]]:
         sent = self.receive(mavlink.MAVLink_log_request_list_message(1, 1, start, end), wire)
         return [(m.id, m.num_logs, m.last_log_num, m.time_utc, m.size) for m in sent]
 
-    def ask(self, log_id: int, offset: int, count: int, wire: Wire | None = None) -> list[Any]:
+    def ask(self, log_id: int, offset: int, count: int, wire: MessageCodec | None = None) -> list[Any]:
         return self.receive(mavlink.MAVLink_log_request_data_message(1, 1, log_id, offset, count), wire)
 
 
@@ -77,7 +79,7 @@ def test_ardupilot_counts_from_one_and_px4_from_zero() -> None:
 
 
 @BOTH
-def test_without_logs_there_is_one_entry_that_says_so(rules: LogRules) -> None:
+def test_an_empty_log_list_is_one_entry(rules: LogRules) -> None:
     assert Vehicle(rules).listing() == [(0, 0, 0, 0, 0)]
 
 
@@ -89,7 +91,7 @@ def test_without_logs_there_is_one_entry_that_says_so(rules: LogRules) -> None:
         st.tuples(st.integers(0, 1600), st.integers(0, 2**32 - 1) | st.integers(0, 400)), max_size=6
     ),
 )
-def test_what_comes_is_the_part_of_the_log_that_was_asked_for(
+def test_a_download_returns_the_requested_part_of_the_log(
     rules: LogRules, content: bytes, asked: list[tuple[int, int]]
 ) -> None:
     vehicle = Vehicle(rules, b"another", content)
@@ -118,7 +120,7 @@ def test_a_download_is_paced(rules: LogRules) -> None:
 
 
 @BOTH
-def test_a_request_for_the_end_stops_a_download(rules: LogRules) -> None:
+def test_an_end_request_stops_a_download(rules: LogRules) -> None:
     vehicle = Vehicle(rules, bytes(50_000), bytes_s=10_000, most_bytes_at_once=1_000)
     vehicle.listing()
     vehicle.ask(rules.first_id, 0, 2**32 - 1)
@@ -126,7 +128,7 @@ def test_a_request_for_the_end_stops_a_download(rules: LogRules) -> None:
     assert vehicle.wait(3.0) == []
 
 
-def test_ardupilot_refuses_while_armed_and_says_so_once() -> None:
+def test_ardupilot_refuses_while_armed_with_one_text() -> None:
     vehicle = Vehicle(log_transfer.ARDUPILOT, bytes(50_000), bytes_s=10_000, most_bytes_at_once=1_000)
     vehicle.ask(1, 0, 2**32 - 1)
     vehicle.armed = True
@@ -139,7 +141,7 @@ def test_ardupilot_refuses_while_armed_and_says_so_once() -> None:
     assert data(vehicle.wait(10.0))
 
 
-def test_px4_gives_logs_in_flight_but_only_to_who_has_listed_them() -> None:
+def test_px4_serves_logs_in_flight_after_a_list_request() -> None:
     vehicle = Vehicle(log_transfer.PX4, b"x" * 200)
     vehicle.armed = True
     assert vehicle.ask(0, 0, 200) == []
@@ -151,7 +153,7 @@ def test_px4_gives_logs_in_flight_but_only_to_who_has_listed_them() -> None:
 
 def test_ardupilot_serves_one_station_at_a_time() -> None:
     vehicle = Vehicle(log_transfer.ARDUPILOT, b"y" * 20_000, bytes_s=10_000, most_bytes_at_once=1_000)
-    other = Wire(sysid=254)
+    other = MessageCodec(sysid=254)
     first = vehicle.ask(1, 0, 2**32 - 1)
     assert vehicle.ask(1, 90, 90) == []
     assert vehicle.texts == []
@@ -163,7 +165,7 @@ def test_ardupilot_serves_one_station_at_a_time() -> None:
 
 def test_px4_serves_stations_in_turns() -> None:
     vehicle = Vehicle(log_transfer.PX4, b"a" * 9_000, b"b" * 9_000, bytes_s=10_000, most_bytes_at_once=1_000)
-    other = Wire(sysid=254)
+    other = MessageCodec(sysid=254)
     sent: list[Any] = []
     vehicle.listing()
     vehicle.listing(wire=other)
@@ -195,13 +197,13 @@ STEPS = st.one_of(
 @BOTH
 @settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(steps=st.lists(STEPS, max_size=25))
-def test_nothing_that_is_asked_stops_the_vehicle(rules: LogRules, steps: list[Any]) -> None:
+def test_any_requests_leave_the_vehicle_working(rules: LogRules, steps: list[Any]) -> None:
     vehicle = Vehicle(rules, bytes(3_000), bytes(100), b"", bytes_s=5_000, most_bytes_at_once=500)
     for kind, *values in steps:
         if kind == "list":
-            vehicle.listing(values[0], values[1], Wire(sysid=values[2]))
+            vehicle.listing(values[0], values[1], MessageCodec(sysid=values[2]))
         elif kind == "data":
-            vehicle.ask(values[0], values[1], values[1], Wire(sysid=values[2]))
+            vehicle.ask(values[0], values[1], values[1], MessageCodec(sysid=values[2]))
         elif kind == "erase":
             vehicle.receive(mavlink.MAVLink_log_erase_message(1, 1))
         elif kind == "end":

@@ -1,4 +1,4 @@
-"""Flight logs, read back by pymavlink (DataFlash) and by a reader written from the definition of ULog."""
+"""Flight logs, read by pymavlink (DataFlash) and by a reader of the ULog definition."""
 
 import math
 import struct
@@ -50,7 +50,7 @@ def sample(**changes: Any) -> Sample:
 
 
 def flight(log: FlightLog, *, mode: int = 4, next_mode: int = 6) -> None:
-    """Everything a log can be told, once, at known times."""
+    """Write each kind of entry once, at known times."""
     log.begin(ARM_S, facts(mode=mode))
     log.origin(ARM_S, *HOME)
     log.home(ARM_S, *HOME)
@@ -113,11 +113,11 @@ def test_pymavlink_reads_the_state_of_a_dataflash_log(dataflash: list[Any]) -> N
 
 
 def test_a_dataflash_log_has_the_time_of_day(dataflash: list[Any]) -> None:
-    """The reader reckons it from GPS week and time of week."""
+    """The reader computes it from GPS week and time of week."""
     assert of(dataflash, "POS")[0]._timestamp == pytest.approx(UTC_S + 1, abs=0.01)
 
 
-def test_a_dataflash_log_tells_what_happened(dataflash: list[Any]) -> None:
+def test_a_dataflash_log_has_the_events(dataflash: list[Any]) -> None:
     assert [m.Message for m in of(dataflash, "MSG")] == [
         "ArduCopter V4.6.2 (sim)", "Frame: QUAD/X", "Battery 1 is low",
     ]  # fmt: skip
@@ -135,7 +135,7 @@ def test_a_dataflash_log_tells_what_happened(dataflash: list[Any]) -> None:
     assert [(m.Type, m.Lat, m.Alt) for m in of(dataflash, "ORGN")] == [(0, 47.397, 488), (1, 47.397, 488)]
 
 
-def test_every_dataflash_format_is_sized_as_its_fields_and_has_units(dataflash: list[Any]) -> None:
+def test_every_dataflash_format_has_the_size_of_its_fields_and_units(dataflash: list[Any]) -> None:
     units = {m.FmtType: m for m in of(dataflash, "FMTU")}
     known = {m.Id for m in of(dataflash, "UNIT")}
     factors = {m.Id for m in of(dataflash, "MULT")}
@@ -157,7 +157,7 @@ ULOG_TYPES = {"uint64_t": "<u8", "int32_t": "<i4", "uint32_t": "<u4", "uint16_t"
 
 @dataclass
 class Ulog:
-    """What a ULog file says, read as the format is defined."""
+    """The content of a ULog file, read by the format's definition."""
 
     start_us: int = 0
     info: dict[str, Any] = field(default_factory=dict)
@@ -253,7 +253,7 @@ def test_a_ulogs_attitude_is_the_rotation_by_yaw_pitch_and_roll(ulog: Ulog) -> N
     assert math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) == pytest.approx(1.5, abs=1e-6)
 
 
-def test_a_ulog_tells_what_happened(ulog: Ulog) -> None:
+def test_a_ulog_has_the_events(ulog: Ulog) -> None:
     assert (ulog.info["sys_name"], ulog.info["ver_sw_release"]) == ("PX4", 0x010F02FF)
     assert ulog.initial == {"SYSID": 3, "SPEED": 7.5}
     assert ulog.changed == [("SPEED", 5.0)]
@@ -286,7 +286,7 @@ ANGLES = st.floats(-math.pi, math.pi)
     text=st.text(max_size=80),
     utc_s=st.floats(0, 4e9),
 )
-def test_no_state_of_a_vehicle_stops_a_log(
+def test_any_state_of_a_vehicle_can_be_logged(
     format_: Any,
     numbers: list[float],
     angles: tuple[float, float, float],
@@ -332,7 +332,7 @@ def recorded(recorder: FlightRecorder, start_s: float, seconds: float) -> None:
     recorder.end(start_s + seconds)
 
 
-def test_a_flight_is_a_log_and_the_oldest_goes_first(tmp_path: Path) -> None:
+def test_each_flight_is_a_log_and_the_oldest_is_erased_first(tmp_path: Path) -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits(logs=3))
     assert not recorder.due(0.0)
     for start_s in (10.0, 20.0, 30.0, 40.0):
@@ -354,7 +354,7 @@ def test_samples_come_at_the_rate_of_the_limits(tmp_path: Path) -> None:
     assert [m.TimeUS for m in of(messages, "ATT")] == [5_000_000 + 500_000 * i for i in range(20)]
 
 
-def test_a_full_log_takes_no_samples_but_still_events(tmp_path: Path) -> None:
+def test_a_full_log_accepts_events_but_no_samples(tmp_path: Path) -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits(log_bytes=20_000))
     recorder.begin(10.0, facts())
     for tick in range(1000):
@@ -372,13 +372,13 @@ def test_a_full_log_takes_no_samples_but_still_events(tmp_path: Path) -> None:
     assert "Log is full, samples stop" in [m.Message for m in of(messages, "MSG")]
 
 
-def test_nothing_is_recorded_when_it_is_switched_off() -> None:
+def test_without_room_for_logs_nothing_is_recorded() -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits(logs=0))
     recorded(recorder, 10.0, 1.0)
     assert (recorder.logs, recorder.event(10.5), recorder.recording) == ([], None, False)
 
 
-def test_a_log_that_is_erased_while_it_is_written_ends() -> None:
+def test_erasing_the_current_log_ends_it() -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits())
     recorder.begin(10.0, facts())
     recorder.remove(recorder.logs[0])

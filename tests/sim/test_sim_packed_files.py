@@ -1,4 +1,4 @@
-"""ArduPilot's packed files, held against pymavlink's decoder and the files a vehicle shows."""
+"""ArduPilot's packed files, read by pymavlink's decoder, and the file trees."""
 
 import struct
 from typing import Any
@@ -46,8 +46,10 @@ def made(parameters: dict[str, tuple[float, float]]) -> list[Parameter]:
     ),
     defaults=st.booleans(),
 )
-def test_pymavlink_reads_what_was_packed(parameters: dict[str, tuple[float, float]], defaults: bool) -> None:
-    """Names in any order, sharing any beginning."""
+def test_pymavlink_reads_packed_parameters(
+    parameters: dict[str, tuple[float, float]], defaults: bool
+) -> None:
+    """Names come in any order with any common beginnings."""
     content = pack_parameters(made(parameters), "withdefaults=1" if defaults else "")
     data = decoded(content)
     assert {name.decode(): value for name, value, _ in data.params} == {
@@ -65,7 +67,7 @@ def test_pymavlink_reads_what_was_packed(parameters: dict[str, tuple[float, floa
     start=st.integers(0, 29),
     count=st.integers(0, 40),
 )
-def test_a_part_of_the_parameters_can_be_asked_for(
+def test_a_query_selects_a_part_of_the_parameters(
     parameters: dict[str, float], start: int, count: int
 ) -> None:
     rows = [Parameter(name, value, value) for name, value in parameters.items()]
@@ -82,19 +84,19 @@ def test_a_part_of_the_parameters_can_be_asked_for(
 
 
 @pytest.mark.parametrize("query", ["start=-1", "count=x", "withdefaults=2", "start=65535", "start=²"])
-def test_a_query_that_makes_no_sense_is_refused(query: str) -> None:
+def test_a_bad_query_is_refused(query: str) -> None:
     with pytest.raises(FileError):
         pack_parameters(FEW, query)
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(content=st.binary(max_size=200), head=st.booleans())
-def test_any_upload_is_taken_or_refused(content: bytes, head: bool) -> None:
+def test_any_upload_is_accepted_or_refused(content: bytes, head: bool) -> None:
     if head:
         content = struct.pack("<HHH", 0x671B, 3, len(content) + 6) + content
     parameters = unpack_parameters(content)
     assert parameters is None or all(isinstance(name, str) for name in parameters)
-    assert unpack_mission(0, content) is None  # too short for its magic, or another file's
+    assert unpack_mission(0, content) is None  # too short, or another kind of file
     items = len(content) // 38
     mission = unpack_mission(0, struct.pack("<HHHHH", 0x763D, 0, 0, 0, items) + content)
     assert (mission is not None) == (len(content) == 38 * items)
@@ -104,7 +106,7 @@ def test_any_upload_is_taken_or_refused(content: bytes, head: bool) -> None:
 
 
 class Vehicle:
-    """What the files of an ArduPilot read and change."""
+    """The parameters and items behind an ArduPilot's files."""
 
     def __init__(self) -> None:
         self.values = {row.name: row for row in FEW}
@@ -159,7 +161,7 @@ def test_pymavlink_downloads_the_parameters_with_their_defaults() -> None:
 
 
 def upload(client: FtpClient, path: bytes, content: bytes) -> int:
-    """Create, write, close; the opcode that closed it."""
+    """Create, write and close a file; return the opcode of the last answer."""
     client.one(Opcode.CREATE_FILE, path)
     for offset in range(0, len(content), 80):
         client.one(Opcode.WRITE_FILE, content[offset : offset + 80], offset=offset)
@@ -204,7 +206,7 @@ def names(files: FileSystem, path: str) -> list[str]:
     return [entry.name for entry in files.entries(path)]
 
 
-def test_ardupilots_tree() -> None:
+def test_the_file_tree_of_ardupilot() -> None:
     files = Vehicle().files
     assert names(files, "/") == ["@MISSION", "@PARAM", "@SYS", "APM"]
     assert names(files, "@MISSION") == ["fence.dat", "mission.dat", "rally.dat"]
@@ -213,7 +215,7 @@ def test_ardupilots_tree() -> None:
     assert names(files, "/APM") == ["scripts"]
 
 
-def test_px4s_tree_has_the_metadata() -> None:
+def test_the_file_tree_of_px4_has_the_metadata() -> None:
     metadata = ComponentMetadata(Component("PX4", "sim", "1.15.0"), [ParameterMeta("A", 1)])
     files = px4_files(metadata=lambda: metadata, recorder=FlightRecorder(DataFlashLog, LogLimits()))
     assert names(files, "/etc/extras") == ["component_general.json.xz", "parameters.json.xz"]

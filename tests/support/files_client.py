@@ -1,4 +1,4 @@
-"""The other end of FTP and of the log messages, for tests on virtual time: messages in, messages out."""
+"""Clients of FTP and of the log messages in virtual time: messages in, messages out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from sim_vehicle.files.ftp_rules import FtpRules, Opcode
 TICK_S = 0.1
 
 
-class Wire:
-    """Messages over the wire format, from a ground station to a machine and back."""
+class MessageCodec:
+    """The MAVLink encoding between a ground station and the code under test."""
 
     def __init__(self, *, sysid: int = 255, compid: int = 190) -> None:
         self._station = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
@@ -32,7 +32,7 @@ class Wire:
 
 
 @dataclass(frozen=True)
-class Reply:
+class FtpReply:
     """One answer of the server."""
 
     seq: int
@@ -50,14 +50,14 @@ class Reply:
 
 
 class FtpClient:
-    """Sends requests to a server as they are given; time passes only in `wait`."""
+    """A client that sends any requests; time passes only in `wait`."""
 
     def __init__(self, files: FileSystem, rules: FtpRules, **pace: float) -> None:
         self.sent: list[Any] = []
         self.server = FtpServer(files, rules, send=self.sent.append, **pace)
         self.now = 0.0
         self.seq = 0
-        self.wire = Wire()
+        self.wire = MessageCodec()
 
     def request(
         self,
@@ -68,9 +68,9 @@ class FtpClient:
         offset: int = 0,
         size: int | None = None,
         seq: int | None = None,
-        wire: Wire | None = None,
-    ) -> list[Reply]:
-        """One request; the answers that came at once."""
+        wire: MessageCodec | None = None,
+    ) -> list[FtpReply]:
+        """Send a request and return the immediate answers."""
         if seq is None:
             self.seq = (self.seq + 1) & 0xFFFF
             seq = self.seq
@@ -78,27 +78,27 @@ class FtpClient:
         payload = HEADER.pack(seq, session, opcode, length, 0, 0, offset) + data
         return self.send(payload.ljust(251, b"\0")[:251], wire)
 
-    def send(self, payload: bytes, wire: Wire | None = None) -> list[Reply]:
+    def send(self, payload: bytes, wire: MessageCodec | None = None) -> list[FtpReply]:
         wire = wire or self.wire
         message = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload)
         self.server.receive(wire.to_vehicle(message), self.now)
         return self.take()
 
-    def one(self, opcode: int, data: bytes = b"", **fields: Any) -> Reply:
+    def one(self, opcode: int, data: bytes = b"", **fields: Any) -> FtpReply:
         (reply,) = self.request(opcode, data, **fields)
         return reply
 
-    def take(self) -> list[Reply]:
+    def take(self) -> list[FtpReply]:
         replies = []
         for message in self.sent:
             payload = bytes(self.wire.to_station(message).payload)
             seq, session, opcode, size, request, complete, offset = HEADER.unpack_from(payload)
             data = payload[HEADER.size : HEADER.size + size]
-            replies.append(Reply(seq, session, opcode, request, complete, offset, data))
+            replies.append(FtpReply(seq, session, opcode, request, complete, offset, data))
         self.sent.clear()
         return replies
 
-    def wait(self, seconds: float) -> list[Reply]:
+    def wait(self, seconds: float) -> list[FtpReply]:
         end, replies = self.now + seconds, self.take()
         while self.now < end - 1e-9:
             self.now += TICK_S
@@ -107,8 +107,8 @@ class FtpClient:
         return replies
 
 
-class _Link:
-    """What pymavlink's MAVFTP believes to be a connection; every poll without a message lets time pass."""
+class _FtpConnection:
+    """A connection for pymavlink's MAVFTP; every poll without a message lets time pass."""
 
     source_system, source_component = 255, 190
 
@@ -139,5 +139,5 @@ class _Link:
 
 
 def pymavlink_ftp(client: FtpClient, *, drop: Callable[[], bool] = lambda: False) -> mavftp.MAVFTP:
-    """pymavlink's own FTP client, talking to the server of `client`; `drop` loses messages."""
-    return mavftp.MAVFTP(_Link(client, drop), 1, 1)
+    """Return pymavlink's FTP client, connected to the server of `client`; `drop` loses messages."""
+    return mavftp.MAVFTP(_FtpConnection(client, drop), 1, 1)

@@ -1,4 +1,4 @@
-"""What a hostile station sends: programs of messages, each made from one source of randomness."""
+"""Attacks of a hostile station: sequences of messages, each from one source of randomness."""
 
 import math
 import random
@@ -23,14 +23,14 @@ COMMANDS = sorted(mavlink.enums["MAV_CMD"])
 
 
 def any_message(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Every message of the dialect once, in any order."""
+    """Yield every message of the dialect once, in random order."""
     kinds = [kind for kind in mavlink.mavlink_map.values() if kind.msgname != "SETUP_SIGNING"]
     for kind in source.sample(kinds, len(kinds)):
         yield random_message(kind, source)
 
 
 def commands(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Every command there is, and some that are not, as LONG and as INT."""
+    """Yield every command, and unknown ones, as LONG and as INT."""
     for command in source.sample(COMMANDS, len(COMMANDS)) + [source.randint(0, 65_535) for _ in range(20)]:
         target, component = source.choice(TARGETS), source.choice(COMPONENTS)
         hostile = [number("float", source) for _ in range(7)]
@@ -48,14 +48,14 @@ def commands(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
-    """The commands that vehicles obey, with parameters that are nearly right."""
+    """Yield supported commands with nearly valid parameters."""
     obeyed = sorted({*HANDLERS, *personality_of(bench.name, bench.kind).commands})
     for command in source.choices(obeyed, k=120):
         nearly = [
             source.choice((0.0, 0.0, 1.0, 1.0, 2.0, 3.0, math.nan, number("float", source))) for _ in range(7)
         ]
         sysid = source.choice((1, 2))
-        if command in (246, 185):  # another time: a vehicle that is off, or falls, is spared the rest
+        if command in (246, 185):  # not here: a vehicle that is off, or falls, misses the other attacks
             continue
         if source.random() < 0.5:
             at_deg = source.choice(((LAT_DEG, LON_DEG), (math.nan, math.nan), (0.0, 0.0), (1e9, LON_DEG)))
@@ -86,7 +86,7 @@ def _wire_value(source: random.Random, *, integer: bool) -> float:
 
 
 def parameters(bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Every parameter to a value nobody would want, of its type and of another."""
+    """Set every parameter to extreme values, of its type and of another."""
     personality = personality_of(bench.name, bench.kind)
     names = [name for name in personality.parameters if name not in DEAFENING]
     for name in [*source.sample(names, len(names)), "", "_HASH_CHECK", "NO_SUCH", "x" * 16]:
@@ -102,7 +102,7 @@ def parameters(bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def setpoints(bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Positions, velocities, accelerations, attitudes and rates, in the mode that obeys them."""
+    """Yield positions, velocities, accelerations, attitudes and rates, in the mode that follows them."""
     guided = {"ardupilotcopter": (4, 0), "ardupilotplane": (15, 0)}.get(bench.name + bench.kind, (6, 0))
     for i in range(120):
         if i % 20 == 2:
@@ -127,7 +127,7 @@ def setpoints(bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def talk(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Streams, clocks, pings, heartbeats, homes and origins."""
+    """Yield streams, clocks, pings, heartbeats, homes and origins."""
     names = (
         "request_data_stream", "timesync", "ping", "heartbeat", "set_mode", "set_gps_global_origin",
         "param_request_read", "manual_control", "rc_channels_override", "set_home_position", "gps_rtcm_data",
@@ -172,7 +172,7 @@ BY_THE_RULES = (flown_missions, written_files, flown_logs, likely_commands)
 
 
 def launch(bench: Bench, attack: Attack, source: random.Random) -> None:
-    """From two stations, in two versions of MAVLink, with pauses; no frame is answered with too many."""
+    """Launch an attack from two stations, in both versions of MAVLink; limit the answers to a frame."""
     strays = 0.02 if attack in BY_THE_RULES else 0.33
     for message in attack(bench, source):
         station = int(source.random() < strays)

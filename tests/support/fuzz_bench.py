@@ -1,4 +1,4 @@
-"""Hostile ground stations of a small fleet, and what has to hold of it whatever they send."""
+"""Hostile ground stations of a small fleet, and the invariants under any input."""
 
 import math
 from collections import Counter
@@ -15,25 +15,25 @@ from sim_vehicle.scenarios import Scenario
 CRAFT = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 STATIONS = ((255, 190), (254, 1))
 STEP_S = 0.1
-FLUSH = b"\0" * 300  # more than the longest frame: a length byte in garbage may claim what follows
+FLUSH = b"\0" * 300  # more than the longest frame, because a length byte in garbage may cover it
 KEY = bytes(range(7, 39))
 BOOT_S = 1.5
 # Messages whose fields may hold no number, as their descriptions say; NaN in any other frame is a mistake.
 SET_POINT = {"vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"}
 NAN_ALLOWED = {
-    "ALTITUDE": {"bottom_clearance"},  # nothing measures it
+    "ALTITUDE": {"bottom_clearance"},  # not measured
     "ODOMETRY": {"pose_covariance", "velocity_covariance"},
-    "PARAM_VALUE": {"param_value"},  # the bytes of an integer
-    # what does not count in it
+    "PARAM_VALUE": {"param_value"},  # may be the bytes of an integer
+    # ignored fields
     "POSITION_TARGET_LOCAL_NED": {"x", "y", "z", *SET_POINT},
     "POSITION_TARGET_GLOBAL_INT": SET_POINT,
-    "MISSION_ITEM": {"param1", "param2", "param3", "param4", "z"},  # as they were uploaded
+    "MISSION_ITEM": {"param1", "param2", "param3", "param4", "z"},  # as uploaded
     "MISSION_ITEM_INT": {"param1", "param2", "param3", "param4", "z"},
 }
 
 
 def scenario(name: str, kind: str, **extra: Any) -> Scenario:
-    """Two vehicles of a kind, far enough apart to be told from each other."""
+    """Return two vehicles of a kind, far apart."""
     vehicles = [
         {
             "sysid": sysid,
@@ -49,7 +49,7 @@ def scenario(name: str, kind: str, **extra: Any) -> Scenario:
 
 
 class Bench:
-    """A fleet of two, and stations that send it anything; every byte that comes back is looked at."""
+    """A fleet of two and its stations; every received byte is checked."""
 
     def __init__(self, name: str, kind: str, **extra: Any) -> None:
         self.name, self.kind = name, kind
@@ -57,7 +57,7 @@ class Bench:
         self.now = 0.0
         self.raw: list[bytes] = []
         self.heard: list[tuple[float, Any]] = []
-        self.most_frames = 0  # that one frame was answered with
+        self.most_frames = 0  # most frames in answer to one frame
         self.spoilt = bool(extra.get("faults"))
         self._codecs = {station: mavlink.MAVLink(None, *station) for station in STATIONS}
         self._hearing = every.MAVLink(None)
@@ -73,7 +73,7 @@ class Bench:
         return bytes(message.pack(codec, force_mavlink1=mavlink1))
 
     def send(self, message: Any, station: int = 0, *, mavlink1: bool = False) -> list[Any]:
-        """Send now; what came back at once."""
+        """Send a message and return the immediate answers."""
         return self.put(self.frame(message, station, mavlink1=mavlink1), peer=station)
 
     def put(self, data: bytes, peer: Hashable = 0) -> list[Any]:
@@ -101,7 +101,7 @@ class Bench:
         return made
 
     def _look_at(self, index: int, frame: bytes, message: Any) -> None:
-        """Everything that a vehicle sends is a whole frame of its own, with numbers where numbers belong."""
+        """Check that all output is whole frames with finite numbers."""
         if self.spoilt:
             return
         if message.get_type() == "BAD_DATA":
@@ -115,14 +115,14 @@ class Bench:
                     assert math.isfinite(number), message
 
     def command(self, command: int, *params: float, sysid: int = 1) -> int | None:
-        """COMMAND_LONG; the result, if it was acknowledged at once."""
+        """Send COMMAND_LONG and return its immediate result, or None."""
         padded = [*params, *[0.0] * (7 - len(params))]
         replies = self.send(mavlink.MAVLink_command_long_message(sysid, 1, command, 0, *padded))
         acks = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
         return acks[-1] if acks else None
 
     def fly(self) -> None:
-        """Both vehicles into the air."""
+        """Take off with both vehicles."""
         for sysid in (1, 2):
             take_off = mavlink.MAV_CMD_NAV_TAKEOFF
             if self.name == "px4":
@@ -141,7 +141,7 @@ class Bench:
         assert self.fleet.truth().airborne.all()
 
     def begin_upload(self) -> None:
-        """Both are waiting for the second of five items."""
+        """Start an upload to both vehicles, which then wait for the second of five items."""
         for sysid in (1, 2):
             self.send(mavlink.MAVLink_mission_count_message(sysid, 1, 5, 0))
             self.send(
@@ -151,7 +151,7 @@ class Bench:
             )
 
     def sign(self, *sysids: int) -> None:
-        """Give vehicles a key, and sign from now on."""
+        """Set a key on the vehicles and sign from now on."""
         for sysid in sysids or (1, 2):
             self.send(mavlink.MAVLink_setup_signing_message(sysid, 1, KEY, 10**12))
         for link, codec in enumerate(self._codecs.values()):
@@ -163,16 +163,16 @@ class Bench:
     # -- what has to hold --------------------------------------------------------------------------------
 
     def sent(self) -> bytes:
-        """Every byte that came from the fleet."""
+        """Return every byte from the fleet."""
         return b"".join(self.raw)
 
     def check(self) -> None:
-        """The fleet lives: it beats, is somewhere, and answers the next good message of both stations."""
+        """Check that both vehicles send heartbeats, have a position and answer both stations."""
         for station in range(len(STATIONS)):
             self.put(FLUSH, peer=station)
         self.put(FLUSH, peer="noise")
-        self.wait(BOOT_S + STEP_S)  # a reboot may have been asked for
-        for sysid in (1, 2):  # and heartbeats at another rate, or none
+        self.wait(BOOT_S + STEP_S)  # a reboot may have been requested
+        for sysid in (1, 2):  # and another rate of heartbeats, or none
             self.command(
                 mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_HEARTBEAT, 0, sysid=sysid
             )

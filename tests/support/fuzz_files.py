@@ -1,4 +1,4 @@
-"""File and log transfers in no order, and files that hold what nobody should take."""
+"""Attacks by file and log transfers: random order, bad content."""
 
 import random
 import struct
@@ -35,7 +35,7 @@ def _file_message(
 
 
 def _packed(bench: Bench, source: random.Random) -> tuple[str, bytes]:
-    """A packed file of parameters, a mission, a fence or rally points with something odd in it."""
+    """Return a packed file of parameters, a mission, a fence or rally points, with a bad part."""
     if source.random() < 0.4:
         names = source.sample(
             [name for name in personality_of(bench.name, bench.kind).parameters if name not in DEAFENING], 8
@@ -55,7 +55,7 @@ def _packed(bench: Bench, source: random.Random) -> tuple[str, bytes]:
 
 
 def written_files(bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Files that are opened, written full of anything, closed, read, renamed and removed."""
+    """Open, fill, close, read, rename and remove files."""
     writable = (
         "@PARAM/param.pck",
         "@MISSION/mission.dat",
@@ -96,7 +96,7 @@ def written_files(bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def files(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """File transfer with operations, sessions, sizes and offsets that have nothing to do with each other."""
+    """Yield file transfers with unrelated operations, sessions, sizes and offsets."""
     for _ in range(150):
         path = source.choice(FILES).encode("utf-8", "surrogateescape")
         data = source.choice(
@@ -121,7 +121,7 @@ def files(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def logs(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Logs that are not there, from beyond their ends, all of 4 GB, and erased meanwhile."""
+    """Request missing logs, parts after the end, all of 4 GB, and erasures in between."""
     edges16, edges32 = (0, 1, 2, 3, 65_534, 65_535), (0, 1, 89, 90, 2**20, 2**31, 2**32 - 1)
     for _ in range(80):
         target, component = source.choice(TARGETS), source.choice(COMPONENTS)
@@ -141,7 +141,7 @@ def logs(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def flown_logs(bench: Bench, source: random.Random) -> Iterator[Any]:
-    """The logs of a flight that ends for this."""
+    """Request the logs of a flight that ends first."""
     for sysid in (1, 2):
         bench.command(400, 1, 21_196, sysid=sysid)
     bench.wait(3.0)

@@ -1,4 +1,4 @@
-"""The mission protocol in the wrong order, and lists that are in order but for what they hold."""
+"""Attacks by the mission protocol: wrong order, and valid lists with bad content."""
 
 import math
 import random
@@ -42,7 +42,7 @@ def _item(source: random.Random, seq: int, kind: int) -> Any:
 
 
 def missions(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """The mission protocol by one who does not care for order, size or truth."""
+    """Yield mission protocol messages in random order, with random sizes and content."""
     seq = 0
     for _ in range(120):
         target, component = source.choice(TARGETS), source.choice(COMPONENTS)
@@ -80,7 +80,7 @@ def missions(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 
 def _flown(bench: Bench) -> list[tuple[int, int]]:
-    """The frames and commands that this autopilot takes as mission items."""
+    """Return the frames and commands that this autopilot accepts as mission items."""
     store = personality_of(bench.name, bench.kind).store_item
     pairs = [(frame, command) for command in FLOWN for frame in (3, 2)]
     taken = [
@@ -90,7 +90,7 @@ def _flown(bench: Bench) -> list[tuple[int, int]]:
 
 
 def in_order(bench: Bench, source: random.Random, kind: int, count: int) -> list[list[Any]]:
-    """Fields of a list of items that a vehicle would take: frame, command, flags, parameters, place."""
+    """Return fields of valid items: frame, command, flags, parameters, position."""
     items, flown = [], _flown(bench)
     fenced, vertices = source.choice(((5001, count), (5002, count), (5003, 30), (5004, 5)))
     for seq in range(count):
@@ -123,7 +123,7 @@ def in_order(bench: Bench, source: random.Random, kind: int, count: int) -> list
 
 
 def spoil(source: random.Random, items: list[list[Any]]) -> None:
-    """Put something that is no good into some fields."""
+    """Replace some fields by bad values."""
     for _ in range(source.choice((0, 1, 1, 2, 4))):
         fields = source.choice(items)
         place = source.choice((0, 2, 3, 4, 4, 5, 5, 6, 7, 8, 9, 10))
@@ -132,7 +132,7 @@ def spoil(source: random.Random, items: list[list[Any]]) -> None:
 
 
 def flown_missions(bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Lists that are uploaded by the rules, hold what nobody should fly, and are flown."""
+    """Upload valid lists with bad content and fly them."""
     mode = {"ardupilotcopter": (3, 0), "ardupilotplane": (10, 0)}.get(bench.name + bench.kind, (4, 4))
     for _ in range(5):
         sysid, kind = source.choice((1, 1, 2)), source.choice((0, 0, 0, 0, 1, 2))
@@ -142,7 +142,7 @@ def flown_missions(bench: Bench, source: random.Random) -> Iterator[Any]:
         for seq, fields in enumerate(items):
             yield mavlink.MAVLink_mission_item_int_message(sysid, 1, seq, *fields, kind)
         bench.wait(1.0)
-        start = source.choice(((176, 1, *mode), (176, 1, 4, 3)))  # a copter is armed in GUIDED
+        start = source.choice(((176, 1, *mode), (176, 1, 4, 3)))  # a copter arms in GUIDED
         for command, *params in start, (400, 1), (300, 0), (224, source.choice((0, 1, 5))), (400, 1):
             padded = [*params, *[0.0] * (7 - len(params))]
             yield mavlink.MAVLink_command_long_message(sysid, 1, command, 0, *padded)

@@ -1,4 +1,4 @@
-"""Values for fields of messages, mostly on the edge of what they can hold."""
+"""Values for fields of messages, mostly at their limits."""
 
 import math
 import random
@@ -14,18 +14,18 @@ FLOATS = (
 )  # fmt: skip
 TARGETS = (0, 1, 1, 1, 1, 2, 2, 3, 255)
 COMPONENTS = (0, 1, 1, 1, 1, 190, 255)
-DEAFENING = frozenset({"SYSID_ENFORCE"})  # makes a vehicle deaf to other stations, as it should
+DEAFENING = frozenset({"SYSID_ENFORCE"})  # makes a vehicle ignore other stations, as specified
 
 
 def place(source: random.Random) -> tuple[int, int]:
-    """Somewhere near in most cases, else anywhere."""
+    """Return a position, mostly nearby, else anywhere."""
     if source.random() < 0.7:
         return tuple(round((at + source.uniform(-1e-3, 1e-3)) * 1e7) for at in (LAT_DEG, LON_DEG))  # type: ignore[return-value]
     return int(number("int32_t", source)), int(number("int32_t", source))
 
 
 def number(kind: str, source: random.Random) -> float | int:
-    """A value of a field's type, often on its edge."""
+    """Return a value of a field's type, often at its limit."""
     if kind in ("float", "double"):
         if source.random() < 0.2:
             return float(struct.unpack("<f", source.randbytes(4))[0])
@@ -38,7 +38,7 @@ def number(kind: str, source: random.Random) -> float | int:
 
 
 def values(message: Any, source: random.Random) -> Iterator[Any]:
-    """Values for all fields of a message class, mostly aimed at a vehicle that is there."""
+    """Yield values for all fields of a message class, mostly addressed to an existing vehicle."""
     lengths = dict(zip(message.ordered_fieldnames, message.array_lengths, strict=True))
     for field, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
         if field == "target_system":

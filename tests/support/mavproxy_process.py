@@ -1,4 +1,4 @@
-"""MAVProxy without a screen: commands in by its standard input, lines out, every wait with its end."""
+"""MAVProxy as a process: commands to standard input, lines from output; every wait has a time-out."""
 
 import os
 import re
@@ -16,7 +16,7 @@ SHOWN = 2000
 
 
 def program() -> str:
-    """Where MAVProxy is: beside this Python, in the folder that MAVPROXY_BIN names, or on PATH."""
+    """Return the path of MAVProxy: beside this Python, in MAVPROXY_BIN, or on PATH."""
     folders = [
         os.environ.get("MAVPROXY_BIN", ""),
         str(Path(sys.executable).parent),
@@ -31,7 +31,7 @@ def program() -> str:
 
 
 class MAVProxy:
-    """A running one; `expect` looks on from where the last one found what it wanted."""
+    """A running MAVProxy; `expect` continues after the previous match."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdin is not None
@@ -45,7 +45,7 @@ class MAVProxy:
         self._in.flush()
 
     def look(self, pattern: str, limit_s: float) -> re.Match[str] | None:
-        """The next place that matches, if it comes in time."""
+        """Return the next match, or None after the time limit."""
         end_s = time.monotonic() + limit_s
         while True:
             match = re.compile(pattern, re.MULTILINE).search(self.text, self._position)
@@ -60,7 +60,7 @@ class MAVProxy:
             self.text += data.decode("utf-8", "replace").replace("\r", "")
 
     def expect(self, pattern: str) -> re.Match[str]:
-        """The next place that matches; fails with what was said instead."""
+        """Return the next match; fail with the output otherwise."""
         match = self.look(pattern, LIMIT_S)
         assert match is not None, (
             f"{pattern!r} not within {LIMIT_S} s after\n{self.text[: self._position][-SHOWN:]}\n"
@@ -75,7 +75,7 @@ class MAVProxy:
 
 @contextmanager
 def mavproxy(master: str, folder: Path, *arguments: str) -> Iterator[MAVProxy]:
-    """Connected to `master`, with its files in `folder`."""
+    """Run MAVProxy connected to `master`, with its files in `folder`."""
     command = [
         program(), f"--master={master}", f"--state-basedir={folder}", "--aircraft=test", *arguments,
     ]  # fmt: skip
@@ -89,7 +89,7 @@ def mavproxy(master: str, folder: Path, *arguments: str) -> Iterator[MAVProxy]:
         yield proxy
     finally:
         try:
-            process.communicate(timeout=LIMIT_S)  # the end of its input ends it
+            process.communicate(timeout=LIMIT_S)  # ends with its input
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()

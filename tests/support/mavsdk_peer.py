@@ -1,7 +1,7 @@
-"""The real MAVSDK at one end of a UDP link, `python -m sim_vehicle` at the other, and waiting with an end.
+"""MAVSDK at one end of a UDP link and `python -m sim_vehicle` at the other; every wait has a time-out.
 
-One simulator serves many tests: each takes vehicles that none before it has touched, and what it does with
-one of ArduPilot and with one of PX4 it does side by side, because it waits for them most of the time.
+One simulator serves many tests; each uses untouched vehicles. Tests of ArduPilot and PX4 run in parallel,
+because they mostly wait.
 """
 
 import json
@@ -34,7 +34,7 @@ FLIGHT_S = 60.0
 AUTOPILOTS = {"ardupilot": Autopilot.ARDUPILOT, "px4": Autopilot.PX4}
 Plugin = TypeVar("Plugin")
 METRES_PER_DEGREE = 111_195.0
-# Copters in a hurry, and with patience for a ground station whose clock runs so much slower than theirs.
+# Fast copters, patient with a ground station whose clock is much slower than theirs.
 COPTERS = (
     "--ready-s", "0", "--param", "DISARM_DELAY=0", "--param", "COM_DISARM_PRFLT=-1",
     "--param", "COM_OF_LOSS_T=5", "--param", "GUID_TIMEOUT=5", "--param", "COM_FAIL_ACT_T=1",
@@ -46,20 +46,20 @@ ARDUPILOT_RATES = ("health", "home", "in_air", "position", "velocity_ned", "atti
 
 
 class Vehicle:
-    """One system and its plug-ins; `until` looks again whenever telemetry arrives."""
+    """One system and its plug-ins; `until` evaluates its condition at each telemetry update."""
 
     def __init__(self, system: Any, personality: str) -> None:
         self.system, self.personality = system, personality
         self._plugins: list[Any] = []
         self.telemetry = self.plugin(Telemetry)
         self.texts: list[str] = []
-        self._news = threading.Event()
-        self.telemetry.subscribe_armed(self._hear, None)
-        self.telemetry.subscribe_position(self._hear, None)
-        self.telemetry.subscribe_status_text(self._hear_text, None)
+        self._update = threading.Event()
+        self.telemetry.subscribe_armed(self._on_update, None)
+        self.telemetry.subscribe_position(self._on_update, None)
+        self.telemetry.subscribe_status_text(self._on_text, None)
 
     def plugin(self, kind: Callable[[Any], Plugin]) -> Plugin:
-        """A new one that lives as long as MAVSDK: one that was collected earlier has crashed its threads."""
+        """Return a new plug-in, kept as long as MAVSDK, because an early collection crashed its threads."""
         made = kind(self.system)
         self._plugins.append(made)
         return made
@@ -100,32 +100,32 @@ class Vehicle:
     def px4(self) -> bool:
         return self.personality == "px4"
 
-    def _hear(self, _value: Any, _user_data: Any) -> None:
-        self._news.set()
+    def _on_update(self, _value: Any, _user_data: Any) -> None:
+        self._update.set()
 
-    def _hear_text(self, text: Any, _user_data: Any) -> None:
+    def _on_text(self, text: Any, _user_data: Any) -> None:
         self.texts.append(text.text)
 
     # -- what it does --------------------------------------------------------------------------------------
 
     def until(self, condition: Callable[[], Any], what: str, limit_s: float = FLIGHT_S) -> None:
         end_s = time.monotonic() + limit_s
-        self._news.clear()
+        self._update.clear()
         while not condition():
-            # Nothing is held meanwhile: a condition may ask MAVSDK, which answers in the callbacks' thread.
+            # No lock is held: a condition may call MAVSDK, which answers in the callbacks' thread.
             left_s = end_s - time.monotonic()
-            heard = left_s > 0 and self._news.wait(left_s)
-            assert heard, f"{what}: not within {limit_s} s; mode {self.mode.name}, texts {self.texts[-5:]}"
-            self._news.clear()
+            updated = left_s > 0 and self._update.wait(left_s)
+            assert updated, f"{what}: not within {limit_s} s; mode {self.mode.name}, texts {self.texts[-5:]}"
+            self._update.clear()
 
     def ask_for_telemetry(self, rate_hz: float = 10.0) -> None:
-        """ArduPilot tells next to nothing unasked, and no plug-in asks for the state of the mission."""
+        """Request telemetry: ArduPilot streams little by default, and no plug-in requests mission states."""
         for what in ARDUPILOT_RATES:
             getattr(self.telemetry, f"set_rate_{what}")(rate_hz)
         self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2e5)
 
     def command(self, number: int, *params: float) -> None:
-        """COMMAND_LONG as it is, which has to be accepted."""
+        """Send COMMAND_LONG and require its acceptance."""
         fields: dict[str, float] = {f"param{i}": value for i, value in enumerate(params, start=1)}
         fields |= {"command": number, "target_system": self.system.get_system_id(), "target_component": 1}
         message = MavlinkMessage("COMMAND_LONG", fields_json=json.dumps(fields))
@@ -133,18 +133,18 @@ class Vehicle:
         assert answer["result"] == mavlink.MAV_RESULT_ACCEPTED, answer
 
     def ready(self) -> None:
-        """It may be armed, and where it is and where its home is has been heard."""
+        """Wait until the vehicle can be armed and its position and home are known."""
         telemetry = self.telemetry
 
-        def told() -> bool:
+        def known() -> bool:
             healthy = telemetry.health_all_ok() and telemetry.health().is_armable
             places = (telemetry.position(), telemetry.home())
             return healthy and all(math.isfinite(place.latitude_deg) for place in places)
 
-        self.until(told, "ready", LIMIT_S)
+        self.until(known, "ready", LIMIT_S)
 
     def take_off(self, height_m: float) -> None:
-        """Arm, climb, and be there; in Hold, where that is what follows."""
+        """Arm and climb to a height; on PX4 wait for Hold."""
         self.ready()
         self.action.set_takeoff_altitude(height_m)
         self.action.arm()
@@ -170,19 +170,19 @@ class Vehicle:
         return float(self.telemetry.position().relative_altitude_m)
 
     def offset_m(self) -> tuple[float, float]:
-        """North and east of home."""
+        """Return the position north and east of home [m]."""
         home, here = self.telemetry.home(), self.telemetry.position()
         narrowing = math.cos(math.radians(home.latitude_deg))
         north_deg, east_deg = here.latitude_deg - home.latitude_deg, here.longitude_deg - home.longitude_deg
         return north_deg * METRES_PER_DEGREE, east_deg * METRES_PER_DEGREE * narrowing
 
     def near(self, north_m: float, east_m: float, within_m: float = 3.0) -> bool:
-        """Whether it is there, from home."""
+        """Return True if the vehicle is near a position relative to home."""
         north, east = self.offset_m()
         return math.hypot(north - north_m, east - east_m) < within_m
 
     def place_deg(self, north_m: float, east_m: float) -> tuple[float, float]:
-        """Latitude and longitude of a place from home."""
+        """Return latitude and longitude of a position relative to home."""
         home = self.telemetry.home()
         narrowing = math.cos(math.radians(home.latitude_deg))
         return (
@@ -196,7 +196,7 @@ class Vehicle:
         return math.hypot(velocity.north_m_s, velocity.east_m_s)
 
 
-class Peer:
+class MavsdkPeer:
     """MAVSDK, connected to one simulator."""
 
     def __init__(self, mavsdk: Mavsdk) -> None:
@@ -204,13 +204,13 @@ class Peer:
         self._taken: set[int] = set()
         self._vehicles: list[Vehicle] = []  # kept as long as MAVSDK runs
         self._found = threading.Event()
-        mavsdk.subscribe_on_new_system(self._hear, None)
+        mavsdk.subscribe_on_new_system(self._on_update, None)
 
-    def _hear(self, _user_data: Any) -> None:
+    def _on_update(self, _user_data: Any) -> None:
         self._found.set()
 
     def take(self, personality: str, *, telemetry: bool = True) -> Vehicle:
-        """A vehicle that no test has had before; one of ArduPilot's is asked for its telemetry."""
+        """Return an unused vehicle; request telemetry from an ArduPilot."""
         vehicle = Vehicle(self._untouched(personality), personality)
         self._vehicles.append(vehicle)
         if telemetry and not vehicle.px4:
@@ -226,31 +226,31 @@ class Peer:
                 if number not in self._taken and system.autopilot_type() == AUTOPILOTS[personality]:
                     self._taken.add(number)
                     return system
-            self._found.wait(0.2)  # also of one that is known already its heartbeat may be still to come
+            self._found.wait(0.2)  # the heartbeat of a known system may still be missing
         raise AssertionError(f"no {personality} is left; taken: {sorted(self._taken)}")
 
 
 def _only_late(errors: str) -> bool:
-    """A busy machine does not keep up with many times real time, and says so."""
+    """Return True if all warnings are about lost time on a slow machine."""
     return all("[too-slow]" in line for line in errors.splitlines())
 
 
 @contextmanager
-def connected(*arguments: str) -> Iterator[Peer]:
-    """A simulator with these arguments, and MAVSDK listening to it."""
+def connected(*arguments: str) -> Iterator[MavsdkPeer]:
+    """Start a simulator with these arguments and connect MAVSDK to it."""
     port = free_udp_port()
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     assert mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}") == ConnectionResult.SUCCESS
     try:
         with simulator("--no-table", "--url", f"udpout:127.0.0.1:{port}", *arguments, errors=_only_late):
-            peer = Peer(mavsdk)
+            peer = MavsdkPeer(mavsdk)
             yield peer
     finally:
         mavsdk.destroy()
 
 
-class Values:
-    """What a subscription has brought; a callback that remembers."""
+class StreamedValues:
+    """The values of a subscription."""
 
     def __init__(self) -> None:
         self._queue: queue.Queue[Any] = queue.Queue()
@@ -265,20 +265,20 @@ class Values:
         return value
 
     def until(self, condition: Callable[[Any], bool], limit_s: float = LIMIT_S) -> Any:
-        """The first one that satisfies a condition."""
+        """Return the first value that satisfies a condition."""
         while not condition(value := self.next(limit_s)):
             pass
         return value
 
 
 def side_by_side(test: Callable[..., None]) -> Callable[..., None]:
-    """A case a personality: the first runs them all at once, and each says how its own went."""
+    """Run a test for all personalities in parallel; each case reports its own result."""
     ended: dict[str, Future[None]] = {}
 
     @wraps(test)
     def case(personality: str, **fixtures: Any) -> None:
         if personality not in ended:
-            with ThreadPoolExecutor(len(AUTOPILOTS)) as pool:  # left when all of them have ended
+            with ThreadPoolExecutor(len(AUTOPILOTS)) as pool:  # ends after all of them
                 for each in AUTOPILOTS:
                     ended[each] = pool.submit(test, personality=each, **fixtures)
         ended.pop(personality).result()
@@ -287,22 +287,22 @@ def side_by_side(test: Callable[..., None]) -> Callable[..., None]:
 
 
 def finish(start: Callable[[Callable[..., None]], Any]) -> tuple[Any, ...]:
-    """Begin something asynchronous; what its last callback says (NEXT is an interim result)."""
-    said: queue.Queue[tuple[Any, ...]] = queue.Queue()
-    start(lambda *values: said.put(values))
+    """Start an asynchronous call and return its last callback's values (NEXT is an interim result)."""
+    results: queue.Queue[tuple[Any, ...]] = queue.Queue()
+    start(lambda *values: results.put(values))
     while True:
-        values = said.get(timeout=LIMIT_S)
+        values = results.get(timeout=LIMIT_S)
         if values[0].name != "NEXT":
             return values
 
 
 def refusal(call: Callable[..., Any], *arguments: Any) -> str:
-    """The name of the result with which MAVSDK reports that a call failed."""
+    """Return the result name of MAVSDK's error."""
     with pytest.raises(MavsdkError) as caught:
         call(*arguments)
     return str(caught.value.result.name)
 
 
 def raw_item(seq: int, fields: dict[str, Any]) -> MissionItem:
-    """An item of `station` for the plug-in that sends them as they are."""
+    """Return an item of `station` for the mission_raw plug-in."""
     return MissionItem(seq=seq, current=int(seq == 0), autocontinue=1, mission_type=0, **fields)
