@@ -46,7 +46,7 @@ SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.vehicle": {"physics", "wire", "files", "personalities.base", "faults", "epoch"},
     "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch"},
     "sim_vehicle.links": set(),
-    # It judges autopilots, so it must not know how the simulated ones are made.
+    # It checks any autopilot, so it must not depend on the simulated ones.
     "sim_vehicle.conformance": {"links.url"},
 }
 
