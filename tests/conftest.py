@@ -1,4 +1,4 @@
-"""Shared by all tests: the short and the full run. The helpers in `tests/support` are imported by bare names."""
+"""The short and the full run of the tests. The helpers in `tests/support` are imported by bare names."""
 
 from __future__ import annotations
 

@@ -137,6 +137,7 @@ def of_another_machine(there: BusEndpoint, _: Path) -> Configuration:
     return client_of(replace(there, host="127.0.0.2"), "uav3")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("protocol", CERTIFIED)
 @pytest.mark.parametrize("stranger", [without_certificate, of_another_authority, expired, of_another_machine])
 def test_a_process_without_a_certificate_gets_no_access(

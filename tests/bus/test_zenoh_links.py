@@ -92,6 +92,7 @@ def test_a_late_or_restarted_router_is_found_each_time(
     assert max(found_s) < 4.0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
 def test_a_frozen_router_blocks_no_put_and_is_given_up(protocol: str) -> None:
     async def scene() -> tuple[float, float, float]:
@@ -295,6 +296,7 @@ process_exit.exit_process(0)
 STATES = ("connecting", "connected", "router dead", "router frozen", "router frozen long")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
 @pytest.mark.parametrize("state", STATES)
 def test_a_process_ends_on_ctrl_c_in_any_state_of_its_link(state: str, protocol: str) -> None:
@@ -328,6 +330,7 @@ def test_a_process_ends_on_ctrl_c_in_any_state_of_its_link(state: str, protocol:
                 process.kill()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_router_without_clients_ends_on_a_signal(number: signal.Signals) -> None:
     with router_process("tls") as router:

@@ -37,7 +37,7 @@ def exposures(folder: Path, *words: str | Path) -> list[float]:
     return [route["exposure_sum"] for vehicle in content["vehicles"] for route in vehicle["routes"]]
 
 
-def test_what_was_seen_changes_the_front(flown: Path, tmp_path: Path) -> None:
+def test_earlier_observations_change_the_front(flown: Path, tmp_path: Path) -> None:
     (tmp_path / "with").mkdir()
     (tmp_path / "without").mkdir()
     known = exposures(tmp_path / "with", "--known", flown)
@@ -56,7 +56,7 @@ def test_a_run_over_another_area_is_refused(words: tuple[str, ...], flown: Path,
     assert not (tmp_path / "runs").exists()
 
 
-def test_what_is_no_run_is_named(flown: Path, tmp_path: Path) -> None:
+def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -> None:
     config = flown.parent.parent / "small.yaml"
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", tmp_path)
     assert done.exit_code == 2
@@ -80,7 +80,9 @@ def test_what_is_no_run_is_named(flown: Path, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_differs_is_said(old: str, new: str, code: int, says: str, flown: Path, tmp_path: Path) -> None:
+def test_differences_of_the_earlier_run_are_printed(
+    old: str, new: str, code: int, says: str, flown: Path, tmp_path: Path
+) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL.format(rows=8).replace(old, new, 1) if old else SMALL.format(rows=8))
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown)

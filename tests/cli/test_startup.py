@@ -31,6 +31,7 @@ def test_help_and_version_load_no_heavy_package(words: list[str]) -> None:
     assert loaded(*words) == set()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("command", ["order", "set", "observe", "abort", "router", "keys"])
 def test_a_command_without_a_plan_loads_neither_planners_nor_pictures(command: str) -> None:
     assert not loaded(command, "--help") & {"scipy", "numba", "matplotlib", "pymavlink", "mcap"}

@@ -89,6 +89,7 @@ def test_without_a_folder_for_machine_code_the_process_compiles_by_itself(
     assert "NUMBA_CACHE_DIR" in printed(on)
 
 
+@pytest.mark.full
 def test_warm_up_names_the_folder_and_does_its_work_once() -> None:
     first, second = (
         subprocess.run([*SWARMCTL, "warm-up"], check=False, capture_output=True, text=True, timeout=300)

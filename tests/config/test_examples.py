@@ -44,6 +44,7 @@ def test_a_starter_configuration_has_no_problems(real: bool, n_vehicles: int, tm
     assert len({spec.goals for spec in specs}) == n_vehicles
 
 
+@pytest.mark.full
 def test_the_largest_starter_configuration_has_no_problems(tmp_path: Path) -> None:
     file = tmp_path / "swarm.yaml"
     file.write_text(starter("swarm.yaml", MAX_STARTER_VEHICLES, real=True))

@@ -58,6 +58,7 @@ def test_the_straight_crossing_of_the_model() -> None:
     assert chance.high - chance.low < 0.015
 
 
+@pytest.mark.full
 def test_the_interval_holds_the_exact_value_in_95_percent_of_runs() -> None:
     around = [(r, c) for r in (9, 10, 11) for c in (3, 4, 5)]
     belief = Belief.prior(20, 20, 24).merge(
@@ -85,6 +86,7 @@ def test_the_interval_holds_a_probability_too_small_for_the_number_of_worlds() -
     assert all(c.low <= exact <= c.high < 0.005 for c in chances)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("n_hostiles", "n_worlds"), [(62, 4096), (75, 4096), (30, 100)])
 def test_the_interval_holds_an_outcome_that_few_worlds_show(n_hostiles: int, n_worlds: int) -> None:
     # Hostiles that never miss, along a row: the vehicle survives if and only if none is in reach.

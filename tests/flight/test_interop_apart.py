@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from swarmctl_process import SWARMCTL, read_until
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 APART = """\
 name: apart

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pymavlink import mavutil
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
 SMALL = """\

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from swarmctl_process import ROOT, SWARMCTL, read_until
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 SMALL = """\
 name: NAME

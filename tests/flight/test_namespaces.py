@@ -26,7 +26,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.observation import BeliefItem, Observation
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 CONFIG = """\
 name: apart

@@ -227,6 +227,7 @@ def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
     play(story(), real=kind != "direct")
 
 
+@pytest.mark.full
 def test_cancelling_a_call_cancels_it_on_the_wire(kind):
     async def story():
         copter = Copter(1)

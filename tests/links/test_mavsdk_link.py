@@ -51,6 +51,7 @@ def test_a_command_that_mavsdk_repeats_does_not_reach_a_vehicle_that_a_pilot_has
     play(story(), real=True)
 
 
+@pytest.mark.full
 def test_an_upload_without_its_last_acknowledgement_is_read_back():
     async def story():
         copter = Copter(1, Script(ready_at_s=1.0))
@@ -89,6 +90,7 @@ def test_a_vehicle_without_the_messages_that_mavsdk_needs_is_refused_by_name():
     play(story(), real=True)
 
 
+@pytest.mark.full
 def test_fifty_vehicles_share_one_mavsdk_and_each_hears_its_own_only():
     async def story():
         world = world_of(*(Copter(i, Script(ready_at_s=1.0)) for i in range(1, 51)))

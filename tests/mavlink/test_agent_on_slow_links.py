@@ -155,6 +155,7 @@ def most_back_m(flown: list[PlanarPoint]) -> float:
     return back_m
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @pytest.mark.parametrize("delay_s", [0.02, 1.0])
 def test_changed_plans_are_taken_up_without_a_stop_and_no_way_back(personality: str, delay_s: float) -> None:

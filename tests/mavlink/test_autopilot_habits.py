@@ -46,6 +46,7 @@ def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
     assert bench.aim == (items[first].x, items[first].y)
 
 
+@pytest.mark.full
 @BOTH
 def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(personality):
     """By a mode that only a pilot would choose, which the simulated ones take from their own side."""
@@ -68,6 +69,7 @@ def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(perso
     assert foreign > 0
 
 
+@pytest.mark.full
 @BOTH
 @pytest.mark.autopilots("2 shorter mission")
 @pytest.mark.autopilots("2 shorter mission", of="px4")

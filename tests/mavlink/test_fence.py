@@ -105,6 +105,7 @@ def test_a_fence_with_a_wrong_vertex_count_differs(personality):
     assert fence_differences(fence_items(SQUARE), found.items) != ()
 
 
+@pytest.mark.full
 @BOTH
 @pytest.mark.autopilots("2 fence use")
 def test_a_vehicle_that_turned_back_at_its_fence_is_not_sent_out_again(personality):

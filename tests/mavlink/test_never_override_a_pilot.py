@@ -57,6 +57,7 @@ def taken_over(
     return late, bench.session.result
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
 def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script, faults):
     foreign = 0

@@ -245,6 +245,7 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
     assert bench.holds(old)
 
 
+@pytest.mark.full
 def test_a_pilots_hold_at_any_moment_of_a_swap_is_not_fought():
     """It flies on while a swap writes: only somebody else has it hold."""
     held = 0

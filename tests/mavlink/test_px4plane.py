@@ -129,6 +129,7 @@ def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     assert flown.session.state.mission_seq == 0
 
 
+@pytest.mark.full
 def test_the_same_mission_again_leads_to_the_goal_again() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
@@ -143,6 +144,7 @@ def test_the_same_mission_again_leads_to_the_goal_again() -> None:
     assert away_m(flown, GOAL) < 60.0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("leaves_ahead", [True, False])
 def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None:
     flown = in_flight()
@@ -219,6 +221,7 @@ def test_it_returns_and_lands_at_home_in_the_mode_that_returns() -> None:
     assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("track", "where"), [([(0.0, 300.0), (0.0, 600.0)], START), ([(0.0, 300.0), (300.0, 850.0)], GOAL)]
 )

@@ -114,6 +114,7 @@ def test_a_vehicle_past_the_splice_point_flies_on_along_its_old_plan(personality
     assert place(bench) == pytest.approx(OLD[-1], abs=3.0)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @pytest.mark.parametrize("ahead_m", [20.0, 30.0, 40.0, 60.0, 80.0, 100.0])
 def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(

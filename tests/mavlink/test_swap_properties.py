@@ -167,6 +167,7 @@ def test_swaps_one_after_the_other_leave_no_remains_of_the_first_in_the_second(w
         assert bench.vehicle.mission.index >= len(bench.stored) - len(tail)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("end_s", [0.05, 0.1, 0.2, 0.4, 0.8])
 def test_a_link_that_dies_for_good_in_a_swap_leaves_a_whole_plan(way, end_s):

@@ -10,7 +10,7 @@ from flights import Ui, fly, small
 from interruptions import interrupting
 from preflight_facts import FIT
 from rich.console import Console
-from trouble import Trouble, play
+from trouble import Trouble, inject
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import DEFAULT_OPTIONS
@@ -39,7 +39,7 @@ def shown(report: Report) -> str:
 def test_parameters_that_fly_sets_are_no_failure_and_are_set_before_arming(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    play(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
+    inject(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
     scenario = one(preflight={"set_parameters": True})
     report = fly(scenario, tmp_path / "preflight", options=NEVER)
     assert report.trouble == ()
@@ -54,7 +54,7 @@ def test_parameters_that_fly_sets_are_no_failure_and_are_set_before_arming(
 def test_wrong_parameters_fail_if_fly_does_not_set_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    play(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
+    inject(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
     report = fly(one(), tmp_path, options=NEVER)
     assert any("parameters: found FENCE_ENABLE 0" in text for text in report.trouble)
     assert "`fly` sets" not in shown(report)
@@ -75,7 +75,7 @@ def test_wrong_parameters_fail_if_fly_does_not_set_them(
 def test_a_behaviour_that_plans_do_not_assume_keeps_the_vehicle_on_the_ground(
     params: dict[str, float], found: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    play(Trouble(params=params), monkeypatch)
+    inject(Trouble(params=params), monkeypatch)
     scenario = one(flight={"altitude_m": 15.0})
     report = fly(scenario, tmp_path)
     assert any(found in text for text in report.trouble), report.trouble

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from flights import Ui, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import OTHER_STATION, Trouble, play
+from trouble import OTHER_STATION, Trouble, inject
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
@@ -73,7 +73,7 @@ def test_a_fence_with_correct_parameters_is_enforced_before_arming(
     at_boot: dict[str, float], deed: Deed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Fleet] = []
-    play(Trouble(params=at_boot, deeds=[(0.3, deed), (0.4, seen.append)]), monkeypatch)
+    inject(Trouble(params=at_boot, actions=[(0.3, deed), (0.4, seen.append)]), monkeypatch)
     report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=NEVER)
     assert failing(report) == {}
     vehicle = seen[0].vehicles[0]
@@ -109,7 +109,7 @@ def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
 
 def test_a_waived_fence_is_not_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Fleet] = []
-    play(Trouble(params={"FENCE_ENABLE": 0.0}, deeds=[(0.4, seen.append)]), monkeypatch)
+    inject(Trouble(params={"FENCE_ENABLE": 0.0}, actions=[(0.4, seen.append)]), monkeypatch)
     options = replace(NEVER, waivers=(Waiver("parameters"),))
     report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=options)
     assert set(failing(report)) == {("uav1", "parameters")}
@@ -123,7 +123,7 @@ AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_rally_points_keep_the_vehicle_on_the_ground(
     autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    play(Trouble(deeds=[(0.3, puts_rally_points)]), monkeypatch)
+    inject(Trouble(actions=[(0.3, puts_rally_points)]), monkeypatch)
     swarm = {"count": 2, "ready_s": 1.0, "autopilot": autopilot}
     report = fly(small(simulate=swarm), tmp_path)
     assert failing(report) == {("uav2", "rally"): "2 rally points"}
@@ -134,7 +134,7 @@ def test_rally_points_keep_the_vehicle_on_the_ground(
 
 
 def test_rally_points_may_be_waived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    play(Trouble(deeds=[(0.3, puts_rally_points)]), monkeypatch)
+    inject(Trouble(actions=[(0.3, puts_rally_points)]), monkeypatch)
     options, ui = replace(DEFAULT_OPTIONS, waivers=(Waiver("rally", "uav2"),)), Ui()
     report = fly(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path, options=options, ui=ui)
     assert report.all_arrived

@@ -178,6 +178,7 @@ SHEETS = [
 ]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("panels", [s[1] for s in SHEETS], ids=[s[0] for s in SHEETS])
 def test_no_label_overlaps_another_or_is_cut_off(panels: list[FrontPanel]) -> None:
     figure = drawn(*panels)

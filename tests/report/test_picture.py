@@ -58,6 +58,7 @@ def is_grey(colour: NDArray[np.int64]) -> bool:
     return bool(np.ptp(colour) == 0 and 0 < colour[0] < 255)
 
 
+@pytest.mark.full
 def test_cells_are_shaded_as_in_figure_8(tmp_path: Path) -> None:
     shown = picture()
     draw_map(tmp_path / "map.png", shown)

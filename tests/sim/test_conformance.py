@@ -190,6 +190,7 @@ def test_a_vehicle_armed_before_the_run_is_left_alone() -> None:
 # -- other vehicles on the link --------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.virtual
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_another_vehicle_on_the_link_is_unchanged(personality: str) -> None:

@@ -205,6 +205,7 @@ class LateWire(Obstinate):
         self._now = 200.0
 
 
+@pytest.mark.full
 def test_a_download_without_an_end_is_noticed() -> None:
     assert outcomes(LateWire(), ENDED) == {ENDED: Outcome.PASSED}
     assert outcomes(LateWire("LOG_REQUEST_END"), ENDED) == {ENDED: Outcome.FAILED}

@@ -21,7 +21,7 @@ from simulator_process import Ground
 from sim_vehicle.conformance.sockets import open_wire
 from sim_vehicle.links.url import parse_url
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 LIMIT_S = 60.0
 SPEEDUP = "5"
 # None of them measures a rate, because a busy machine must not fail them.

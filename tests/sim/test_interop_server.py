@@ -81,6 +81,7 @@ def test_a_used_port_is_an_error_with_code_2() -> None:
     assert re.fullmatch(rf"sim_vehicle: cannot open udpin 127.0.0.1:{port}: .*\[port-in-use\]\n", done.stderr)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("arguments", "found"),
     [
@@ -141,6 +142,7 @@ def test_the_fleet_ends_with_its_parent_process() -> None:
         assert process.wait(timeout=LIMIT_S) == 0
 
 
+@pytest.mark.full
 def test_a_slow_machine_causes_a_warning() -> None:
     url = f"tcpin:127.0.0.1:{free_tcp_port()}"
     more = ("--count", "200", "--speedup", "1000", "--url", url)
@@ -195,6 +197,7 @@ def test_stepping_needs_standard_input() -> None:
     assert done.stderr.startswith("sim_vehicle: --step: ")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("lost", ["exec >&-", "exec >/dev/full", "exec 2>&-"])
 def test_lost_output_does_not_end_the_fleet(lost: str) -> None:
     done = run("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}", before=lost, steps="fly\nstep 1\n")
@@ -202,6 +205,7 @@ def test_lost_output_does_not_end_the_fleet(lost: str) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("reader", "message"),
     [
@@ -236,6 +240,7 @@ def test_a_list_tolerates_a_full_disk(arguments: tuple[str, ...]) -> None:
     assert done.stderr == "sim_vehicle: standard output is lost (No space left on device)\n"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("arguments", [(), ("run",), ("conformance",)])
 def test_help_has_a_short_name(arguments: tuple[str, ...]) -> None:
     short, long = run(*arguments, "-h"), run(*arguments, "--help")

@@ -74,6 +74,7 @@ def test_a_failing_test_prints_its_seed_and_a_repeating_command(project: Path) -
     assert re.search(r"noise (\w+)", other.stdout).group(1) != noise[0]  # type: ignore[union-attr]
 
 
+@pytest.mark.full
 @pytest.mark.interop
 @pytest.mark.parametrize("also_by_name", [[], ["-p", MODULE]], ids=["entry point", "and by name"])
 def test_an_installed_package_needs_no_option(project: Path, also_by_name: list[str]) -> None:
@@ -90,6 +91,7 @@ def test_an_installed_package_needs_no_option(project: Path, also_by_name: list[
     assert again.stdout.count("repeat with:") == 1
 
 
+@pytest.mark.full
 @pytest.mark.interop
 def test_the_repeating_command_works_from_the_folder_of_pytest(project: Path) -> None:
     inner = project / "checks of mine"
@@ -117,6 +119,7 @@ def test_warnings_of_a_served_fleet_are_in_the_report_of_a_failing_test(project:
     assert re.search(r"seed \d+, 1 vehicle, .* simulated\ntcpout .*\[no-server\]", done.stdout)
 
 
+@pytest.mark.full
 @pytest.mark.interop
 def test_the_seed_is_the_same_from_any_folder(
     project: Path, tmp_path_factory: pytest.TempPathFactory

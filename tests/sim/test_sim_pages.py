@@ -41,6 +41,7 @@ def named(text: str) -> set[str]:
     return set(re.findall(r"\w+", " ".join(spans)))
 
 
+@pytest.mark.full
 @pytest.mark.interop
 def test_the_pytest_examples_pass_in_a_separate_project(tmp_path: Path) -> None:
     (tmp_path / "test_mine.py").write_text("\n\n".join(blocks("python", "testing")), encoding="utf-8")

@@ -166,6 +166,7 @@ def test_a_restarted_landing_spirals_down_around_its_position() -> None:
 # --- how it returns
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("items", "kind", "lands_at"),
     [
@@ -229,6 +230,7 @@ def test_rally_points_that_are_nearer_take_the_place_of_the_landing() -> None:
     assert away_m(station, 900, 0) < 200
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", [1, 2, 3])
 @pytest.mark.parametrize(
     "items",
@@ -246,6 +248,7 @@ def test_a_landing_without_a_place_is_none_to_return_to(items: list[dict[str, An
     assert station.height_m > 15
 
 
+@pytest.mark.full
 def test_along_its_mission_it_flies_on_from_where_it_is() -> None:
     station = flown([*ROUTE, waypoint(600, 600, 40), *HOME], RTL_TYPE=2)
     station.until(lambda: current(station) == 1 and place_m(station)[0] > 300, 120)

@@ -54,6 +54,7 @@ def invoke(*arguments: object) -> Result:
 # -- the shipped scenarios -------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.virtual
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
 def test_a_shipped_scenario_passes(path: Path) -> None:
@@ -61,6 +62,7 @@ def test_a_shipped_scenario_passes(path: Path) -> None:
     assert Run(load_scenario(path), on_failure=lines.append).run().passed, lines
 
 
+@pytest.mark.full
 @pytest.mark.virtual
 @pytest.mark.parametrize("name", ["gps_loss_in_auto", "battery_failsafe", "motor_loss", "reboot_in_flight"])
 def test_a_scenario_fails_without_its_faults(name: str) -> None:
