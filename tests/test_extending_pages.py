@@ -1,4 +1,4 @@
-"""The examples of docs/extending run as printed: the first block is a file, the others are Python that uses it."""
+"""The examples of docs/extending run as printed: a block with a title is a file, the others use it."""
 
 from __future__ import annotations
 

@@ -96,8 +96,8 @@ PURE = {
     "swarmctl.flight.sensors",
     "swarmctl.preflight.checks", "swarmctl.preflight.policy", "swarmctl.preflight.facts",
     "swarmctl.preflight.declared", "swarmctl.preflight.results", "swarmctl.preflight.waivers",
-    "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.traffic", "swarmctl.report.evidence.story",
-    "swarmctl.report.evidence.digest", "swarmctl.report.evidence.transfer",
+    "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
+    "swarmctl.report.evidence.story", "swarmctl.report.evidence.traffic", "swarmctl.report.evidence.transfer",
     "sim_vehicle",
 }  # fmt: skip
 # The simulator's only sockets, clocks, tasks and processes.

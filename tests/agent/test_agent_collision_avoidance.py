@@ -148,7 +148,8 @@ def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
         story.at(100.0 + 10.0 * second)
         closeness.moved(story.state, float(second), story.now)
         story.other(1, 130.0, MID_M[1] + 5.0, (0.0, 0.0, 0.0), alt_rel_m=38.0)
-        closeness.neighbours_moved(story.state, [(1, story.state.neighbours[1].state)], float(second), story.now)
+        seen = [(1, story.state.neighbours[1].state)]
+        closeness.neighbours_moved(story.state, seen, float(second), story.now)
     least = closeness.summary({2: story.state})["least_distance"]
     assert least["vehicles"] == ["vehicle 1", "uav1"]
     assert (least["horizontal_m"], least["vertical_m"]) == pytest.approx((5.0, 8.0), abs=0.01)

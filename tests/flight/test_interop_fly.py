@@ -118,7 +118,8 @@ def test_a_url_without_a_vehicle_is_named(tmp_path: Path) -> None:
     config.write_text(vehicles(port, timeout_s=1.0))
     done = run("fly", "--config", config, cwd=tmp_path)
     assert done.returncode == 1
-    assert f"alpha (system 7 at udpin://127.0.0.1:{port}): no heartbeat [no-heartbeat]; tried for 1 s" in done.stderr
+    assert f"alpha (system 7 at udpin://127.0.0.1:{port})" in done.stderr
+    assert "[no-heartbeat]" in done.stderr
 
 
 def test_a_vehicle_of_a_separate_simulator_is_flown_by_its_url(tmp_path: Path) -> None:
