@@ -1,6 +1,7 @@
 """`python -m sim_vehicle`: a fleet on MAVLink links, and the commands `run`, `conformance` and `schema`."""
 
 import importlib
+import io
 import signal
 import sys
 from collections.abc import Callable
@@ -9,8 +10,6 @@ from types import FrameType
 from typing import Annotated, Any, Never
 
 import typer
-
-from sim_vehicle.serving.output import let_output_get_lost
 
 USAGE_ERROR, INTERRUPTED = 2, 130
 # Imported on use only, so that a fleet starts quickly.
@@ -208,7 +207,7 @@ def main() -> None:
     """Run the entry point of the package: the fleet, or another command."""
     name, arguments = "sim_vehicle", sys.argv[1:]
     command = COMMANDS.get(arguments[0]) if arguments else None
-    let_output_get_lost()
+    tolerate_lost_output()
     # Before the imports. A fleet just stops; a command can have a vehicle in the air and ends in order.
     _handle_signals(_exit_now if command is None else signal.default_int_handler)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
@@ -227,6 +226,54 @@ def main() -> None:
     if code == INTERRUPTED:
         typer.echo(f"{name}: interrupted", err=True)
     sys.exit(code)
+
+
+# -- output that tolerates a closed reader ------------------------------------------------------------------
+
+
+class _TolerantFile(io.FileIO):
+    """A file that treats failed writes as done, and reports the first."""
+
+    def __init__(self, file: int, lost: Callable[[OSError], None]) -> None:
+        super().__init__(file, "w", closefd=False)
+        self._lost: Callable[[OSError], None] | None = lost
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            lost, self._lost = self._lost, None
+            if lost is not None:
+                lost(error)
+            return memoryview(data).nbytes
+
+
+def tolerate_lost_output() -> None:
+    """Tolerate a closed pipe (`| head`) and a full disk; neither ends a run nor changes its exit code.
+
+    A closed pipe causes no message; a full disk is reported on standard error.
+    """
+    if sys.platform == "win32":  # a console there is no file
+        return
+    sys.stdout = _tolerant(sys.stdout, _report_full_disk)
+    sys.stderr = _tolerant(sys.stderr, lambda _: None)
+
+
+def _report_full_disk(error: OSError) -> None:
+    if sys.stderr is not None and not isinstance(error, BrokenPipeError):
+        sys.stderr.write(f"sim_vehicle: standard output is lost ({error.strerror})\n")
+
+
+def _tolerant(stream: Any, lost: Callable[[OSError], None]) -> Any:
+    if stream not in (sys.__stdout__, sys.__stderr__) or not isinstance(stream, io.TextIOWrapper):
+        return stream  # closed or replaced
+    return io.TextIOWrapper(
+        io.BufferedWriter(_TolerantFile(stream.fileno(), lost)),
+        encoding=stream.encoding,
+        errors=stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
 
 
 if __name__ == "__main__":
