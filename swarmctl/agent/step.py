@@ -59,6 +59,7 @@ def wants_tick(state: AgentState, now: float) -> bool:
         and state.interrupted_plan is None
         and not state.lost
         and now >= state.retry_at_s
+        # The empty role: the vehicle's mode is not known yet.
         and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
         and (not _is_taking_up(state) or _is_urgent(state))
     )
@@ -96,13 +97,14 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
     if state.phase not in ON_GROUND:
         # The vehicle's clock restarted at 0.
         placed = replace(state.last_position, time_boot_s=0.0)
-        return replace(state, last_position=placed, trouble="it has rebooted"), []
+        return replace(state, last_position=placed, trouble="the vehicle has rebooted"), []
     if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
-        return cancel_launch(state, "it has rebooted while it waited")  # its process orders it once
+        # The process orders a launch once; after a reboot that order would not come again.
+        return cancel_launch(state, "the vehicle has rebooted while it waited for its launch")
     # Readiness and mission are to be established again.
     state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
     return replace(
-        state, launch_wait_since_boot_s=None, last_position=VehicleState(), trouble="it has rebooted"
+        state, launch_wait_since_boot_s=None, last_position=VehicleState(), trouble="the vehicle has rebooted"
     ), []
 
 
@@ -156,6 +158,12 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
+    """Act on a new state of the vehicle. The order is the policy; an earlier part may end the turn.
+
+    1. touchdown ends the flight; 2. failsafes demand; 3. a launch begins; 4. the goal cell begins the landing;
+    5. an unconfirmed landing is ordered again; 6. an unconfirmed order is repeated; 7. the return queue;
+    8. collision avoidance; 9. the landing queue; 10. the speed for a common arrival; 11. own intent and state.
+    """
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
     launched_s = state.launched_boot_s
@@ -177,9 +185,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
         state = _as_decided(state)
-        state = replace(
-            state, intent_sent_boot_s=-math.inf
-        )  # from here on it has priority over vehicles en route
+        # From here on it has priority over vehicles en route, and tells them so at once.
+        state = replace(state, intent_sent_boot_s=-math.inf)
     state, landed = land_unconfirmed(state)
     if landed:
         return state, [*demanded, *landed]

@@ -62,8 +62,8 @@ class FlightOptions:
     operator_service_of: int | None = None
     """the vehicle whose operator service this process offers; None: the station's, for all vehicles"""
     orders_closed: Callable[[Sequence[Member]], str] | None = None
-    """the reason why operators' orders are refused now; empty: they are taken. None: one process flies all
-    vehicles and takes the orders of its own machine"""
+    """returns why operators' orders are refused now, or an empty text. None: one process flies all vehicles,
+    and takes the orders of its own machine"""
     signing: CommandSigning = UNSIGNED
     """opens operators' commands"""
     frame_codec: FrameCodec | None = None
@@ -203,7 +203,7 @@ def _build_members(
         closed_by=run.options.orders_closed,
         signing=run.options.signing,
     )
-    # All members or none: the summary needs the link of each.
+    # A list first: if one member cannot be built, none is added, because the summary needs all links.
     run.members += list(
         build_members(
             run.scenario,

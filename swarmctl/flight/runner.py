@@ -1,6 +1,7 @@
 """The I/O shell of one agent: reports of link, sensor and bus go in as events, effects come out.
 
-The runner alone performs effects, and feeds their outcomes back as events. It decides nothing.
+The runner alone performs effects, and feeds their outcomes back as events. All decisions are the agent's; only the
+last check before arming (`_check_launch`) is asked of the agent here.
 """
 
 from __future__ import annotations
@@ -157,14 +158,14 @@ class Runner:
             case VehicleRebooted():
                 self.cleared.clear()
                 self.post(ev.Rebooted())
-                self.note("rebooted; it is made ready again [rebooted]", to_operator=True)
+                self.note("has rebooted, and is made ready again [rebooted]", to_operator=True)
             case SystemIdConflict(address):
-                self.conflict = f"another sender, at {address}, uses its system id {self.state.task.uav}"
-                self.note(f"{self.conflict}; its frames are dropped", to_operator=True)
+                self.conflict = f"a second sender, at {address}, uses system id {self.state.task.uav} too"
+                self.note(f"{self.conflict}; the frames of that sender are dropped", to_operator=True)
             case FramesRefused(text):
                 self.note(text, to_operator=True)
             case AddressChanged(address):
-                self.note(f"speaks from {address} now", to_operator=True)
+                self.note(f"now sends from {address}", to_operator=True)
             case StatusText(_, text):
                 self.note(text)
             case ProcedureDone(name, failure, stood_still_s):
@@ -197,7 +198,7 @@ class Runner:
                 self._wake.clear()
                 while self._inbox or self._received:
                     if self._received:
-                        # One event for all observations received meanwhile: a union costs no more than one.
+                        # One event for all observations received meanwhile: merging many costs no more.
                         items, self._received = tuple(self._received), []
                         await self._fold(ev.ObservationsReceived(items), jobs)
                     if self._inbox:
@@ -242,7 +243,7 @@ class Runner:
     def _start(self, work: Callable[[], Awaitable[None]], jobs: asyncio.TaskGroup) -> None:
         """Start a job, one at a time: cancel the running job now and begin when it has ended.
 
-        The cancellation is not left to the job: a job that is replaced before its first step does nothing.
+        The cancellation happens here, so that a job replaced before its first step does nothing.
         """
         self._end_job()
         before = frozenset(self._ending)
@@ -323,27 +324,29 @@ class Runner:
             async with asyncio.timeout(CLEARANCE_TIMEOUT_S):
                 await self.cleared.wait()
         except TimeoutError:
-            text = "not launched: its preflight checks have not passed; see their messages [not-cleared]"
+            text = (
+                "not launched: preflight checks have not passed; see the messages of the checks [not-cleared]"
+            )
             raise LinkError(f"{self.state.task.name}: {text}") from None
         if not self.is_freshly_cleared:
             await self._clear_again()
         found = await self.link.identify(IDENTIFY_TIMEOUT_S)
         if found != self.armable:
             raise LinkError(
-                f"{self.state.task.name}: not launched: another vehicle answers than the one that may be "
-                f"armed: expected {_identity(self.armable)}, found {_identity(found)} [other-vehicle]"
+                f"{self.state.task.name}: not launched: another vehicle answers: expected "
+                f"{_identity(self.armable)}, found {_identity(found)} [other-vehicle]"
             )
 
     async def _clear_again(self) -> None:
         """Repeat the preflight checks. Raises LinkError where one fails now."""
         name = self.state.task.name
         if self.check_again is None:
-            raise LinkError(f"{name}: not launched: its checks are too old and cannot be repeated")
+            raise LinkError(f"{name}: not launched: the preflight checks are too old and cannot be repeated")
         failures = await self.check_again()
         if failures:
             raise LinkError("; ".join(failures))
         if not self.cleared.is_set():
-            raise LinkError(f"{name}: not launched: it rebooted during its checks [rebooted]")
+            raise LinkError(f"{name}: not launched: the vehicle rebooted during its checks [rebooted]")
         self.clear()
 
     def note(self, text: str, *, to_operator: bool = False) -> None:

@@ -70,7 +70,7 @@ def plan(problem: Problem, _params: Params) -> Route:
 
     Earlier searches for the same goals and weights are used again. They do not change the answer.
     """
-    exposure = problem.passable
+    exposure = problem.passable  # cells above the maximum exposure are walls here
     search = _search_again if exposure.size >= LARGE else _search_all
     try:
         return eq5_route(problem, search(problem, exposure))
