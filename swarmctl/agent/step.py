@@ -160,9 +160,9 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
     """Act on a new state of the vehicle. The order is the policy; an earlier part may end the turn.
 
-    1. touchdown ends the flight; 2. failsafes demand; 3. a launch begins; 4. the goal cell begins the landing;
+    1. touchdown ends the flight; 2. failsafes demand; 3. a launch begins; 4. a goal cell begins the landing;
     5. an unconfirmed landing is ordered again; 6. an unconfirmed order is repeated; 7. the return queue;
-    8. collision avoidance; 9. the landing queue; 10. the speed for a common arrival; 11. own intent and state.
+    8. collision avoidance; 9. the landing queue; 10. the speed for a common arrival; 11. intent and state.
     """
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)

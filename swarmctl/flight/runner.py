@@ -1,7 +1,7 @@
 """The I/O shell of one agent: reports of link, sensor and bus go in as events, effects come out.
 
-The runner alone performs effects, and feeds their outcomes back as events. All decisions are the agent's; only the
-last check before arming (`_check_launch`) is asked of the agent here.
+The runner alone performs effects, and feeds their outcomes back as events. All decisions are the agent's;
+only the last check before arming (`_check_launch`) is asked of the agent here.
 """
 
 from __future__ import annotations
