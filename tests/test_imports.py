@@ -1,4 +1,4 @@
-"""Who may import whom, as data, held against the code: one row a room."""
+"""Import rules as data, checked against the code: one row a room."""
 
 from __future__ import annotations
 

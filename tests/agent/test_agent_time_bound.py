@@ -243,7 +243,7 @@ def test_the_detour_needs_time_for_its_turns_too() -> None:
 def test_a_swap_costs_the_measured_stop_of_the_last_swaps(
     stood_s: tuple[float, ...], goes_around: bool
 ) -> None:
-    """As above: 70.5 s are enough only for a vehicle that does not stop."""
+    """For the detour above, 70.5 s are enough only if the vehicle does not stop."""
     flight = flying(at_s=10.0, within_s=70.5)
     flight.state = replace(flight.state, swap_times=SwapTimes((1.0,) * len(stood_s), stood_s))
     flight.hear(*HOSTILES_ON_ROUTE)
@@ -254,7 +254,10 @@ def test_a_swap_costs_the_measured_stop_of_the_last_swaps(
 def test_a_swap_costs_more_for_a_vehicle_that_brakes_without_standing(
     within_s: float, goes_around: bool
 ) -> None:
-    """As above: a vehicle that brakes by 2.5 m/s² from 10 m/s is 2 s later, and speeds up as from a stop."""
+    """On the detour above, braking by 2.5 m/s² from 10 m/s costs 2 s.
+
+    The vehicle then speeds up as from a stop.
+    """
     flight = flying(at_s=10.0, within_s=within_s)
     vehicle = replace(flight.state.vehicle, brakes_m_s2=2.5)
     flight.state = replace(flight.state, vehicle=vehicle, swap_times=SwapTimes((1.0,), (0.0,)))

@@ -1,4 +1,4 @@
-"""What waits to be heard in one process: bounded, and the newest of who is where is never what goes."""
+"""Backlog of messages in one process: bounded, and the newest state of a vehicle is never dropped."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ANY = st.tuples(
     st.sampled_from([(7,), (8,), (7, 8)]),
     st.sampled_from([0, 0, 0, 1]),
 )
-"""sender, kind, to whom, and how many are heard before the next is said"""
+"""sender, kind, receivers, and the number of messages heard before the next is said"""
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))

@@ -1,4 +1,4 @@
-"""What payloads report: what is taken and what is refused, over every transport; the example; a flight."""
+"""Reports of payloads: accepted and refused ones, over every transport; the example; a flight."""
 
 from __future__ import annotations
 
@@ -343,7 +343,7 @@ def both(request: pytest.FixtureRequest) -> Both:
 
 
 async def answered(payload: Transport, data: bytes) -> ReportAnswer:
-    """What the agent says, asked until it can be reached."""
+    """Return the agent's answer; ask until the agent can be reached."""
     for _ in range(500):
         if answers := await payload.ask(KEY, data, 5.0):
             return decode_answer(answers[0])
@@ -516,7 +516,7 @@ class Flying(Ui):
 
 
 def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[ReportAnswer]]:
-    """Three vehicles that see nothing but (when, to whom, what): a payload played by this script."""
+    """Fly three vehicles with reports as their only sensor, each (when, vehicle, content)."""
     scenario = small(sensor={"source": "external"})
     answers: list[ReportAnswer] = []
 

@@ -1,4 +1,4 @@
-"""What is known to one ends up known to all, whatever was lost, cut, delayed or started again before."""
+"""The knowledge of one node reaches all nodes, whatever was lost, cut, delayed or restarted before."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_memory_stays_bounded_in_a_long_flight() -> None:
     for uav in ether.uavs.values():
         assert uav.belief.looks.sum() == 3 * 2 * n
         assert len(list(uav.belief.items())) <= most
-    # Nor does who comes late get it from any of them, but all there is to know.
+    # A late joiner gets all that is known, but not the whole history.
     ether.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
     sent_before = ether.uavs[2].node.counters.sent_bytes
     ether.uavs[3].start()

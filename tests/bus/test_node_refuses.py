@@ -1,4 +1,4 @@
-"""What a node does not take: each refusal is counted by its reason, and changes nothing."""
+"""Messages that a node refuses: each refusal is counted by its reason, and changes nothing."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
         ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
     assert of(ether, 2) == {RefusalReason.TOO_FAST: 100}
     ether.deliver(3, 2, "inform/observation", SEAL.encode(frame(seen(observer=3), sender=3)))
-    assert ether.uavs[2].belief.looks.sum() == 1  # whoever speaks in measure is heard meanwhile
+    assert ether.uavs[2].belief.looks.sum() == 1  # a sender within its rate is heard meanwhile
 
 
 def test_questions_are_answered_in_measure() -> None:
@@ -266,7 +266,7 @@ def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> N
     told = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
     content = SEAL.decode(told.messages[0].data).content
     assert isinstance(content, StateShared)
-    assert content.flagged == (1,)  # whoever watches is told
+    assert content.flagged == (1,)  # the shared state reports the flag
 
 
 @given(
@@ -442,7 +442,7 @@ def test_an_old_relayed_state_is_ignored() -> None:
     ether = Ether((1, 2, 3))
     old = SEAL.encode(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
     ether.deliver(1, 2, "inform/relayed", relayed(old, n=10))
-    # Who asks is told of no state that it could not trust itself.
+    # The asker is told of no state that it could not trust itself.
     ether.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=11)))
     answer = SEAL.decode(ether.on_the_way[-1][-1]).content
     assert isinstance(answer, Snapshot)

@@ -1,4 +1,4 @@
-"""Who can come in where operators' commands are taken: keys, ports and endpoints."""
+"""Access to the service for operators' commands: keys, ports and endpoints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the radio model promises whoever sends and whoever listens."""
+"""Guarantees of the radio model for any sender and any receiver."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NEAR = st.tuples(st.floats(46.0, 46.01), st.floats(14.0, 14.01))
 
 
 def outcomes(radio: Radio, sent: Sequence[Sent]) -> list[tuple[Sent, float, float | LossReason]]:
-    """What is sent, when, and what comes of it."""
+    """Send the messages; return each with its time [s] and its outcome."""
     now_s, found = 0.0, []
     for message in sent:
         sender, to, n_bytes, later_s = message

@@ -1,4 +1,4 @@
-"""What UAVs of a process take at once comes to the same as what each of them takes by itself."""
+"""Reception by all UAVs of a process at once: the same result as reception by each UAV alone."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Process:
         self.n_taken = 0
 
     def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
-        """What it comes to for each of them, under the key of `sender`."""
+        """Return the output of each receiver of a frame under the key of `sender`."""
         decoded, unix_s, outputs = READ(SEAL.encode(frame)), UNIX_S + now_s, {}
         if self.table is not None and sender in UAVS:
             receivers = self.table.mask(to)
@@ -63,7 +63,7 @@ class Senders:
     def __init__(self) -> None:
         self.now_s = 0.0
         self.known = [0, 5]
-        """fingerprints: of who knows nothing, of something else, and those that were"""
+        """fingerprints: of no knowledge, of something else, and earlier ones"""
         self._n = Counter[int]()
         self._seq = Counter[tuple[int, int]]()
 
@@ -129,7 +129,7 @@ def test_the_table_delivers_plain_observations_and_states() -> None:
         process.hear(1, plain(senders), HEARERS, senders.now_s)
     told = StateShared(0.0, 46.0, 14.0, 30.0, "flying", 0, 0, 3)
     process.hear(1, senders.frame(1, 1, told, 1), HEARERS, senders.now_s)
-    # But for the very first, by which each of them gets to know who speaks.
+    # All but the very first, by which each receiver gets to know the sender.
     assert process.n_taken == 3 * len(HEARERS)
 
 

@@ -1,4 +1,4 @@
-"""Who may do what, tried at the wire: each row is somebody who tries what is not his."""
+"""Access rules, tried at the wire: in each row a node tries an action that it has no right to."""
 
 from __future__ import annotations
 
@@ -54,7 +54,10 @@ class Net:
     asked: list[str] = field(default_factory=list)
 
     async def is_quiet_but_for(self, *expected: str) -> None:
-        """What was sent before on other links has been looked at when these have come and gone."""
+        """Check that only `expected` arrived beside a last message of uav2.
+
+        By the time of that message, earlier messages on other links have been processed.
+        """
         said = keys.uav_message(SWARM, 1, "inform/state", 2)
         self.heard["one"].clear()
         await until(lambda: said in self.heard["one"], "uav2 is heard", lambda: self.two.put(said, b""))
@@ -101,7 +104,7 @@ def raw(configuration: Configuration) -> zenoh.Session:
     return zenoh.open(zenoh.Config.from_json5(json.dumps(values)))
 
 
-# --- who gets in
+# --- access to the network
 
 
 def changed(configuration: Configuration, **tls: Any) -> Configuration:
@@ -133,7 +136,7 @@ def expired(there: BusEndpoint, folder: Path) -> Configuration:
 
 
 def of_another_machine(there: BusEndpoint, _: Path) -> Configuration:
-    """It is the client that refuses a router whose certificate names other machines."""
+    """The client, not the router, refuses: the router's certificate names other machines."""
     return client_of(replace(there, host="127.0.0.2"), "uav3")
 
 
@@ -443,7 +446,7 @@ async def until_answered(bus: ZenohBus, key: str, answer: bytes) -> None:
 
 
 def test_a_process_that_serves_anothers_key_does_not_hide_its_answer() -> None:
-    """In a mesh anybody of the swarm may: the asker is told all answers, and finds out whose each is."""
+    """In a mesh any node may serve any key: the asker gets all answers, and finds the author of each."""
 
     async def scene() -> None:
         async with meshed("tls") as (places, nodes):

@@ -1,4 +1,4 @@
-"""What Zenoh is configured with: understood by Zenoh, and as the places in a network need it."""
+"""Zenoh's configuration: understood by Zenoh, and right for each place in a network."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_listening_configuration_has_an_access_list_and_one_protocol(name: str
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_only_mesh_nodes_have_keys_of_presence(name: str) -> None:
-    """Under keys at which everybody of the swarm may hear, and nobody may put or ask."""
+    """Every node of the swarm may hear under these keys; no node may put or ask."""
     nodes = CONFIGURATIONS[name].nodes
     assert nodes == ("swarmctl/test/node" if name == "mesh" else "")
     if not nodes:

@@ -34,7 +34,7 @@ WEIGHTS = keys.request(SWARM, "weights", 2)
 
 
 def say(text: str) -> None:
-    """What was measured: shown by `pytest -s` and with a failure."""
+    """Print a measurement: shown by `pytest -s` and with a failure."""
     sys.stdout.write(text + "\n")
 
 

@@ -1,4 +1,4 @@
-"""What `swarmctl check` and `fly` say of files and places that a configuration names."""
+"""Messages of `swarmctl check` and `fly` about files and places that a configuration names."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ simulate: {count: 2, arrive_within_s: 88}
 
 
 def front_of(file: Path, folder: Path, *words: str) -> tuple[str, dict[str, Any], set[str]]:
-    """What is printed, the JSON, and the names of the files."""
+    """Return the printed text, the JSON, and the names of the files."""
     result = swarmctl("plan", "--front", "--config", file, "--out", folder, *words)
     assert result.exit_code == 0, result.output
     (run,) = folder.iterdir()
@@ -143,7 +143,7 @@ def test_a_planner_that_minds_something_else_is_shown_beside_the_front(tmp_path:
 
 
 def off_the_front() -> front.VehicleFront:
-    """So many hostiles that the sum and the product of P_s disagree."""
+    """Return a front with so many hostiles that the sum and the product of P_s disagree."""
     scenario = small_swarm(
         area={**AREA, "rows": 9, "cols": 14}, threats={"count": 70}, planner={"name": "survival"}
     )
@@ -287,7 +287,7 @@ def test_the_configured_route_is_shown_where_nothing_bends() -> None:
 
 
 def front_that_changes_at(weights: list[float]) -> Front:
-    """Of as many routes as have a range between neighbouring weights."""
+    """Return a front with one route for each range between neighbouring weights."""
     ends = [0.0, *weights, 1.0]
     route = Route(((0, 0),), 0.0, 0.0, 0.0, 1.0)
     n = len(ends) - 1

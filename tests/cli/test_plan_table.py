@@ -31,7 +31,7 @@ def table_of(scenario: Scenario) -> list[list[str]]:
 
 
 def first_mission(task: Task, scenario: Scenario) -> ev.SwapMission:
-    """What the vehicle's agent decides before it takes off."""
+    """Return the agent's decision before the vehicle takes off."""
     state, _ = step(begin(task, scenario.prior), ev.Ready(), 0.0)
     _, (swap,) = step(state, ev.Tick(), 1.0)
     assert isinstance(swap, ev.SwapMission)

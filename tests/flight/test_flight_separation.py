@@ -43,7 +43,7 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
 
 @pytest.fixture
 def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody compares its plans with the others': there is the watch alone."""
+    """Switch off the comparison of plans between vehicles; only the watch remains."""
     step = importlib.import_module("swarmctl.agent.step")
     monkeypatch.setattr(step, "deconflict", lambda _before, decided, _now: decided)
     monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
@@ -122,8 +122,10 @@ def test_first_routes_that_would_meet_are_separated_before_any_alarm(
 
 
 def flown_after_waiting(folder: Path, **simulate: float) -> None:
-    """Of two to one goal, hardly apart in height, the second waits on the ground until the first is out of
-    its way, and both arrive."""
+    """Fly two vehicles to one goal, hardly apart in height; check that both arrive.
+
+    The second waits on the ground until the first is out of its way.
+    """
     scenario = small(
         simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0, **simulate},
         flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
@@ -159,7 +161,7 @@ def test_a_launch_after_long_checks_compares_its_route_again(
 
 
 def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:
-    """The summary and what was said. Nothing is done about who comes near in flight."""
+    """Return the summary and the messages of a flight without action on vehicles that come near."""
     scenario = through_the_gap(separation={"action": "none", **separation})
     ui = Ui()
     report = fly(scenario, folder, ui=ui)

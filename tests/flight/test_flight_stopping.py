@@ -20,11 +20,11 @@ pytestmark = pytest.mark.virtual
 HOSTILES = [[2, 3], [4, 4], [2, 6], [5, 6]]
 AFTER_S = (3.0, 5.0, 8.0)
 MOST_M = 13.0
-"""Those who compare with it let it be off by 20 m at its speed."""
+"""Largest position error [m]; the comparison of plans allows for 20 m at the vehicle's speed."""
 
 
 class Told:
-    """Of each change of plan what was told of where it will be; and where vehicles were."""
+    """Record of the trajectory told at each change of plan, and of the vehicles' positions."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self._step = step

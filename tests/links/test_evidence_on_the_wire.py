@@ -1,4 +1,4 @@
-"""What cannot be written in the evidence, and would arm a vehicle, does not reach it."""
+"""A message that would arm a vehicle does not reach it if the evidence cannot be written."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class WrittenWorld(World):
         self.book.close()
 
     def disk_is_full(self) -> str:
-        """From now on; nobody is in the way of a take-off."""
+        """Fill the disk from now on; as a launch check, report no vehicle in the way."""
         full = os.open("/dev/full", os.O_WRONLY)
         os.dup2(full, self.book._file.fileno())
         os.close(full)
@@ -66,7 +66,7 @@ def test_an_order_to_arm_that_cannot_be_written_does_not_leave(tmp_path: Path) -
             assert world.given() == []
             assert not world.copters[1].armed
             assert "[evidence-ended]" in world.said[0]
-            # What arms nobody goes out still.
+            # A command that arms no vehicle still goes out.
             await link.return_home()
             assert world.copters[1].mode_name == "RTL"
 

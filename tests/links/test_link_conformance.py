@@ -1,4 +1,4 @@
-"""What every link does, over the front end and a memory wire.
+"""Behaviour of every link, over the front end and a memory wire.
 
 `direct` on a virtual clock; `mavsdk` keeps to the machine's, so it flies copters that live ten times as fast.
 """

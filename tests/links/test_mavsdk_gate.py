@@ -1,4 +1,4 @@
-"""What passes between MAVSDK and a vehicle."""
+"""Messages that pass between MAVSDK and a vehicle."""
 
 from __future__ import annotations
 

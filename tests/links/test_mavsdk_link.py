@@ -1,4 +1,4 @@
-"""What `link: mavsdk` does beside what every link does."""
+"""Behaviour of `link: mavsdk` beyond that of every link."""
 
 from __future__ import annotations
 

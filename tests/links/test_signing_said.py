@@ -1,4 +1,4 @@
-"""What is said of frames that are refused while vehicles fly: at once, for each vehicle, and again."""
+"""Messages about frames that are refused while vehicles fly: at once, for each vehicle, and again."""
 
 from __future__ import annotations
 

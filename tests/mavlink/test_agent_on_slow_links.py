@@ -90,7 +90,7 @@ class Flight:
             self.bench.begin("launch", basic.launch)
 
     def _go_on(self) -> None:
-        """What the link has reported since, to the agent."""
+        """Pass the new reports of the link to the agent."""
         while self._seen < len(self.bench.events):
             event = self.bench.events[self._seen]
             self._seen += 1
@@ -132,7 +132,7 @@ class Flight:
 
     @property
     def place(self) -> PlanarPoint:
-        """Where the vehicle truly is (east, north) [m]."""
+        """The vehicle's true position (east, north) [m]."""
         return GRID.frame.to_local(*self.bench.vehicle.body.lat_lon_deg)
 
     def lands(self, watch: Any = lambda: None) -> None:

@@ -253,7 +253,7 @@ def test_system_status_decides_neither_landed_state_nor_failsafe():
 @pytest.mark.autopilots("1.14")
 @pytest.mark.autopilots("1.14", of="px4")
 def test_a_launch_that_is_not_seen_disarms_nothing_that_flies(personality):
-    """What it tells is lost on the way: by all that is known it still stands on the ground."""
+    """The vehicle's reports are lost on the way: by all that is known it still stands on the ground."""
     bench = FlyingBench(personality).uploaded(OLD)
     lost = ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
     bench.block_down = lambda m: m.get_type() in lost

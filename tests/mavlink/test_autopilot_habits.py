@@ -1,4 +1,4 @@
-"""What real autopilots do beside the protocol, each on the simulated one that does it."""
+"""Habits of real autopilots beside the protocol, each on the simulated autopilot that has it."""
 
 from __future__ import annotations
 

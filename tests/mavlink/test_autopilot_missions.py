@@ -149,7 +149,7 @@ def test_an_upload_that_px4_still_believes_in_does_not_spoil_the_next():
 def test_a_refusal_has_its_mavlink_name_and_an_accepted_item_is_compared(
     personality, changes, ardupilot, px4
 ):
-    """PX4 takes a latitude of 100 degrees, and no altitude: who plans sees to that (`track_to_land`)."""
+    """PX4 takes a latitude of 100 degrees, and no altitude; `track_to_land` prevents such plans."""
     bench = FlyingBench(personality).prepared()
     failure = upload(bench, with_item(bench, **changes)).failure
     says = {"ardupilot": ardupilot, "px4": px4}[personality]
@@ -254,7 +254,7 @@ ASKS = {"MISSION_REQUEST_INT", "MISSION_REQUEST_LIST", "MISSION_ACK"}
 
 
 def orders_of(bench: FlyingBench, sent: int) -> list[str]:
-    """What was sent to it since then that would change what it does."""
+    """Return the types of the messages after the first `sent` that would change the vehicle's behaviour."""
     looks = mavlink.MAV_CMD_REQUEST_MESSAGE
     return [
         m.get_type()

@@ -1,4 +1,4 @@
-"""What is said to each autopilot in a whole life, from first heartbeat to last landing: a closed list.
+"""Closed list of the messages to each autopilot, from its first heartbeat to its last landing.
 
 Much of what an autopilot does in its own way is never asked of it, or only of the one that does it well.
 """

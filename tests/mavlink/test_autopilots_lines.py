@@ -1,7 +1,8 @@
-"""That the ground station meets every line of what was observed on the two autopilots, on each it speaks of.
+"""Coverage of the observations on the two autopilots: each line has a test on each autopilot it names.
 
-The simulator's tests hold that its vehicles do it (`tests/sim`); these, that we fly who does.
-`autopilot_lines` has the lines, and how a test says which it pins.
+The simulator's tests (`tests/sim`) show that its vehicles behave as observed. The tests counted here show
+that the ground station flies such vehicles. `autopilot_lines` has the lines, and the mark by which a test
+names the line it pins.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ TESTS = Path(__file__).parents[1]
 NOT_OURS: dict[str, str] = {
     "2 speed": "how fast a transfer is, is the link's and the vehicle's; `benchmarks/links.py` measures it",
 }
-"""What does not concern a ground station of ours, and why."""
+"""Lines that do not concern this ground station, with the reason."""
 
 
 def ours() -> dict[str, frozenset[str]]:
@@ -24,7 +25,7 @@ def ours() -> dict[str, frozenset[str]]:
 
 
 def all_marked() -> list[tuple[str, str, str]]:
-    """Of all tests but the simulator's own."""
+    """Return the marks of all tests but the simulator's own."""
     files = (path for path in sorted(TESTS.rglob("test_*.py")) if TESTS / "sim" not in path.parents)
     return [found for path in files for found in marked(path)]
 

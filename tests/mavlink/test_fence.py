@@ -40,7 +40,7 @@ def put(bench: FlyingBench, polygon) -> str | None:
 
 
 def keeps(bench: FlyingBench, polygon) -> bool:
-    """Whether that is the fence by the vehicle's own memory."""
+    """Return true if the vehicle's own memory holds this fence."""
     found = [(item.x, item.y) for item in bench.vehicle.fence.items]
     return found == [(round(lat * 1e7), round(lon * 1e7)) for lat, lon in polygon]
 
@@ -95,7 +95,7 @@ def test_no_fence_goes_up_to_an_armed_vehicle(personality):
 @pytest.mark.autopilots("2 fence")
 @pytest.mark.autopilots("2 fence", of="px4")
 def test_a_fence_with_a_wrong_vertex_count_differs(personality):
-    """ArduPilot refuses it at its end; PX4 takes it, and nobody knows what it makes of it."""
+    """ArduPilot refuses such a fence at the end of the upload. PX4 takes it, with unknown effect."""
     bench = on_the_ground(personality)
     items = tuple(replace(item, param1=6.0) for item in fence_items(SQUARE))
     failure = bench.do("put fence", partial(put_fence, items=items)).failure

@@ -91,7 +91,7 @@ def test_a_cleared_mission_counts_as_another_until_the_own_one_is_uploaded_again
 
 
 def current(total: int, mission_id: int = 0) -> mavlink.MAVLink_mission_current_message:
-    """As it comes over the wire, where pymavlink leaves the id away."""
+    """Return the message as it comes over the wire; pymavlink leaves the id out."""
     station = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     known = mavlink.MAVLink_mission_current_message(1, total)
     frame = bytearray(known.pack(station))
@@ -139,7 +139,7 @@ def test_another_id_is_another_mission_and_one_such_message_is_not_believed() ->
 
 
 def test_an_own_command_that_keeps_the_mission_keeps_its_id() -> None:
-    """Somebody may change it meanwhile."""
+    """Another station may change the mission meanwhile."""
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
     watch.own_procedure_ended(SEVEN, 10.0)
@@ -151,7 +151,7 @@ def test_an_own_command_that_keeps_the_mission_keeps_its_id() -> None:
 
 
 def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
-    """As it comes over the wire, where pymavlink leaves the id away."""
+    """Return the message as it comes over the wire; pymavlink leaves the id out."""
     station = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     known = mavlink.MAVLink_mission_ack_message(GCS_SYSID, GCS_COMPID, 0, 0)
     payload = struct.pack("<BBBBI", GCS_SYSID, GCS_COMPID, 0, 0, mission_id)
@@ -160,7 +160,7 @@ def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
 
 @pytest.mark.parametrize("heard", [(6, 8), (6,)])
 def test_the_own_mission_uploaded_again_may_have_another_id(heard: tuple[int, ...]) -> None:
-    """As when a swap goes back. What was read back is not quite what was sent, and an answer may be lost."""
+    """A swap goes back. The mission read back differs slightly from the one sent; an answer may be lost."""
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
     for mission_id in heard:

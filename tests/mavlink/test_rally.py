@@ -1,4 +1,4 @@
-"""Whether a vehicle has rally points, to which it would return: told, or not believed."""
+"""Number of a vehicle's rally points, to which it would return: reported, or not believed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a vehicle is on the route that it is to take over."""
+"""Progress of a vehicle on the route that it is to take over."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
 
 @pytest.mark.parametrize("n_lost", [0, 1, 3])
 def test_a_vehicle_whose_command_comes_after_the_corner_stays_on_a_known_route(n_lost: int) -> None:
-    """And does not cross from one to the other, where neither plan leads."""
+    """The vehicle does not cross between the routes, where neither plan leads."""
     bench = flying("ardupilot")
     turns_m = place(bench)[1] + 90.0
     new = [(0.0, turns_m), (150.0, turns_m)]

@@ -45,7 +45,7 @@ def flying(way: str) -> FlyingBench:
 
 
 class Witness:
-    """What a vehicle may hold and fly while one plan replaces another."""
+    """Check of the missions that a vehicle holds and flies while one plan replaces another."""
 
     def __init__(self, bench: FlyingBench, new: Items) -> None:
         self._bench = bench
@@ -100,7 +100,10 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
 
 
 def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
-    """What it holds is what the ground station says; which says nothing only of what it does not claim."""
+    """Return true if the vehicle holds the mission that the ground station reports.
+
+    A ground station without a known mission must not claim that the new one is flown.
+    """
     assert (result.failure is None) == (result.flying == "new")
     return bench.holds(bench.session.items) if bench.session.items else result.flying != "new"
 
@@ -151,7 +154,7 @@ def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, af
 @settings(MODEST, max_examples=examples(5))
 @given(wire=wires, pause_s=st.sampled_from([0.0, 0.4, 3.0]))
 def test_swaps_one_after_the_other_leave_no_remains_of_the_first_in_the_second(way, wire, pause_s):
-    """As an agent does it: the newest plan goes up as soon as the swap before has ended, however it ended."""
+    """An agent uploads the newest plan as soon as the swap before has ended, however it ended."""
     bench = flying(way)
     bench.spoil(wire)
     for new in (NEW, NEWER):

@@ -1,4 +1,4 @@
-"""What messages make of a vehicle's state."""
+"""Effects of messages on a vehicle's state."""
 
 from __future__ import annotations
 

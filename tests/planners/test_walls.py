@@ -24,7 +24,7 @@ ROOT2 = math.sqrt(2.0)
         (["S.", ".G"], ROOT2),
         (["S#", ".G"], 2.0),  # one wall beside the diagonal: round it
         (["S.", "#G"], 2.0),
-        (["S#", "#G"], None),  # two that touch at a corner let nobody through
+        (["S#", "#G"], None),  # two walls that touch at a corner let no route through
         (["S.#..", ".#..G"], None),
         (["S..", ".G.", "..#"], ROOT2),  # a wall ahead is not beside
         (["S..", "##.", "G.."], 6.0),  # neither end of a wall is cut short
@@ -32,9 +32,9 @@ ROOT2 = math.sqrt(2.0)
         (["S....", "..#..", "....G"], 4.0 + ROOT2),
         (["s..", "...", "..G"], 2.0 * ROOT2),  # a small s stands in a wall: it may leave,
         ([".#G", "#s#", ".#."], ROOT2),  # also where there are walls on all four sides,
-        (["s#.", "#.#", ".#G"], None),  # but once it is out it is like everybody
+        (["s#.", "#.#", ".#G"], None),  # but once it is out, walls stop it too
         (["###", "#s#", "##G"], ROOT2),
-        (["###.", "#s#.", "###G"], None),  # and nobody goes from wall to wall
+        (["###.", "#s#.", "###G"], None),  # and no route leads from wall to wall
     ],
 )
 def test_the_shortest_way_round_walls(area: list[str], length: float | None, quarter_turns: int) -> None:
@@ -54,8 +54,11 @@ def cells_where(mask: NDArray[np.bool_]) -> list[Cell]:
 
 
 def is_edge(p_s: NDArray[np.float64], here: Cell, there: Cell) -> bool:
-    """Of the cells that touch the middle of the step all are free; the one left need not be, and if it is
-    not, only the one entered has to be."""
+    """Return true if a step leads from `here` to `there`.
+
+    All cells that touch the middle of the step must be free. For a step out of a wall, only the cell
+    entered must be free.
+    """
     touched = itertools.product({here[0], there[0]}, {here[1], there[1]})
     needed = touched if math.isfinite(p_s[here]) else [there]
     return here != there and all(math.isfinite(p_s[cell]) for cell in needed)

@@ -28,7 +28,7 @@ STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 
 
 def place(way_deg: float = 0.01) -> VehiclePosition:
-    """That far east of its home."""
+    """Return a position `way_deg` of longitude east of its home."""
     return VehiclePosition(
         46.0, 14.0 + way_deg, 340.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0)
     )

@@ -188,7 +188,7 @@ STRANGE = st.one_of(
 
 
 def written(content: dict[str, Any], unix_s: float, incarnation: int, n: int) -> bytes:
-    """As somebody writes it who keeps to the form, and to nothing else."""
+    """Return an encoded frame that keeps to the form, and to nothing else."""
     frame = {"sender": 1, "incarnation": incarnation, "n": n, "unix_s": unix_s, "content": content}
     return bytes((VERSION, UNSIGNED)) + msgspec.msgpack.encode(frame)
 

@@ -83,7 +83,7 @@ def all_points(problem: Problem) -> list[Point]:
 
 
 def front_of(points: list[Point]) -> list[Point]:
-    """Those that no other dominates, by length; those closer than TIE are one."""
+    """Return the points that no other dominates, by length; points closer than TIE are one."""
     front: list[Point] = []
     for length, exposure in sorted((round(length, 9), exposure) for length, exposure in points):
         if not front or exposure < front[-1][1] - TIE:
@@ -92,8 +92,11 @@ def front_of(points: list[Point]) -> list[Point]:
 
 
 def found_by_some_w(points: list[Point]) -> list[Point]:
-    """What Eq. 5 gives over all w in (0, 1], the shortest of the cheapest: by trying every price of length at
-    which two of the front cost the same, and one between each two such prices."""
+    """Return the results of Eq. 5 over all w in (0, 1], the shortest of the cheapest.
+
+    The search tries every price of length at which two points of the front cost the same, and one price
+    between each two of these.
+    """
     front = front_of(points)
     crossings = {(a[1] - b[1]) / (b[0] - a[0]) for i, a in enumerate(front) for b in front[i + 1 :]}
     prices = sorted({0.0, *crossings})

@@ -37,7 +37,7 @@ class Uav:
         self.start()
 
     def start(self) -> None:
-        """As when its program is started (again): what it knew is gone."""
+        """Start the UAV's program, or restart it; all earlier knowledge is gone."""
         incarnation = next(self.ether.incarnations)
         rng = np.random.default_rng((self.uav, incarnation))
         self.node = Node(self.uav, self.ether.ids, self.ether.options, self.ether.seal, incarnation, rng)
@@ -107,7 +107,7 @@ class Ether:
                     uav.tell_state()
 
     def agree(self) -> bool:
-        """Whether all believe the same."""
+        """Return true if all UAVs have the same belief."""
         first, *others = (uav.belief for uav in self.uavs.values())
         return all(
             np.array_equal(first.looks, b.looks) and np.array_equal(first.hits, b.hits) for b in others

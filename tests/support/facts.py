@@ -50,7 +50,7 @@ class Judged:
         self._memory: Any = None
 
     def __call__(self, now: float, known: FailsafeFacts, **stamps: Any) -> Demand | None:
-        """What it was told has just come in, unless `stamps` say otherwise."""
+        """Return the rule's demand on facts that have just come in, unless `stamps` say otherwise."""
         young = {"heartbeat_s": now, "status_s": now, "position_s": now, **stamps}
         known = replace(known, vehicle=replace(known.vehicle, **young))
         self._memory, demand = self._rule.evaluate(self._params, self._memory, known, now)

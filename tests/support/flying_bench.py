@@ -49,7 +49,7 @@ class FlyingBench(WireBench):
         return [frame for _, frame in self.fleet.step(self.now)]
 
     def inject(self, fault: str) -> None:
-        """As on the simulator's command line, from now on."""
+        """Inject a fault from now on, written as on the simulator's command line."""
         self.fleet.inject(parse_fault(fault), self.now)
 
     def another_sends(self, message: Any) -> None:
@@ -74,7 +74,7 @@ class FlyingBench(WireBench):
 
     @property
     def mode(self) -> str:
-        """As the ground station names it, but by the vehicle itself."""
+        """The vehicle's own mode, under the ground station's name for it."""
         return self.session.dialect.mode_name(self.vehicle.mode.number)
 
     @property

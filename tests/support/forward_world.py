@@ -13,7 +13,7 @@ WATCHER = Endpoint("memory", "watcher")
 
 
 class Watching:
-    """What a program that is forwarded to gets, and a way for it to speak, on a memory wire."""
+    """A receiver of forwarded frames on a memory wire, which can also send."""
 
     def __init__(self) -> None:
         self.wire = MemoryWire()

@@ -1,4 +1,4 @@
-"""What a run folder's `run.mcap` holds, by another reader than the program's own."""
+"""Contents of a run folder's `run.mcap`, by another reader than the program's own."""
 
 from __future__ import annotations
 

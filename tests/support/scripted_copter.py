@@ -20,7 +20,7 @@ ACK = mavlink.MAVLink_mission_ack_message
 
 @dataclass
 class Script:
-    """What this vehicle does wrong."""
+    """Faults and peculiarities of a vehicle."""
 
     boot_s: float = 2.0
     """a mode set before is undone"""

@@ -56,7 +56,7 @@ class SignedWorld:
         )
 
     def give_key(self, key: bytes, timestamp: int) -> None:
-        """As Mission Planner does over USB; all zeros take it away."""
+        """Give the vehicle a key, as Mission Planner does over USB; all zeros take it away."""
         codec = station(self.key)
         codec.signing.timestamp = ticks(BEGAN_US)
         message = mavlink.MAVLink_setup_signing_message(1, 1, list(key), timestamp)

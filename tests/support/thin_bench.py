@@ -24,7 +24,7 @@ def route(*points: tuple[float, float], leaves_ahead: bool = False) -> FlightPla
 
 
 class ThinBench(FlyingBench):
-    """Each way takes `rate_bytes_s`; who would have to wait longer than `BUFFER_S` is lost."""
+    """Each way takes `rate_bytes_s`; a datagram that would wait longer than `BUFFER_S` is lost."""
 
     BUFFER_S = 1.0
     AIR_S = 0.02
@@ -51,12 +51,12 @@ class ThinBench(FlyingBench):
         heapq.heappush(self._queue, (there_s, next(self._numbers), up, data))
 
     def another_streams(self, *ids: int, every_s: float = 0.25) -> None:
-        """What another station has the vehicle stream over the same radio."""
+        """Request streams for another station, over the same radio."""
         for msgid in ids:
             order = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
             wanted = (float(msgid), 1e6 * every_s, 0.0, 0.0, 0.0, 0.0, 0.0)
             self.another_sends(mavlink.MAVLink_command_long_message(1, 1, order, 0, *wanted))
 
     def bytes_s(self, over_s: float) -> float:
-        """What the vehicle says, on the average of the last seconds."""
+        """Return the vehicle's average data rate over the last `over_s` seconds [bytes/s]."""
         return sum(len(data) for at_s, data in self.down if at_s > self.now - over_s) / over_s

@@ -1,4 +1,4 @@
-"""What vehicles say, and to whom, in tests of single conversations."""
+"""Messages of vehicles, each with its receiver, for tests of single conversations."""
 
 from __future__ import annotations
 

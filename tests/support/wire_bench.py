@@ -68,13 +68,13 @@ class WireBench:
         raise NotImplementedError
 
     def vehicle_goes_on(self) -> Iterable[bytes]:
-        """What it says by itself, up to now."""
+        """Return the datagrams that the vehicle has sent by itself, up to now."""
         raise NotImplementedError
 
     # the wire
 
     def spoil(self, faults: Faults, *outages: tuple[float, float]) -> None:
-        """From now on; outages count from now."""
+        """Apply the faults from now on; outages count from now."""
         self.faults = faults
         self.outages = [(self.now + begin, self.now + end) for begin, end in outages]
         self._rng.seed(faults.seed)
@@ -93,7 +93,7 @@ class WireBench:
                 heapq.heappush(self._queue, (arrives_s, self._n, up, data))
 
     def take(self, step: SessionStep) -> None:
-        """What one input to the session led to."""
+        """Keep the events of one input to the session, and send its messages."""
         self.events += step.events
         for message in step.messages:
             self.sent.append((self.now, message))
@@ -126,7 +126,7 @@ class WireBench:
             self._post(data, False)
 
     def of(self, kind: str) -> list[Any]:
-        """What the session has sent of a message."""
+        """Return the messages of one type that the session has sent."""
         return [m for _, m in self.sent if m.get_type() == kind]
 
     @property

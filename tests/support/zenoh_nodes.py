@@ -40,7 +40,7 @@ def _keys() -> tuple[tempfile.TemporaryDirectory[str], Path]:
 
 
 def credentials(protocol: str, name: str) -> Credentials | None:
-    """Of the swarm's own authority; over tcp there are none."""
+    """Return credentials of the swarm's own authority; over tcp there are none."""
     return None if protocol == "tcp" else load_keyring(_keys()[1], name, NOW).credentials
 
 
@@ -49,9 +49,9 @@ def keys_folder() -> Path:
 
 
 def free_port() -> int:
-    """Below those that the kernel gives away by itself, so that nobody gets it meanwhile.
+    """Return a port below the kernel's own range, so that no other process gets it meanwhile.
 
-    Of both kinds: quic listens for datagrams.
+    The port is free for streams and datagrams: quic listens for datagrams.
     """
     while True:
         port = secrets.choice(range(20_000, 32_000))

@@ -266,7 +266,7 @@ def find_lengths_in_circles(
     start: int,
     length: Floats,
 ) -> None:
-    """As `find_lengths`, also if free steps lead in a circle.
+    """Write the lengths that `find_lengths` writes, also if free steps lead in a circle.
 
     Dijkstra's algorithm over the edges of cheapest routes, with buckets one cell of length wide.
     """

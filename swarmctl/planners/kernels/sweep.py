@@ -164,7 +164,7 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
 
 
 def _offered_past_walls(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """As `offered`, with walls."""
+    """Return the result of `offered`, with walls."""
     west, east = straight[here - 1], straight[here + 1]
     south, north = straight[here - width], straight[here + width]
     low = min(_past(label[here - width - 1], west, south), _past(label[here - width + 1], east, south))
