@@ -38,7 +38,7 @@ def test_the_version_is_printed() -> None:
 def test_help_names_every_command_and_where_to_start() -> None:
     result = swarmctl("--help")
     assert result.exit_code == 0
-    for word in ("fly", "plan", "check", "replay", "schema", "configs/swarm.yaml"):
+    for word in ("fly", "plan", "check", "replay", "schema", "--example swarm"):
         assert word in result.output
 
 
