@@ -84,13 +84,13 @@ def _demanded(state: AgentState, kind: DemandKind) -> str:
 
 
 def _is_let_land(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """Return whether a failsafe has it land, so that a recall does not stop the landing."""
+    """Return whether a failsafe lands the vehicle, so that a recall does not stop the landing."""
     called_back = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
     return called_back and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
 def _is_theirs(state: AgentState) -> bool:
-    """Return whether it was released in flight and may still be in the air."""
+    """Return whether the vehicle was released in flight and may still be in the air."""
     return state.phase is Phase.RELEASED and state.vehicle.armed
 
 
@@ -98,11 +98,11 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     """Return the outcome of an order and its reason."""
     order = event.order
     if _is_theirs(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
-        return "taken", "released to another operator; the order is sent once [sent-once]"
+        return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
     if state.ended:
-        return "over", f"its flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
+        return "over", f"the flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
     if state.launch_aborted:
-        return "refused", "its launch is being aborted; lands [launch-aborted]"
+        return "refused", "the launch is being aborted; the vehicle lands [launch-aborted]"
     if order is ev.FlightOrder.LAUNCH:
         return _launch_answer(state)
     if state.phase in ON_GROUND:
@@ -110,12 +110,12 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     if state.phase is Phase.LAUNCHING:
         return "taken", "aborts its launch and lands [launch-aborted]"
     if _follows(state, order):
-        return "taken", "does so already [already-done]"
+        return "taken", "the vehicle already follows this order [already-done]"
     if _is_let_land(state, event):
-        return "refused", f"lands by a failsafe: {_demanded(state, DemandKind.LAND)} [failsafe-landing]"
-    notes = ["its link is lost; the order is sent when the link is back [link-lost]"] if state.lost else []
+        return "refused", f"a failsafe lands it: {_demanded(state, DemandKind.LAND)} [failsafe-landing]"
+    notes = ["the link is lost; the order is sent when the link is back [link-lost]"] if state.lost else []
     if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
-        notes += [f"cancels the return that it waited for: {state.outcome} [return-cancelled]"]
+        notes += [f"the order cancels the return of a failsafe: {state.outcome} [return-cancelled]"]
     if event.after_s and urgent_return_reason(state):
         notes.append(f"returns at once: {urgent_return_reason(state)} [urgent-return]")
     elif event.after_s:
@@ -125,14 +125,14 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
 
 def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
-        return "refused", f"{state.outcome or state.phase}; does not resume its route [not-resumed]"
+        return "refused", f"{state.outcome or state.phase}; cannot resume its route [not-resumed]"
     if state.phase is Phase.LAUNCHING:
         return "taken", "is about to take off [launching]"
     if state.phase not in ON_GROUND:
         return "taken", "has launched already [launched-already]"
-    # An aircraft must not arm at some later time, when its operator has turned away.
+    # A vehicle must not arm at a later time, when the operator no longer watches it.
     if state.lost:
-        return "refused", "its link is lost [link-lost]"
+        return "refused", "the link is lost [link-lost]"
     if state.phase is not Phase.STANDBY:
         return "refused", f"is not ready yet: {state.trouble or state.phase} [not-ready]"
     return "taken", "" if state.pending is None else "launches after its new plan is uploaded [after-upload]"
@@ -168,7 +168,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         "interrupted_plan": None,
     }
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
-        changes["arrived_boot_s"] = None  # over its goal, and does not land there
+        changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes |= {"outcome": f"{order} ordered", "return_started_boot_s": None}
     if not event.after_s:
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
@@ -181,9 +181,10 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:
-    """Take new weights (the paper's sliders) for the next plan; a plan being uploaded stays."""
+    """Use new weights (the paper's sliders) from the next plan on; a plan being uploaded stays."""
     if state.phase in PLANS_NO_MORE:
-        why = f"plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
+        why = f"makes no more plans: {state.phase}"
+        why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
         return state, [ev.Answer(event.command, over)]
     method = state.task.method
@@ -195,9 +196,9 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    note = "its link is lost; plans when the link is back [link-lost]" if state.lost else ""
+    note = "the link is lost; plans when the link is back [link-lost]" if state.lost else ""
     if not changed:
-        note = "has these weights already; does not plan again [unchanged]"
+        note = "already has these weights; does not plan again [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)
     return state, [ev.Answer(event.command, taken)]
 
@@ -207,7 +208,7 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order, which cancels a mission change in progress. `changes` are further fields.
 
-    `by_person`: a person has ordered it just now; the order is sent whatever the vehicle does.
+    `by_person`: a person has given the order just now; it is sent whatever the vehicle does.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})
@@ -223,7 +224,7 @@ def command(
 
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:
-    """Release the vehicle to another operator: the agent commands nothing more."""
+    """Release the vehicle to another operator: the agent sends no further commands."""
     return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=f"{why}; released"), [
         ev.Release()
     ]

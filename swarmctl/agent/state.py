@@ -307,7 +307,7 @@ class AgentState:
     def alarm(self) -> str:
         """Active proximity alarms as text; empty without any."""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
-        return f"about to be too close to vehicle {others}" if others else ""
+        return f"will come too close to vehicle {others}" if others else ""
 
     @property
     def late(self) -> str:
@@ -319,7 +319,7 @@ class AgentState:
         away = math.ceil if self.late_s > arrival.within_s else math.floor
         rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
         over_s = away(10.0 * self.late_s - rounding) / 10.0
-        return f"no route meets its bound of {arrival} any more; over its goal after {over_s:.1f} s"
+        return f"no route keeps the time bound of {arrival}; predicted arrival over its goal: {over_s:.1f} s"
 
     @property
     def ended(self) -> bool:

@@ -34,7 +34,7 @@ def may_be_armed(state: AgentState) -> bool:
 
 
 def end_at_touchdown(state: AgentState) -> AgentState:
-    """Return the state with the outcome of the flight, after its own launch armed it and it is disarmed."""
+    """Return the state with the outcome of the flight, for a vehicle that is disarmed after its launch."""
     # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     comes_down = state.phase is Phase.LANDING or holds_over_goal
@@ -47,12 +47,12 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"
-    reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
+    reason = f"disarmed {where}, before its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
 
 
 def _away(state: AgentState) -> str:
-    """Return the distance from home as text, if the vehicle was to return and landed elsewhere, else ""."""
+    """Return the distance from home as text, for a return that ended elsewhere; otherwise ""."""
     v = state.vehicle
     if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
         return ""

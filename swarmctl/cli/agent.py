@@ -62,7 +62,7 @@ def register(cli: typer.Typer) -> None:
 def agent(
     config: ConfigOption,
     uav: Annotated[
-        str, typer.Option(metavar="NAME", help="The vehicle; its name or system id.", show_default=False)
+        str, typer.Option(metavar="NAME", help="Name or system id of the vehicle.", show_default=False)
     ],
     url: Annotated[
         str | None,

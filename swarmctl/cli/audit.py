@@ -40,13 +40,9 @@ def audit(
     run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE_NAME}.", show_default=False)],
     keys: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER", help="The swarm's keys; the evidence must be signed by one of them."
-        ),
+        typer.Option(metavar="FOLDER", help="The swarm's keys; the evidence must be signed by one of them."),
     ] = None,
-    every: Annotated[
-        bool, typer.Option("--all", help="Show every entry besides the summary.")
-    ] = False,
+    every: Annotated[bool, typer.Option("--all", help="Show every entry besides the summary.")] = False,
 ) -> None:
     """Check the evidence of a run line by line, and summarise it.
 
@@ -63,7 +59,7 @@ def audit(
     troubles = [printable(text) for text in _troubles(path, checked, keys)]
     if troubles:
         fail(troubles, EXPECTED)
-    say(f"{path}: whole: {len(checked.entries)} entries; the final hash is {checked.last}")
+    say(f"{path}: complete and unchanged: {len(checked.entries)} entries; the final hash is {checked.last}")
     say(_signed_by(checked, keys))
 
 
@@ -105,7 +101,7 @@ def _signature_troubles(
         return
     by, key, value = (str(signature.get(name)) for name in ("by", "key", "signature"))
     if not is_valid_signature(sealed(closing["entries"], str(checked.entries[-1]["previous"])), key, value):
-        yield f"{path}: the signature by {by} does not hold: the chain was written anew since it was signed"
+        yield f"{path}: the signature by {by} is invalid: the chain was rewritten after it was signed"
         return
     try:
         if keys is not None and not is_key_of(keys, by, key):
@@ -120,8 +116,8 @@ def _signed_by(checked: CheckedChain, keys: Path | None) -> str:
         return UNSIGNED
     signer = printable(f"signed by {signature['by']} with the key {signature['key']}")
     if keys is None:
-        return f"{signer}; give --keys FOLDER to check that this is its key"
-    return f"{signer}, as {keys} lists it; the owner of that key could have written a new chain"
+        return f"{signer}; give --keys FOLDER to check this key"
+    return f"{signer}, as {keys} lists it; only the owner of that key could have rewritten the chain"
 
 
 def _show(checked: CheckedChain, *, every: bool) -> None:

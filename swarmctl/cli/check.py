@@ -27,7 +27,7 @@ def register(cli: typer.Typer) -> None:
 def check(
     config: ConfigOrExampleOption = None, example: ExampleOption = None, out_folder: OutOption = Path("runs")
 ) -> None:
-    """Check a configuration and this machine, and list every problem; starts no flight."""
+    """Check a configuration and this machine, and list every problem, without a flight."""
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
     require_flyable(config, scenario, out_folder, keys_problem_lines(config, _key_problems(scenario)))

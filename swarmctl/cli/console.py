@@ -45,7 +45,7 @@ ExampleOption = Annotated[
         show_default=False,
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", help="Folder for run folders.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Parent folder of the run folders.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all messages.")]
 
 
@@ -81,6 +81,6 @@ def run_folder(parent: Path, name: str) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            fail([f"the run folder {folder} cannot be made: {error.strerror or error}"], EXPECTED)
+            fail([f"the run folder {folder} cannot be created: {error.strerror or error}"], EXPECTED)
         return folder
     raise AssertionError("1000 runs in a second")

@@ -17,12 +17,15 @@ def register(cli: typer.Typer) -> None:
 
 def init(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="File to write; an existing one is kept.")
+        Path, typer.Argument(metavar="FILE", help="File to write; an existing file is not overwritten.")
     ] = Path("swarm.yaml"),
     vehicles: Annotated[int, typer.Option(min=1, max=MAX_STARTER_VEHICLES, help="Number of vehicles.")] = 5,
     real: Annotated[
         bool,
-        typer.Option("--real", help="Vehicles by MAVLink URL instead of simulated; with lines to edit."),
+        typer.Option(
+            "--real",
+            help="Real vehicles by MAVLink URL, not simulated ones; the lines to change are marked EDIT.",
+        ),
     ] = False,
 ) -> None:
     """Write a starter configuration with comments, for simulated or real vehicles."""

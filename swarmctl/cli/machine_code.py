@@ -35,7 +35,7 @@ def prepare(n_cells: int, console: Console) -> None:
     if is_small(n_cells) or is_ready():
         return
     if cache() is None:
-        _print(console, f"{TEXT}: no folder can be written to store it; set NUMBA_CACHE_DIR")
+        _print(console, f"{TEXT}: no folder for the machine code can be written; set NUMBA_CACHE_DIR")
         return
     try:
         compile_all(console)
@@ -59,7 +59,9 @@ def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
             process.kill()
             raise
     if process.returncode != 0:
-        raise CompilerError(f"the compiling process ended with exit code {process.returncode}; see above")
+        raise CompilerError(
+            f"the compiling process ended with exit code {process.returncode}; see the messages above"
+        )
     if (mark := _mark()) is not None:
         mark.touch()
     return time.monotonic() - began_s

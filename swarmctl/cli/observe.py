@@ -53,7 +53,11 @@ def observe(
     ] = None,
     occupied: Annotated[
         bool | None,
-        typer.Option("--occupied/--clear", help="Whether a hostile holds the cell.", show_default=False),
+        typer.Option(
+            "--occupied/--clear",
+            help="occupied: a hostile is in the cell; clear: none is.",
+            show_default=False,
+        ),
     ] = None,
     swarm: SwarmOption = None,
     config: FlyingConfigOption = None,
@@ -97,7 +101,7 @@ def make_report(cells: list[str], places: list[str], occupied: bool | None) -> R
     if bool(cells) == bool(places):
         raise Unclear("give either --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON [which-cell]")
     if occupied is None:
-        raise Unclear("give --occupied (a hostile holds the cell) or --clear [occupied-or-clear]")
+        raise Unclear("give --occupied (a hostile is in the cell) or --clear [occupied-or-clear]")
     if cells:
         return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=BY_HAND)
     return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=BY_HAND)
@@ -172,7 +176,8 @@ async def send_report(bus: Transport, station: Station, uav: int, report: Report
         ) from None
     except ValueError as error:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint}: {error}; it may be another version of this program"
+            f"{station.swarm} at {station.endpoint}: {error}; the flight may run another "
+            "version of this program"
         ) from None
     if answer is None:
         raise NoAnswer(

@@ -70,7 +70,8 @@ def plan(
     out.print(first_plans.plan_table(scenario, routes))
     out.print(
         "ΣP_s is a sum of probabilities, and ∏(1 − P_s) assumes independent cells; neither is the "
-        f"probability of survival. That is simulated, in {WORLDS} worlds drawn from the belief.",
+        f"probability of survival. `chance` is that probability, simulated in {WORLDS} worlds drawn from "
+        "the belief.",
         style="bright_black",
         highlight=False,
     )

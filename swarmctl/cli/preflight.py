@@ -43,7 +43,7 @@ def preflight(
     waive: WaiveOption = None,
     verbose: VerboseOption = False,
 ) -> None:
-    """Run the checks that `fly` runs before arming on every vehicle, and print the results; arms none.
+    """Run the preflight checks of `fly` on every vehicle and print the results, without arming.
 
     The fence and the first mission are uploaded. No parameter is set, even if the configuration lets `fly`
     set some.
@@ -88,4 +88,4 @@ def _conclude(checks: Report, scenario: Scenario) -> None:
         raise typer.Exit(INTERRUPTED)
     if checks.trouble or len(checks.checked) < len(scenario.specs):
         raise typer.Exit(EXPECTED)
-    out.print("all checks passed: every vehicle could be armed; none was", highlight=False)
+    out.print("all checks passed; no vehicle was armed", highlight=False)

@@ -16,11 +16,11 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "init": ("init", "Write a starter configuration with comments, for simulated or real vehicles."),
     "check": (
         "check",
-        "Check a configuration and this machine, and list every problem; starts no flight.",
+        "Check a configuration and this machine, and list every problem, without a flight.",
     ),
     "preflight": (
         "preflight",
-        "Run the checks that `fly` runs before arming on every vehicle, and print the results; arms none.",
+        "Run the preflight checks of `fly` on every vehicle and print the results, without arming.",
     ),
     "set": (
         "set_weights",

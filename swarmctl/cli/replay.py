@@ -29,8 +29,8 @@ def replay(
         fail([str(error)], USAGE)
     if verdict.is_cut:
         say(
-            "the record has no end, as its process died or the file was cut; "
-            "its complete part is replayed [record-cut]"
+            "the record has no end, because its process died or the file was cut; "
+            "only the complete part is replayed [record-cut]"
         )
     if verdict.difference:
         fail([f"the decisions differ: {verdict.difference}"], EXPECTED)

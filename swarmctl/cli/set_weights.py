@@ -32,11 +32,11 @@ def set_weights(
     ] = None,
     firing_strength: Annotated[
         str,
-        typer.Option(metavar="D,N1,N2", help="The three below together: 0.7,0.3,0.1."),
+        typer.Option(metavar="D,N1,N2", help="All three firing strengths together, such as 0.7,0.3,0.1."),
     ] = "",
     direct: Annotated[float | None, typer.Option(help="Firing strength over a hostile's cell.")] = None,
     first_neighbour: Annotated[
-        float | None, typer.Option(help="Firing strength over the 4 nearest cells.")
+        float | None, typer.Option(help="Firing strength over the 4 adjacent cells.")
     ] = None,
     second_neighbour: Annotated[
         float | None, typer.Option(help="Firing strength over the 4 diagonal cells.")

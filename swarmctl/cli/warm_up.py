@@ -16,7 +16,10 @@ def register(cli: typer.Typer) -> None:
 def warm_up() -> None:
     """Compile the planners for large areas, once on a machine; small areas need no compiler."""
     if (place := cache()) is None:
-        fail(["no folder can be written to store machine code; set NUMBA_CACHE_DIR to one"], EXPECTED)
+        fail(
+            ["no folder can be written to store machine code; set NUMBA_CACHE_DIR to a writable folder"],
+            EXPECTED,
+        )
     folder, _ = place
     if machine_code.is_ready():
         say(f"ready already: {folder}")

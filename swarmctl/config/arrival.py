@@ -28,7 +28,8 @@ class ArrivalSection(Section):
     slowest_m_s: float = Field(
         0.0,
         ge=0.0,
-        description="Lowest speed over ground that a vehicle is slowed down to [m/s]. It is never less than "
+        description="Lowest commanded speed over ground, for vehicles that arrive too early "
+        "[m/s]. It is never less than "
         "1 m/s, or a fifth of the vehicle's speed.",
     )
 

@@ -55,7 +55,8 @@ def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
             text = "is missing: a time bound needs the vehicle's speed over ground [m/s]; add it"
             yield ConfigProblem((*here, "speed_m_s"), text)
         if within_s is not None and after_s > within_s:
-            text = f"{after_s:g} is later than arrive_within_s = {within_s:g}; lower it, or raise that"
+            text = f"{after_s:g} is later than arrive_within_s = {within_s:g}"
+            text = f"{text}; lower arrive_after_s, or raise arrive_within_s"
             yield ConfigProblem((*here, "arrive_after_s"), text)
 
 
@@ -83,7 +84,7 @@ def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Conf
         yield ConfigProblem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); raise the bound")
     else:
         text = f"no route that {task.method.name} finds takes {task.name} {arrival} from its take-off to its "
-        text += f"goal: the nearest takes {takes_s:.1f} s ({parts}); widen the window"
+        text += f"goal: the nearest route takes {takes_s:.1f} s ({parts}); widen the window"
         yield ConfigProblem((*here, "arrive_after_s"), text)
 
 

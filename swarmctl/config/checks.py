@@ -134,7 +134,7 @@ def _check_starts(scenario: Scenario) -> Iterator[ConfigProblem]:
     starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
     for (here, name), (there, other) in pairwise(starts):
         if math.dist(here, there) < MIN_START_DISTANCE_M:
-            text = f"{name} and {other} start at one position; give each its own"
+            text = f"{name} and {other} start at the same position; give each vehicle another start"
             yield ConfigProblem(("vehicles",), text)
             break
 
@@ -181,14 +181,14 @@ def _check_unused(config: Config) -> Iterator[ConfigProblem]:
         text = f"planner {planner.name} does not use w; remove it, or set planner.name: {users}"
         yield ConfigProblem(("planner", "w"), text)
     if "any_angle_exposure" in flight.model_fields_set and not flight.any_angle:
-        text = "has no effect without flight.any_angle: true; set that, or remove this key"
+        text = "has no effect without flight.any_angle: true; set flight.any_angle, or remove this key"
         yield ConfigProblem(("flight", "any_angle_exposure"), text)
 
 
 def _check_threats(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     key, most = _most_hostiles(config)
     if most > grid.n_cells:
-        text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one in each; lower it"
+        text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one in each; lower the number"
         yield ConfigProblem(("threats", "count", *key), text)
     if config.threats.hostiles != "random":
         yield from _outside(grid, config.threats.hostiles, ("threats", "hostiles"), "hostile")
@@ -240,7 +240,7 @@ def _check_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
             text = f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly; give another goal"
             yield ConfigProblem(("simulate", key), text)
     if entry_of(config, grid, grid.frame.to_geodetic(-1.0, -1.0)) is None:
-        text = "every border cell is in area.no_fly, so no vehicle can enter the area; leave one free"
+        text = "every border cell is in area.no_fly, so no vehicle can enter the area; free one of them"
         yield ConfigProblem(("area", "no_fly"), text)
     if simulate.start_distance_m > config.flight.max_start_distance_m:
         text = (
@@ -283,14 +283,14 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
         return
     entry = entry_of(config, grid, start)
     if entry is None:
-        text = "every border cell is in area.no_fly, so the vehicle cannot enter the area; leave one free"
+        text = "every border cell is in area.no_fly, so the vehicle cannot enter the area; free one of them"
         yield ConfigProblem((*here, "start"), text)
         return
     away_m = distance_m(start, grid.centre(entry))
     if inside is None and away_m > config.flight.max_start_distance_m:
         text = (
             f"the start is {away_m:.0f} m from its entry cell, more than flight.max_start_distance_m = "
-            f"{config.flight.max_start_distance_m:g} m; correct the position, or raise that"
+            f"{config.flight.max_start_distance_m:g} m; correct the start, or raise that limit"
         )
         yield ConfigProblem((*here, "start"), text)
 

@@ -178,7 +178,9 @@ class Communication(Section):
         "lacks [s]. 0: never, as in the paper; lost messages stay lost.",
     )
     penalty_per_m: float = Field(
-        0.0, ge=0.0, description="Communication cost of a metre flown [1/m]. It is only reported."
+        0.0,
+        ge=0.0,
+        description="Communication cost of a metre flown [1/m]. The summary reports it; planning ignores it.",
     )
 
     def model_post_init(self, _context: object) -> None:

@@ -114,7 +114,8 @@ def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigPr
         endpoint = str(parse_endpoint(text))
         if first.setdefault(endpoint, word) != word:
             yield ConfigProblem(
-                (*here, word), f"{endpoint} is {first[endpoint]}'s; give each vehicle its own"
+                (*here, word),
+                f"{endpoint} is also the endpoint of {first[endpoint]}; give each vehicle another one",
             )
 
 

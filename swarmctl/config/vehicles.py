@@ -43,7 +43,8 @@ class Simulate(Section):
     )
     url: MavlinkUrl = Field(
         "udpin://127.0.0.1:0",
-        description="MAVLink URL at which the ground station listens for them. Port 0 takes any free port.",
+        description="MAVLink URL at which the ground station listens for the vehicles. "
+        "Port 0 takes any free port.",
     )
     home_alt_amsl_m: float = Field(
         300.0, ge=-400.0, le=8000.0, description="Height of the ground above mean sea level [m]."

@@ -79,7 +79,8 @@ class Preflight:
             await link.set_parameters(corrections)
             changes = _changes(corrections, found)
             self._say(
-                f"{vehicle.spec.name}: set as preflight.policy declares, and kept after the flight: {changes}"
+                f"{vehicle.spec.name}: parameters written as preflight.policy declares; "
+                f"they stay after the flight: {changes}"
             )
 
     async def failures(

@@ -57,7 +57,9 @@ def _listen_trouble(communication: Communication, held: contextlib.ExitStack) ->
     try:
         probe.bind((endpoint.host, endpoint.port))
     except OSError as error:
-        taken = f"port {endpoint.port} is in use; stop that program, or give another port: 0 is any free one"
+        taken = (
+            f"port {endpoint.port} is in use; stop the other program, or give another port (0: any free port)"
+        )
         cure = f"{error.strerror or error}; give an address of this machine"
         yield f"communication.listen: {endpoint}: {taken if error.errno == errno.EADDRINUSE else cure}"
 

@@ -77,7 +77,7 @@ def describe_final_state(member: Vehicle) -> str:
     if state.lost and not _is_over(state):
         where = _height(vehicle) if may_be_armed(state) else "on the ground, disarmed"
         text = f"{member.name}: lost, last telemetry {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
-        return f"{text}: it may still be in the air" if may_be_armed(state) else text
+        return f"{text}; the vehicle may still be in the air" if may_be_armed(state) else text
     if state.ended and not vehicle.armed and state.outcome:
         return f"{member.name}: {describe_outcome(state)}{_down(state)}"
     if not vehicle.armed:
@@ -92,7 +92,7 @@ def describe_final_state(member: Vehicle) -> str:
 
 
 def _down(state: AgentState) -> str:
-    return ", landed and disarmed" if state.phase is Phase.RELEASED and state.armed_seen else ""
+    return "; landed and disarmed" if state.phase is Phase.RELEASED and state.armed_seen else ""
 
 
 def _height(vehicle: VehicleState) -> str:
@@ -110,9 +110,9 @@ class FlightEnd:
         self._waits_for: list[str] = []
 
     def reached(self) -> bool:
-        """Return whether every vehicle has ended its flight and is down, or is given up.
+        """Return whether every vehicle has ended its flight and landed, or is given up.
 
-        A released vehicle in the air delays the end: its failsafe goes by the heartbeats of this station, and
+        A released vehicle in the air delays the end. Its failsafe needs the heartbeats of this station, and
         its pilot may watch it over the forwarded link.
         """
         flown: list[str] = []
@@ -141,6 +141,6 @@ class FlightEnd:
         vehicle = member.runner.link.state()
         self._say(
             f"{member.name}: given up after {self._lost_timeout_s:g} s without telemetry "
-            f"(flight.lost_timeout_s); last in mode {vehicle.mode or '?'}, {_height(vehicle)}; it may still "
-            "be in the air [given-up]"
+            f"(flight.lost_timeout_s); last in mode {vehicle.mode or '?'}, {_height(vehicle)}; the vehicle "
+            "may still be in the air [given-up]"
         )

@@ -73,7 +73,8 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
         )
     if separation["alarms"]:
         lines.append(
-            f"separation alarms: {separation['alarms']}; given way by holding {separation['held']} times, by "
+            f"separation alarms: {separation['alarms']}; vehicles gave way by holding "
+            f"{separation['held']} times, by "
             f"climbing {separation['climbed']} times"
         )
     return lines

@@ -127,8 +127,8 @@ def _link(state: AgentState, age_s: float) -> str:
     if age_s == math.inf:
         return NOT_YET
     if state.lost:
-        return f"lost {age_s:.0f} s"
-    return OK if age_s < SILENT_S else f"{age_s:.0f} s ago"
+        return f"lost for {age_s:.0f} s"
+    return OK if age_s < SILENT_S else f"silent for {age_s:.0f} s"
 
 
 def live_table(view: SwarmView, width: int, height: int) -> Group:
@@ -179,7 +179,7 @@ def _minutes(seconds: float) -> str:
 def plain_line(row: VehicleRow) -> str:
     """Return one vehicle as a plain line, for output without a terminal."""
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
-    phase = f"{row.unheard}, was {row.phase}" if row.unheard else row.phase
+    phase = f"{row.unheard} (was {row.phase})" if row.unheard else row.phase
     text = (
         f"{row.name}: {phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
         f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "

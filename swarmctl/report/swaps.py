@@ -80,7 +80,7 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     if failed > LISTED:
         lines.append(f"  and {failed - LISTED} more: swaps.failures in summary.json")
     lines += [
-        f"  {name} stood still for {swaps['stood_still']} of {swaps['changed'] + swaps['failed']}: "
+        f"  {name} stood still in {swaps['stood_still']} of {swaps['changed'] + swaps['failed']} changes: "
         f"{swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"
         for name, swaps in stood
     ]

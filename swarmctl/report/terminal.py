@@ -93,7 +93,7 @@ class PlainLines:
         if due:
             self._next_s = view.flown_s + LINE_EVERY_S
             speed = "" if view.speed is None else f", {view.speed:.1f} times real time"
-            self.say(f"flown {view.flown_s:.0f} s{speed}")
+            self.say(f"after {view.flown_s:.0f} s of flight{speed}:")
         for row in view.rows:
             if due or self._phases.get(row.name, row.phase) is not row.phase:
                 self.say("  " * due + plain_line(row))

@@ -209,7 +209,7 @@ def test_other_trouble_stays_without_a_mission_change() -> None:
     for col in range(1, 7):
         story.over((4, col))
     assert story.tick() == []
-    assert story.state.trouble == "it has rebooted"
+    assert story.state.trouble == "the vehicle has rebooted"
 
 
 def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
@@ -400,7 +400,7 @@ def test_a_landing_at_the_goal_is_an_arrival() -> None:
     [
         (1.0, (4, 8), "arrived"),
         (1.0, (5, 8), "disarmed in cell (5, 8),"),
-        (30.0, (4, 8), "disarmed in cell (4, 8), short of its goal"),
+        (30.0, (4, 8), "disarmed in cell (4, 8)"),
     ],
 )
 def test_an_order_just_above_the_goal_still_ends_in_an_arrival(up_m: float, cell: Cell, outcome: str) -> None:
@@ -561,7 +561,7 @@ def test_a_single_disarmed_heartbeat_in_the_air_ends_nothing() -> None:
     assert story.state.phase is Phase.FLYING
     story.over((4, 2), **up)
     assert story.state.phase is Phase.FAILED
-    assert story.state.outcome.startswith("disarmed in cell (4, 2), short of its goal")
+    assert story.state.outcome.startswith("disarmed in cell (4, 2)")
 
 
 def test_failsafes_and_orders_work_without_a_position() -> None:

@@ -102,7 +102,7 @@ def test_a_bound_that_cannot_be_met_is_reported_once_and_stops_no_vehicle(tmp_pa
         said = [
             text
             for text in ui.said
-            if text.startswith(f"{vehicle['name']}: no route meets its bound of 84 s")
+            if text.startswith(f"{vehicle['name']}: no route keeps the time bound of 84 s")
         ]
         assert len(said) == 1
 

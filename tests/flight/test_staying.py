@@ -96,8 +96,8 @@ def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp
     assert phase == "lost"
     lines = [plain_line(row) for view in ui.views for row in view.rows if row.name == "uav2"]
     (at_first, *_), (*_, at_last) = (text for text in lines if "link lost" in text), lines
-    assert at_first.startswith("uav2: lost, was flying AUTO, ")
-    assert at_last.startswith("uav2: given up, was flying AUTO, ")
+    assert at_first.startswith("uav2: lost (was flying) AUTO, ")
+    assert at_last.startswith("uav2: given up (was flying) AUTO, ")
     console = Console(width=120, file=(page := io.StringIO()))
     console.print(live_table(ui.views[-1], 120, 40))
     (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])

@@ -204,8 +204,8 @@ def test_a_line_shows_the_changed_weights_and_their_first_plan() -> None:
     strengths = "firing strengths 0.9, 0.8, 0.7"
     assert weights_line(None, STRONGER, taken) == f"uav3: {strengths} from plan 5 on"
     assert weights_line(0.2, STRONGER, taken) == f"uav3: w = 0.2 and {strengths} from plan 5 on"
-    over = VehicleAnswer(3, "uav3", "over", note="plans no more: done, arrived")
-    assert weights_line(0.2, None, over) == "uav3: not changed: plans no more: done, arrived"
+    over = VehicleAnswer(3, "uav3", "over", note="makes no more plans: done, arrived")
+    assert weights_line(0.2, None, over) == "uav3: not changed: makes no more plans: done, arrived"
 
 
 def test_a_vehicle_shows_weights_that_differ_from_the_configuration() -> None:
@@ -255,7 +255,7 @@ def test_a_refused_change_is_shown() -> None:
     story, ui = Story().flying(), Ui()
     arrived(story)
     UiObserver(SafeUi(ui), {1: "uav1"}).folded(*after(story, ev.WeightsChanged(1, w=0.2)))
-    assert ui.said == ["uav1: not changed: plans no more: done, arrived [no-plan]"]
+    assert ui.said == ["uav1: not changed: makes no more plans: done, arrived [no-plan]"]
 
 
 def test_the_last_of_many_changes_are_kept_and_all_are_counted() -> None:

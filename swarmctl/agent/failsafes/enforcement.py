@@ -22,7 +22,7 @@ _DOING: dict[Phase, Activity] = {
     Phase.LANDING: "goal",
     Phase.HOLDING: "hold",
 }
-_WAITS = "; holds until its return path is clear"
+_WAITS = "; holds until the return path is clear"
 _REACTIONS = {
     DemandKind.HOLD: "holds",
     DemandKind.RETURN: "returns",
@@ -33,7 +33,7 @@ _REACTIONS = {
 def apply_failsafes(state: AgentState, now: float) -> StepResult:
     """Evaluate all rules, and follow the strongest new demand.
 
-    A lasting demand is followed once, so that an operator can order otherwise afterwards.
+    A demand is followed once, also if it lasts, so that an operator can give another order afterwards.
     """
     if state.ended:
         return state, []
@@ -64,7 +64,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
 
 
 def _is_new(state: AgentState, was: Demand | None, demand: Demand) -> bool:
-    """Return whether a demand is new: none before, another kind, or now urgent while the vehicle waits."""
+    """Return whether a demand is new: the first, of another kind, or now urgent for a waiting vehicle."""
     presses = was is not None and demand.urgent and not was.urgent and state.return_turn_boot_s is not None
     return was is None or was.kind is not demand.kind or presses
 

@@ -33,7 +33,9 @@ MOVED_M = 0.5
 class Params(Section):
     """Limits of the rule."""
 
-    off_route_m: float = Field(15.0, gt=0.0, description="distance within which it is on its route [m]")
+    off_route_m: float = Field(
+        15.0, gt=0.0, description="greatest distance from the route that counts as on it [m]"
+    )
     seconds: float = Field(2.0, gt=0.0, description="time from the order until it brakes [s]")
 
 

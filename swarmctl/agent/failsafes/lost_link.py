@@ -27,11 +27,11 @@ _CONTINUES: dict[ModeRole, str] = {
     "other": "stays in mode {}",
     "": "continues as before",
 }
-"""By the role of the last mode heard."""
+"""Texts by the role of the last mode received."""
 
 
 class Params(Section):
-    """Policy that the vehicle's parameters were checked against."""
+    """The policy with which the vehicle's parameters were compared."""
 
     does: Literal["return", "land", "hold", "continue"] = "continue"
     after_s: float = 10.0
@@ -48,5 +48,6 @@ def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -
         does = _REACTIONS[params.does].format(params.after_s)
     return None, Demand(
         DemandKind.WARN,
-        f"no telemetry arrives and no order gets through; by preflight.policy.lost_link it {does}",
+        "no telemetry arrives, and the vehicle receives no orders; by preflight.policy.lost_link the vehicle "
+        f"{does}",
     )

@@ -22,26 +22,30 @@ NAME = "low_battery"
 class Params(Section):
     """Limits of the remaining charge, as the vehicle reports it."""
 
-    return_percent: float = Field(25.0, ge=0.0, le=100.0, description="below this it returns [%]; 0: never")
+    return_percent: float = Field(
+        25.0, ge=0.0, le=100.0, description="charge below which the vehicle returns [%]; 0: never"
+    )
     land_percent: float = Field(
-        10.0, ge=0.0, le=100.0, description="below this it lands where it is [%]; 0: never"
+        10.0, ge=0.0, le=100.0, description="charge below which the vehicle lands where it is [%]; 0: never"
     )
     wait_percent: float = Field(
         5.0,
         ge=0.0,
         le=100.0,
-        description="charge below `return_percent` that it may spend in hold until its return path is clear "
-        "[%]; 0: it never waits",
+        description="charge below `return_percent` that the vehicle may spend in hold, until its return path "
+        "is clear [%]; 0: no wait",
     )
     seconds: float = Field(
-        3.0, ge=0.0, description="time below a limit until it counts: full thrust makes the voltage sag [s]"
+        3.0,
+        ge=0.0,
+        description="time below a limit until the rule acts [s], because full thrust makes the voltage sag",
     )
 
     def model_post_init(self, _context: object) -> None:
         if self.return_percent and self.land_percent > self.return_percent:
             raise ValueError(
-                f"land_percent {self.land_percent:g} is above return_percent {self.return_percent:g}: it "
-                "would land before it could return; expected less"
+                f"land_percent {self.land_percent:g} is above return_percent {self.return_percent:g}, so the "
+                "vehicle would land before it could return; lower land_percent"
             )
 
 
@@ -50,25 +54,25 @@ class LowBatteryMemory:
     return_since_s: float | None = None
     land_since_s: float | None = None
     demanded: Demand | None = None
-    """kept for the rest of the flight: a voltage that recovers does not bring charge back"""
+    """demand kept for the rest of the flight, because a recovered voltage is no recovered charge"""
 
 
 def evaluate(
     params: Params, memory: LowBatteryMemory | None, facts: FailsafeFacts, _now: float
 ) -> tuple[LowBatteryMemory, Demand | None]:
     memory = memory or LowBatteryMemory()
-    percent, told_s = facts.vehicle.battery_percent, facts.vehicle.status_s
+    percent, status_s = facts.vehicle.battery_percent, facts.vehicle.status_s
     if not facts.in_flight:
         return LowBatteryMemory(), None
-    if percent is None or told_s is None or facts.lost:
+    if percent is None or status_s is None or facts.lost:
         return LowBatteryMemory(demanded=memory.demanded), memory.demanded
-    # A condition lasts from one SYS_STATUS to a later one; a single old one does not count twice.
-    return_since_s = holds_since(memory.return_since_s, percent < params.return_percent, told_s)
-    land_since_s = holds_since(memory.land_since_s, percent < params.land_percent, told_s)
+    # A duration counts between two SYS_STATUS: without a new SYS_STATUS it does not grow.
+    return_since_s = holds_since(memory.return_since_s, percent < params.return_percent, status_s)
+    land_since_s = holds_since(memory.land_since_s, percent < params.land_percent, status_s)
     demanded = memory.demanded
-    if has_lasted(land_since_s, params.seconds, told_s):
+    if has_lasted(land_since_s, params.seconds, status_s):
         demanded = _stronger(demanded, DemandKind.LAND, percent, params.land_percent)
-    elif has_lasted(return_since_s, params.seconds, told_s):
+    elif has_lasted(return_since_s, params.seconds, status_s):
         demanded = _stronger(demanded, DemandKind.RETURN, percent, params.return_percent)
         demanded = replace(demanded, urgent=demanded.urgent or percent < _waits_above_percent(params))
     return LowBatteryMemory(return_since_s, land_since_s, demanded), demanded
@@ -82,5 +86,5 @@ def _waits_above_percent(params: Params) -> float:
 def _stronger(demanded: Demand | None, kind: DemandKind, percent: float, limit: float) -> Demand:
     if demanded is not None and STRENGTH[demanded.kind] >= STRENGTH[kind]:
         return demanded
-    reason = f"battery at {percent:g} %, below the {limit:g} % of rules.low_battery"
+    reason = f"battery at {percent:g} %, below the limit of {limit:g} % in rules.low_battery"
     return Demand(kind, reason, urgent=kind is DemandKind.LAND)

@@ -1,8 +1,8 @@
-"""Taken over: a pilot by radio control, another ground station, or its own failsafe flies the vehicle.
+"""Taken over: a pilot by radio control, another ground station, or the vehicle's own failsafe flies it.
 
-A heartbeat reports the mode but not its author. A mode that this agent did not choose is another operator's
-will: the vehicle is released. The same holds for a mission that another station uploads and the vehicle
-flies.
+A heartbeat reports the mode, but not the station or failsafe that has selected it. In a mode that this agent
+did not select, the vehicle is released to that operator. The same holds if the vehicle flies a mission of
+another station.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from swarmctl.core.vehicle import STALE_MODE_S
 NAME = "taken_over"
 
 BOOTS_S = 10.0
-"""Time allowed on the ground in a foreign mode: a rebooting vehicle shows its boot mode before its clock
-shows the reboot. A launch order in that time releases it."""
+"""Time allowed on the ground in a foreign mode. A rebooting vehicle shows its boot mode before its clock
+shows the reboot. A launch order in that time releases the vehicle."""
 TEXT_BEFORE_S = 1.5
-"""Time by which a status text may precede the mode that it explains."""
+"""Greatest time from a status text to the mode that the text explains [s]."""
 
 
 class Params(Section):
@@ -57,7 +57,7 @@ def evaluate(
         return memory, demand
     if is_own:
         return memory, None
-    # It may be a previous own mode: wait for the next heartbeat.
+    # The mode may be a previous own one: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
     if facts.doing == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
@@ -65,15 +65,13 @@ def evaluate(
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
     recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S
     text = f" (vehicle reports: {vehicle.status_text})" if recent else ""
-    return memory, Demand(
-        DemandKind.LET_GO, f"in mode {vehicle.mode}, which this program has not ordered{text}"
-    )
+    return memory, Demand(DemandKind.LET_GO, f"in mode {vehicle.mode}, not ordered by this program{text}")
 
 
 def _other_mission(facts: FailsafeFacts) -> Demand | None:
     n_items = facts.vehicle.mission_total or 0
-    what = f"another mission with {n_items} items is on the vehicle; this program has not uploaded it"
+    text = f"the vehicle has a mission of {n_items} items that this program has not uploaded"
     if facts.doing == "ground":
-        return Demand(DemandKind.WARN, f"{what}, and does not launch it with that")
+        return Demand(DemandKind.WARN, f"{text}; it is not launched with that mission")
     flies_it = facts.doing in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
-    return Demand(DemandKind.LET_GO, what) if flies_it else None
+    return Demand(DemandKind.LET_GO, text) if flies_it else None

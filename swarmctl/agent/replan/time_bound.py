@@ -193,7 +193,7 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: Join
         greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, joining))
     nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, joining))
     lost = _in_cells(task, route_lost_s(task, nearest.cells, joining))
-    text = f"no route is at most {latest_cells:.2f} cells long with the loss at its turns: the nearest one "
+    text = f"no route is at most {latest_cells:.2f} cells long with the loss at its turns: the nearest route "
     text += f"has {nearest.length_cells:.2f} and loses {lost:.2f}; allow a later arrival or a higher speed"
     raise BoundTooTight(text, nearest)
 

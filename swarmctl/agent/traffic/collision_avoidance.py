@@ -398,7 +398,7 @@ def _up_m(vehicle: VehicleState, other: StateShared) -> float:
 def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:
     at = alarm.approach
     return (
-        f"will be too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s "
+        f"will come too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s "
         f"({at.horizontal_m:.0f} m horizontally, {at.vertical_m:.1f} m vertically)"
     )
 
@@ -414,4 +414,4 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     acknowledges = report is None or report.state.phase != Phase.FLYING or _hears(state, report)
     if acknowledges or gives_way_by_id(state.task.uav, alarm.other):
         return "; gives way [alarm-yields]"
-    return f"; gives way: vehicle {alarm.other} does not acknowledge hearing this vehicle [alarm-not-heard]"
+    return f"; gives way, because vehicle {alarm.other} does not confirm that it hears it [alarm-not-heard]"

@@ -167,12 +167,12 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         resume_earliest_boot_s=now_s + MIN_WAIT_S,
     )
     state, published = publish_intent(state, planned_flight(state))
-    text = f"its descent would conflict with {describe_clashes(clashes, now_s)}; holds above its landing spot"
+    text = f"descent would conflict with {describe_clashes(clashes, now_s)}; holds above its landing spot"
     return state, [ev.NotifyOperator(f"{text} [landing-queue]"), *ordered, *published]
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
-    """Return how soon a conflict has to be; later, a vehicle that can change its plan still gives way."""
+    """Return the time within which a conflict counts; before a later one, the other can still give way."""
     return SEPARATES_WITHIN_S if intent.may_change else WAITS_WITHIN_S
 
 
@@ -243,10 +243,10 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     if not clashes:
         state, ordered = _land(state)
         state, published = publish_intent(state, planned_flight(state))
-        return state, [ev.NotifyOperator("its descent is clear; lands [descent-clear]"), *ordered, *published]
+        return state, [ev.NotifyOperator("descent is clear; lands [descent-clear]"), *ordered, *published]
     if now_s - state.holding_since_boot_s < REPORTS_AGAIN_S:
         return state, []
-    text = f"has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; its descent conflicts with "
+    text = f"has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; descent still conflicts with "
     return replace(state, holding_since_boot_s=now_s), [
         ev.NotifyOperator(f"{text}{describe_clashes(clashes, now_s)}; continues to hold [landing-queue-long]")
     ]

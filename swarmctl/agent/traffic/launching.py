@@ -39,12 +39,12 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return state, []
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
         # Another operator has the vehicle, or it is booting.
-        return release_vehicle(state, f"in mode {state.vehicle.mode}, which this program has not ordered")
+        return release_vehicle(state, f"in mode {state.vehicle.mode}, not ordered by this program")
     if clashes := _route_clashes(state, _waited_for(state)):
         return _waits(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
-        messages.append(ev.NotifyOperator("its first route is clear; launches [launch-clear]"))
+        messages.append(ev.NotifyOperator("first route is clear; launches [launch-clear]"))
     if state.launch_ignored and (ignored := _route_clashes(state, known_intents(state))):
         messages.append(
             ev.NotifyOperator(
@@ -125,7 +125,7 @@ def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> 
 
 
 def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
-    return f"its first route would conflict with {describe_clashes(clashes, state.vehicle.time_boot_s)}"
+    return f"first route would conflict with {describe_clashes(clashes, state.vehicle.time_boot_s)}"
 
 
 def _waits(state: AgentState, why: str, *, again: bool = False) -> StepResult:
@@ -135,7 +135,7 @@ def _waits(state: AgentState, why: str, *, again: bool = False) -> StepResult:
     since_s = now_s if since_s is None or begins else since_s
     left_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
     if left_s <= 0.0:
-        return cancel_launch(state, f"{why}, for {MAX_LAUNCH_WAIT_S:.0f} s already{_ignore_hint(state)}")
+        return cancel_launch(state, f"{why}, also after {MAX_LAUNCH_WAIT_S:.0f} s{_ignore_hint(state)}")
     text = f"{why}; waits on the ground for {left_s:.0f} s at most{_ignore_hint(state)} [launch-waits]"
     state = replace(state, launch_wait_since_boot_s=since_s, trouble=text)
     return state, [ev.NotifyOperator(text)] if begins or again else []
@@ -147,4 +147,4 @@ def _ignore_hint(state: AgentState) -> str:
     ignore = " ".join(
         f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in clashes)})
     )
-    return f" (`order launch --uav {state.task.uav} {ignore}` does not wait)" if clashes else ""
+    return f" (launch without waiting: `order launch --uav {state.task.uav} {ignore}`)" if clashes else ""

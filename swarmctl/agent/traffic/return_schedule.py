@@ -216,7 +216,7 @@ def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str
     ]
     pairs = ", ".join(f"{names[one]} passing {names[other]}" for one, other in schedule.height_only)
     only = f"; separated by height alone: {pairs}" if pairs else ""
-    return f"{'; '.join(when)}; all have landed within {schedule.down_s:.0f} s{only}"
+    return f"{'; '.join(when)}; all vehicles have landed after {schedule.down_s:.0f} s{only}"
 
 
 def _first_turn(

@@ -145,7 +145,7 @@ def _waits(state: AgentState, return_turn_boot_s: float) -> StepResult:
     state, ordered = command(
         state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **return_started(state, return_turn_boot_s)
     )
-    return state, [ev.NotifyOperator("its return path is clear; returns [return-clear]"), *ordered]
+    return state, [ev.NotifyOperator("return path is clear; returns [return-clear]"), *ordered]
 
 
 def _n_behind_in_queue(state: AgentState) -> int:
@@ -170,9 +170,7 @@ def _settles(state: AgentState, since_s: float) -> StepResult:
     held = wait_to_return(replace(state, returning_neighbours=lower), state.return_deadline_boot_s)
     if held is None:
         return state, []
-    text = (
-        "another vehicle started its return at the same time; holds until its path is clear [return-yields]"
-    )
+    text = "another vehicle started a return at the same time; holds until the path is clear [return-yields]"
     return replace(held[0], returning_neighbours=state.returning_neighbours), [
         ev.NotifyOperator(text),
         *held[1],

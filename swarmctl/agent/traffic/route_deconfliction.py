@@ -159,7 +159,7 @@ def check_own_route(state: AgentState) -> StepResult:
     if not others:
         return state, []
     state = replace(state, dirty=True, must_change=True)
-    text = f"its route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}; gives way"
+    text = f"route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}; gives way"
     return state, [ev.NotifyOperator(f"{text} [route-conflict]")] if new else []
 
 
@@ -223,9 +223,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
-        text = (
-            f"its new route would conflict with {others_text}; flies it at {height_m:.0f} m [height-change]"
-        )
+        text = f"new route would conflict with {others_text}; flies it at {height_m:.0f} m [height-change]"
         state, published = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
         return state, [ev.NotifyOperator(text), *published]
     return _defer(before, state, swap, clashes, now)
@@ -237,12 +235,12 @@ def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
 
 
 def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
-    """Return a plan others_text height, if it differs from the present one, is reached early."""
+    """Return a plan that reaches its height early, if that height differs from the present plan's."""
     here, route = position_of(before), before.route
     if here is None or before.task.wings is not None:
         return plan
     if route is None:
-        return with_level_off(before.task, plan, here, 0.0)  # it stands still until the upload is done
+        return with_level_off(before.task, plan, here, 0.0)  # the vehicle stands still during the upload
     if not _changes_height(before, plan):
         return plan
     return with_level_off(before.task, plan, here, before.swap_times.expected_s)
@@ -263,7 +261,7 @@ def _take(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) ->
 def _defer(
     before: AgentState, state: AgentState, swap: ev.SwapMission, clashes: tuple[Clash, ...], now: float
 ) -> StepResult:
-    """Defer a plan: the vehicle keeps the present one, or holds."""
+    """Defer a plan: the vehicle keeps its present route, or holds."""
     others = frozenset(clash.other for clash in clashes)
     new = [clash for clash in clashes if clash.other not in before.deferred_for]
     state = replace(
@@ -289,7 +287,7 @@ def _defer(
     if new:
         others_text = describe_clashes(new, state.vehicle.time_boot_s)
         messages.append(
-            ev.NotifyOperator(f"its new route would conflict with {others_text} at every height; {does}")
+            ev.NotifyOperator(f"new route would conflict with {others_text} at every height; {does}")
         )
     if not holds:
         return state, messages

@@ -29,5 +29,5 @@ def check(facts: PreflightFacts) -> Finding:
     if state.heading_deg is None:
         return Finding(False, "no heading in its messages", wanted, "check its compass")
     off_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
-    cure = "" if off_deg <= MAX_OFF_DEG else "turn it into its first leg"
+    cure = "" if off_deg <= MAX_OFF_DEG else "turn the vehicle toward its first leg"
     return Finding(off_deg <= MAX_OFF_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)

@@ -9,7 +9,7 @@ WAIVABLE = True
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = "no rally points, because it would return to one"
+    wanted = "no rally points: the vehicle would return to one of them instead of home"
     if facts.rally_points is None:
         return Finding(False, "no answer to the request for rally points", wanted, "check its link")
     if facts.rally_points:

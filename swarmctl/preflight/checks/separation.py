@@ -16,7 +16,7 @@ def check(facts: PreflightFacts) -> Finding:
     if near:
         cure = "give them other altitudes (flight.altitude_step_m, vehicles[].altitude_m), or delays"
         return Finding(False, "; ".join(near), wanted, cure)
-    return Finding(True, f"apart from {len(facts.others)} others", wanted)
+    return Finding(True, f"separated from {len(facts.others)} other vehicles", wanted)
 
 
 def _too_near(facts: PreflightFacts, other: OtherVehicle) -> str:

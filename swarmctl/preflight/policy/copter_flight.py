@@ -82,7 +82,7 @@ _AS_DESCENTS = 0.0  # of LAND_SPD_HIGH_MS: WP_SPD_DN
 
 
 def _landing(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
-    landing = f"a landing at {LAND_M_S:g} m/s from {LOW_M:g} m on"
+    landing = f"a landing at {LAND_M_S:g} m/s below {LOW_M:g} m"
     high = f"a descent at {DESCENT_M_S:g} m/s to {LOW_M:g} m"
     yield _rate("LAND_SPD_MS", landing, LAND_M_S, behaviour)
     yield replace(_rate("LAND_SPD_HIGH_MS", high, DESCENT_M_S, behaviour), values=(_AS_DESCENTS,))

@@ -27,7 +27,7 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         one_of("COM_LOW_BAT_ACT", behaviour.low_battery, _BATTERY, behaviour.policy.low_battery),
         one_of("GF_ACTION", behaviour.fence_breach, _FENCE, behaviour.policy.fence_breach),
         *_heights(behaviour),
-        exactly("RTL_TYPE", "a return to where it took off", _STRAIGHT_HOME),
+        exactly("RTL_TYPE", "a return to the take-off position", _STRAIGHT_HOME),
         RequiredParameter(
             "RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MOST_DELAY_S
         ),
@@ -63,10 +63,10 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
 
 
 def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
-    """Return the parameters of a return to the mission's landing, of circles, slope, climb and least speed.
+    """Return the parameters of the return, the circles, the landing slope, the climb and the least speed.
 
-    Circles are no wider than plans assume. A plane climbs along its route, and not in a circle at its first
-    waypoint.
+    The return leads to the mission's landing. Circles are no wider than plans assume. A plane climbs along
+    its route, and not in a circle at its first waypoint.
     """
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     steep_deg = wings.glide_from_circle_deg
@@ -82,14 +82,25 @@ def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredPa
         ),
         RequiredParameter(
             "FW_LND_ANG",
-            f"a landing as wings says, {steep_deg:.1f} degrees steep",
+            f"a landing by the section wings, {steep_deg:.1f} degrees steep",
             float(math.ceil(steep_deg + _STEEPER_DEG)),
             least=steep_deg,
             most=90.0,
         ),
         RequiredParameter("FW_LND_ABORT", "a landing that needs no range finder", bit=_WITHOUT_TERRAIN),
-        RequiredParameter("NAV_ACC_RAD", "no earlier turn", least=0.0, most=behaviour.turn_radius_m),
-        RequiredParameter("NAV_FW_ALT_RAD", "a climb on its way", climbs_m, least=climbs_m, most=math.inf),
+        RequiredParameter(
+            "NAV_ACC_RAD",
+            "turns no earlier than turn_radius_m before a waypoint",
+            least=0.0,
+            most=behaviour.turn_radius_m,
+        ),
+        RequiredParameter(
+            "NAV_FW_ALT_RAD",
+            "a climb along the route, not in a circle",
+            climbs_m,
+            least=climbs_m,
+            most=math.inf,
+        ),
         RequiredParameter(
             "FW_AIRSPD_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s
         ),
