@@ -36,6 +36,7 @@ def test_staggered_vehicles_arrive_one_after_the_other(tmp_path: Path) -> None:
     assert arrival["kept"] is (arrival["spread_s"] <= 3.0)
 
 
+@pytest.mark.full
 def test_vehicles_choose_longer_routes_where_speed_alone_is_not_enough(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

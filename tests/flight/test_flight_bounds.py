@@ -85,6 +85,7 @@ def test_an_arrival_window_is_kept_at_both_ends(unbounded: list[dict[str, Any]],
         assert vehicle["arrival_bound_kept"] is True
 
 
+@pytest.mark.full
 def test_the_survival_planner_flies(tmp_path: Path) -> None:
     for vehicle in flown(swarm({"name": "survival"}), tmp_path):
         assert vehicle["arrived_s"] > 90.0

@@ -11,7 +11,7 @@ from flights import fly, small
 
 from swarmctl.report import record
 
-pytestmark = pytest.mark.virtual
+pytestmark = [pytest.mark.virtual, pytest.mark.full]
 
 POOR: dict[str, Any] = {
     "bus": "memory",

@@ -96,6 +96,7 @@ def flown(
 SWARMS = [two, three, six]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("swarm", SWARMS)
 def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

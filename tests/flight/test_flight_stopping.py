@@ -15,7 +15,7 @@ from swarmctl.agent.step import step
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 
-pytestmark = pytest.mark.virtual
+pytestmark = [pytest.mark.virtual, pytest.mark.full]
 
 HOSTILES = [[2, 3], [4, 4], [2, 6], [5, 6]]
 AFTER_S = (3.0, 5.0, 8.0)

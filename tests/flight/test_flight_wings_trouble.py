@@ -15,7 +15,7 @@ from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.report import record
 
-pytestmark = pytest.mark.virtual
+pytestmark = [pytest.mark.virtual, pytest.mark.full]
 
 
 def pair(**sections: Any) -> Scenario:

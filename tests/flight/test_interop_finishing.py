@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.interop
+from swarmctl.cli.flights import LATE_INTERRUPT
+
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 SMALL = """\
 name: small
@@ -67,7 +69,7 @@ def test_a_signal_after_the_landing_does_not_cost_the_summary(
 ) -> None:
     done = flown(words, tmp_path, where, number, 1)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "its files are being written; Ctrl-C again" in done.stderr
+    assert LATE_INTERRUPT.decode() in done.stderr
     (folder,) = (tmp_path / "runs").iterdir()
     assert json.loads((folder / "summary.json").read_text())["arrived"] == 1
     assert (folder / "map.png").exists()
