@@ -324,7 +324,7 @@ class Mission:
         return True
 
     def restart_current(self, pilot: Pilot) -> bool:
-        """Start the current command again (in a pause: at its end); False if it does not exist any more."""
+        """Start the current command again (in a pause: at its end); False if it no longer exists."""
         if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
             return False
         if self.items[self.index].command not in NAVIGATION:

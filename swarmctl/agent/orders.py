@@ -125,7 +125,10 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
 
 def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
-        return "refused", f"{state.outcome or state.phase}; cannot resume its route [not-resumed]"
+        return (
+            "refused",
+            f"the vehicle cannot resume its route after: {state.outcome or state.phase} [not-resumed]",
+        )
     if state.phase is Phase.LAUNCHING:
         return "taken", "is about to take off [launching]"
     if state.phase not in ON_GROUND:

@@ -52,7 +52,7 @@ class Phase(StrEnum):
     LANDING = "landing"
     """over its goal, descending or in the landing queue"""
     HOLDING = "holding"
-    """by order, or waiting for its return"""
+    """holding by order, or until its return"""
     LEAVING = "leaving"
     """returning or landing by order"""
     RELEASED = "released"
@@ -109,7 +109,7 @@ class Task:
     separation: SeparationRules = DEFAULT_SEPARATION
     """distances kept from other vehicles, and the evasive action"""
     arrival_group: ArrivalGroup | None = None
-    """with whom it arrives; None: by itself"""
+    """the vehicles with which it arrives; None: it arrives by itself"""
 
 
 @dataclass(frozen=True, slots=True)

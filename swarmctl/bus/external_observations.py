@@ -26,7 +26,7 @@ PAUSE_S = 10.0
 """time without a refusal for the same reason, after which the next one is shown again"""
 MAX_REASON_CHARS = 400
 TIMEOUT_S = 3.0
-"""of an answer; a report is accepted or refused as soon as it arrives"""
+"""longest wait for an answer [s]; an agent answers as soon as the report arrives"""
 
 
 @dataclass(slots=True)
@@ -35,7 +35,7 @@ class ReportCounts:
 
     taken: int = 0
     refused: dict[str, int] = field(default_factory=dict)
-    """by reason"""
+    """numbers of refused reports, by reason"""
 
 
 class ReportReceiver:

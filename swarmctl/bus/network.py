@@ -74,7 +74,7 @@ class _Member:
     timer: asyncio.TimerHandle | None = None
     timer_s: float = float("inf")
     n_lines: Counter[str] = field(default_factory=Counter)
-    """by topic"""
+    """number of lines shown, by topic"""
     news: list[BeliefItem] = field(default_factory=list)
     """new observations that its agent has not received yet"""
 

@@ -31,7 +31,7 @@ from swarmctl.core.grid import Cell, Grid
 
 VERSION: Final = 1
 MAX_BYTES = 16_384
-"""of a report; about 1400 cells"""
+"""greatest size of a report [bytes]; about 1400 cells"""
 MAX_CELLS = 4096
 MAX_SOURCE = 32
 """characters"""

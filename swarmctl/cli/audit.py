@@ -29,7 +29,7 @@ _FIRST = (
     *("message", "command", "items", "of", "first", "result", "times"),
     *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
 )
-"""of an entry; the rest follows in the order of the file"""
+"""keys of an entry that are shown first; the other keys follow in the order of the file"""
 
 
 def register(cli: typer.Typer) -> None:

@@ -54,7 +54,7 @@ def set_weights(
     def line(answer: VehicleAnswer) -> str:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
         text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer)
-        if answer.outcome != "taken":
+        if answer.outcome != "taken" or answer.note:
             return text
         # A vehicle that keeps its route makes no new plan, and may arrive before one.
         return f"{text}; plan {answer.from_plan} follows if another route is better"

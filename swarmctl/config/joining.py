@@ -65,7 +65,7 @@ def as_watcher(
         return zenoh_config.client(router, certified(router, keyring))
     nodes = [*_mesh(swarm, names).values()]
     if not nodes:
-        raise NoNetwork("`communication` has neither router nor mesh to connect to; add one")
+        raise NoNetwork("`communication` has neither router nor mesh; add one")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
     return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], certified(here, keyring))
 

@@ -46,7 +46,11 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
         if {conflict.uav, conflict.other} not in shared:
             continue
         at = conflict.closest
-        near = f"{at.horizontal_m:.0f} m over ground and {at.vertical_m:.0f} m in height after {at.t_s:.0f} s"
+        near = (
+            f"{at.horizontal_m:.0f} m over ground and {at.vertical_m:.0f} m in height after {at.t_s:.0f} s "
+            f"(limits, with {TIME_TOLERANCE_S:g} s for delays: {slots.horizontal_m:g} m and "
+            f"{slots.vertical_m:g} m)"
+        )
         yield _problem(scenario, specs[conflict.uav], specs[conflict.other], near)
         return  # one change of the configuration usually resolves the other conflicts too
 
@@ -96,12 +100,11 @@ def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigPro
         bands = "and a fixed wing climbs and descends on its route"
     text = (
         f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, {bands}, "
-        f"and their first routes meet: {near}, with a tolerance of {TIME_TOLERANCE_S:g} s for delays; "
-        f"{_cure(one, other)}"
+        f"and their first routes come too close: {near}; {_cure(one, other)}"
     )
     return ConfigProblem(("flight", "altitude_step_m"), text)
 
 
 def _cure(one: Spec, other: Spec) -> str:
     slots = "simulate.delay_step_s" if one.simulated and other.simulated else "delay_s of one of them"
-    return f"give them altitudes that differ by more, or raise {slots} until the routes do not meet"
+    return f"give them altitudes that differ by more, or raise {slots} until the routes stay apart"

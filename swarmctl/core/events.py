@@ -88,8 +88,7 @@ class MissionAccepted(_Record, frozen=True):
 
     plan_id: int
     took_s: float | None = None
-    """in flight: measured duration of the swap; on the ground: expected duration, from that of the upload
-    [s]"""
+    """duration of the swap [s]: measured in flight, expected on the ground (from the upload's duration)"""
     stood_still_s: float = 0.0
     """time for which the vehicle held or stood still for the swap [s]"""
 

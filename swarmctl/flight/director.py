@@ -125,7 +125,7 @@ class Director:
         answered = [m for m in self._members if m.identity is not None]
         for member in answered:
             member.not_ready_because = member.not_ready_because or "; ".join(member.waiting_for)
-        self._say(f"stopping; checking what is known of {names(answered) or 'no vehicle'}")
+        self._say(f"stopping; checking the data received from {names(answered) or 'no vehicle'}")
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(PARTIAL_CHECKS_S):
                 await self._clearance.failures(answered, answered)
@@ -152,7 +152,7 @@ class Director:
         if len(released) == len(self._members):
             return f"another station or a pilot has armed {names(released)}"
         ready = "every vehicle" if len(self._members) > 1 else names(self._members)
-        text = f"{ready} holds its mission, read back and compared"
+        text = f"{ready} has its mission, verified by a download"
         if released:
             text = f"{text}, except {names(released)}, armed by another station or a pilot"
         return text
@@ -275,10 +275,14 @@ class Director:
 
     async def _connect(self, member: Member) -> None:
         member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
-        self._say(f"{member.name}: {member.identity.firmware} answers, system {member.identity.sysid}")
+        self._say(
+            f"{member.name}: connected to {member.identity.firmware}, system id {member.identity.sysid}"
+        )
         found = member.runner.link.state()
         if found.armed:
-            text = f"already armed, in mode {found.mode or '?'}; land and disarm it, or leave it out"
+            text = (
+                f"already armed, in mode {found.mode or '?'}; disarm it, or remove it from the configuration"
+            )
             raise PreflightFailed([f"{member.name}: {text} [already-armed]"])
 
     async def _make_ready(self, member: Member) -> None:
@@ -307,15 +311,15 @@ class Director:
                 reported_s = clock()
                 member.is_overdue = True
                 self._say(
-                    f"{member.name}: not ready yet: {'; '.join(reasons)} (waiting "
-                    f"{self._flight.ready_timeout_s:g} s at most) [not-ready]"
+                    f"{member.name}: not ready yet: {'; '.join(reasons)}; waiting "
+                    f"{self._flight.ready_timeout_s:g} s at most [not-ready]"
                 )
 
         await member.runner.link.prepare(self._flight.ready_timeout_s, waiting)
         member.waiting_for, member.is_overdue, member.not_ready_because = (), False, ""
         where = member.runner.link.state()
         if where.lat_deg is None or where.lon_deg is None:
-            raise PreflightFailed([f"{member.name}: reports that it is ready, but no position"])
+            raise PreflightFailed([f"{member.name}: ready, but its telemetry has no position"])
         away_m = distance_m((where.lat_deg, where.lon_deg), member.spec.start)
         if away_m > START_TOLERANCE_M:
             raise PreflightFailed([_misplaced(member, away_m)])
@@ -333,7 +337,7 @@ class Director:
         try:
             await self._prepare_again(member)
         except (LinkError, PreflightFailed) as error:
-            self._say(f"{error}; it stays on the ground")
+            self._say(f"{error}; the vehicle stays on the ground")
             member.runner.post(ev.OperatorCommand(ev.FlightOrder.HOLD))
             return
         member.runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH))

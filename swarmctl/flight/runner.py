@@ -158,7 +158,7 @@ class Runner:
             case VehicleRebooted():
                 self.cleared.clear()
                 self.post(ev.Rebooted())
-                self.note("has rebooted, and is made ready again [rebooted]", to_operator=True)
+                self.note("has rebooted; on the ground it is made ready again [rebooted]", to_operator=True)
             case SystemIdConflict(address):
                 self.conflict = f"a second sender, at {address}, uses system id {self.state.task.uav} too"
                 self.note(f"{self.conflict}; the frames of that sender are dropped", to_operator=True)

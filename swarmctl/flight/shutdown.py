@@ -47,7 +47,7 @@ class Shutdown:
         returning = [m for m in in_flight if order is ev.FlightOrder.RETURN and _returns_already(m)]
         stopped = [m for m in in_flight if m not in returning]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
-            self._say(f"{names(released)}: released in the air, so no order is sent; {HEARTBEATS_END}")
+            self._say(f"{names(released)}: released in the air, so they get no order; {HEARTBEATS_END}")
         self._say(f"stopping: hold ordered of {names(stopped) or 'no vehicle'} [stopping]")
         self._order([m for m in self._members if m not in returning], ev.FlightOrder.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, stopped)
@@ -94,7 +94,7 @@ class Shutdown:
                     self._say(RETURN_NOW.format(member.name))
                     break
                 if not reported:
-                    self._say(f"{member.name} holds until its path home is clear of other vehicles [waiting]")
+                    self._say(f"{member.name} holds until the path home is clear of other vehicles [waiting]")
                 reported = True
                 await asyncio.sleep(POLL_S)
         return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]

@@ -8,15 +8,15 @@ from swarmctl.core.threat import FiringStrength
 
 def order_line(order: str, answer: VehicleAnswer) -> str:
     """Return a vehicle's answer to an order as a line."""
-    how = {"taken": f"{order} ordered", "unconfirmed": "unknown"}.get(answer.outcome, "not ordered")
-    return f"{answer.name}: {how}" + (f": {answer.note}" if answer.note else "")
+    how = {"taken": "ordered", "unconfirmed": "not confirmed"}.get(answer.outcome, "not ordered")
+    return f"{answer.name}: {order} {how}" + (f": {answer.note}" if answer.note else "")
 
 
 def weights_line(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
     """Return a vehicle's answer to new weights as a line."""
     if answer.outcome != "taken":
-        how = "unknown" if answer.outcome == "unconfirmed" else "not changed"
-        return f"{answer.name}: {how}: {answer.note}"
+        how = "not confirmed" if answer.outcome == "unconfirmed" else "not changed"
+        return f"{answer.name}: weights {how}: {answer.note}"
     parts = [] if w is None else [f"w = {w:g}"]
     if strength is not None:
         fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)

@@ -52,7 +52,7 @@ class VehicleRow:
 
     name: str
     age_s: float | None
-    """since its last state; None before the first"""
+    """time since the vehicle's last state [s]; None before the first"""
     state: StateShared | None
     cell: Cell | None
     contradicted_by: tuple[str, ...] = ()

@@ -81,7 +81,7 @@ def test_a_misspelt_name_does_not_keep_the_others_in_the_air() -> None:
     assert result.exit_code == 1
     assert [uav for uav, _ in station.posted] == [1]
     assert "uav1: land ordered" in result.stdout
-    assert "nosuch: not ordered: " in result.stderr
+    assert "nosuch: land not ordered: " in result.stderr
 
 
 def test_an_abort_without_a_name_shows_the_flight_found_and_leaves_stale_records(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def test_failed_checks_are_in_the_table_with_advice(tmp_path: Path) -> None:
     assert result.output.count("FAILS") == 2
     assert "100 %" in result.output
     assert "95 % in reserve" in result.output
-    assert "no charge is enough" in result.output
+    assert "endurance_s" in result.output
 
 
 def test_waived_checks_are_in_the_table(tmp_path: Path) -> None:

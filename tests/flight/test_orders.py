@@ -476,11 +476,12 @@ def test_each_agent_answers_for_itself_without_delaying_others() -> None:
     assert took_s == pytest.approx(client.TIMEOUT_S)
     assert client.has_failed(GiveOrder(None, "hold"), answer)
     lines = [order_line("hold", vehicle) for vehicle in answer.vehicles]
-    assert lines[0].startswith("uav1: not ordered: ")
+    assert lines[0].startswith("uav1: hold not ordered: ")
     assert lines[0].endswith("[agent-silent]")
     assert lines[1] == "uav2: hold ordered"
     assert all(
-        line.startswith(f"{name}: unknown: ") for name, line in zip(("uav3", "uav4"), lines[2:], strict=True)
+        line.startswith(f"{name}: hold not confirmed: ")
+        for name, line in zip(("uav3", "uav4"), lines[2:], strict=True)
     )
 
 

@@ -106,7 +106,8 @@ def test_parameters_are_set_only_if_configured(afflict: Afflict, tmp_path: Path)
     ui = Ui()
     report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui)
     assert report.all_arrived
-    (said,) = [text for text in ui.said if text.startswith("uav1: set as")]
+    (said,) = [text for text in ui.said if "FENCE_ENABLE 0 → 1" in text]
+    assert said.startswith("uav1: ")
     assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1")
 
 

@@ -148,7 +148,7 @@ def test_a_planner_without_w_refuses_a_change_of_w(name: str) -> None:
         assert answer.outcome == "refused"
         assert answer.note.endswith("[w-unused]")
         assert name in answer.note
-        assert weights_line(0.2, strength, answer) == f"uav1: not changed: {answer.note}"
+        assert weights_line(0.2, strength, answer) == f"uav1: weights not changed: {answer.note}"
         assert story.state == before
     assert answer_to(story(ev.WeightsChanged(4, strength=STRONGER)), 4).outcome == "taken"
 
@@ -205,7 +205,7 @@ def test_a_line_shows_the_changed_weights_and_their_first_plan() -> None:
     assert weights_line(None, STRONGER, taken) == f"uav3: {strengths} from plan 5 on"
     assert weights_line(0.2, STRONGER, taken) == f"uav3: w = 0.2 and {strengths} from plan 5 on"
     over = VehicleAnswer(3, "uav3", "over", note="makes no more plans: done, arrived")
-    assert weights_line(0.2, None, over) == "uav3: not changed: makes no more plans: done, arrived"
+    assert weights_line(0.2, None, over) == "uav3: weights not changed: makes no more plans: done, arrived"
 
 
 def test_a_vehicle_shows_weights_that_differ_from_the_configuration() -> None:
@@ -255,7 +255,7 @@ def test_a_refused_change_is_shown() -> None:
     story, ui = Story().flying(), Ui()
     arrived(story)
     UiObserver(SafeUi(ui), {1: "uav1"}).folded(*after(story, ev.WeightsChanged(1, w=0.2)))
-    assert ui.said == ["uav1: not changed: makes no more plans: done, arrived [no-plan]"]
+    assert ui.said == ["uav1: weights not changed: makes no more plans: done, arrived [no-plan]"]
 
 
 def test_the_last_of_many_changes_are_kept_and_all_are_counted() -> None:

@@ -39,10 +39,10 @@ def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
 
 @dataclass(frozen=True, slots=True)
 class JoiningLeg:
-    """The flight of a vehicle to the begin of its new route."""
+    """The flight of a vehicle to the start of its new route."""
 
     path: tuple[PlanarPoint, ...] = ()
-    """points from the vehicle to before the begin of the route"""
+    """points from the vehicle on, without the start of the route"""
     begins_m_s: float = 0.0
     """speed at the first point [m/s]"""
 
@@ -81,7 +81,7 @@ def lead_in_to(
 
 
 def change_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
-    """Return the cost of a swap now [cells]: the standstill, and a way back to the begin of the new route.
+    """Return the cost of a swap now [cells]: the standstill, and a way back to the start of the new route.
 
     There is no way back if the new route begins ahead of the vehicle.
     """

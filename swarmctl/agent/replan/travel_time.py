@@ -71,7 +71,7 @@ def arrives_s(
 def timed(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0
 ) -> tuple[list[PlanarPoint], list[float]]:
-    """Return the corners of a track with both ends, and the time at each from the begin [s].
+    """Return the corners of a track with both ends, and the time from the start to each [s].
 
     The vehicle begins with `begins_m_s` and stops at the end.
     """
@@ -82,7 +82,7 @@ def timed(
 def _timed(
     track: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float
 ) -> tuple[list[PlanarPoint], list[float], float]:
-    """Return the corners, the time at each [s], and the speed at the begin of the last leg [m/s]."""
+    """Return the corners, the time at each [s], and the speed at the start of the last leg [m/s]."""
     corners = _corners(track)
     legs_m = [math.dist(a, b) for a, b in pairwise(corners)]
     if not legs_m:

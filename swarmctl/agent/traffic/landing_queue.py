@@ -89,9 +89,9 @@ def queue_for_landing(state: AgentState) -> StepResult:
 
 
 def land_unconfirmed(state: AgentState) -> StepResult:
-    """Order the landing if the vehicle never confirmed the hold and the hold is of no use any more.
+    """Order the landing if the vehicle never confirmed the hold, and the hold has become useless.
 
-    That is below the least height for waiting, or with a clear descent.
+    A hold is useless below the least height for waiting, and with a clear descent.
     """
     if (
         state.phase is not Phase.LANDING

@@ -223,7 +223,9 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
-        text = f"new route would conflict with {others_text}; flies it at {height_m:.0f} m [height-change]"
+        text = (
+            f"new route would conflict with {others_text}; flies at {height_m:.0f} m instead [height-change]"
+        )
         state, published = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
         return state, [ev.NotifyOperator(text), *published]
     return _defer(before, state, swap, clashes, now)

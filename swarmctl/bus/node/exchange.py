@@ -63,8 +63,8 @@ class NetworkCounters:
     lost: Counter[str] = field(default_factory=Counter)
     """messages that the radio model dropped, sent or received, by cause"""
     refused: Counter[str] = field(default_factory=Counter)
-    """by reason"""
+    """messages refused, by reason"""
     refused_from: Counter[int] = field(default_factory=Counter)
-    """by sender"""
+    """messages refused, by sender"""
     flagged: Counter[int] = field(default_factory=Counter)
     """cells that another UAV reported and this UAV observed otherwise, by that UAV"""

@@ -57,7 +57,7 @@ class ReceptionTable:
 
     def __init__(self, uavs: Iterable[int], options: NodeOptions) -> None:
         self.system_ids = np.array(sorted(set(uavs)), np.int64)
-        """by place"""
+        """system id of each row of the arrays"""
         self._places = {uav: place for place, uav in enumerate(self.system_ids.tolist())}
         self._clock_tolerance_s = options.clock_tolerance_s
         self.logs = ObservationLogs()

@@ -24,7 +24,7 @@ MAX_BEYOND = 600
 MAX_AHEAD = 1024
 """Observations farther beyond a gap are not kept; they, or a checkpoint, can be requested later."""
 MAX_INCARNATIONS = 8
-"""of one observer"""
+"""greatest number of incarnations kept for one observer"""
 
 
 class DetachedColumn:

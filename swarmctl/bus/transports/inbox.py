@@ -16,8 +16,8 @@ from swarmctl.bus.transports.base import Failure
 Delivery = Callable[[], None]
 
 TURN_S = 0.02
-"""of work in one turn of the loop, shared by the queues; the rest waits, so that links and timers get their
-turn"""
+"""Longest work in one turn of the event loop [s], shared by the queues. Further work waits for the next turn,
+so that links and timers are not delayed."""
 
 
 class Inbox:

@@ -17,13 +17,13 @@ Subscribe = Callable[[str], Callable[[], None]]
 """subscribes to a key, and returns a function that ends the subscription"""
 
 EARLIEST_S, LATEST_S = 2.0, 4.0
-"""limits of the time a link may be without routes, which mostly arrive within milliseconds"""
+"""limits of the time for which a link may have no routes [s]; routes mostly arrive within milliseconds"""
 MAX_DOUBLINGS = 4
-"""of that time, one at each renewal: a permanent fault does not disturb the other nodes"""
+"""greatest number of doublings of that time, one a renewal, so that a permanent fault disturbs less"""
 WHOLE_AFTER_S = 10.0
 """time without a missing route, after which the doublings start again"""
 MISSED = ""
-"""in place of an id: another node misses this one"""
+"""value in place of a node's id: another node misses this node"""
 
 
 class LinkSet:

@@ -74,9 +74,9 @@ class _Walk:
         self._by_row = steps[:, 0] >= steps[:, 1]
 
     def strip(self, k: int, m: int) -> tuple[Floats, Floats, Ints, Ints]:
-        """Return, for the first m legs, the begin and end of strip k [steps], and the entry and exit cells.
+        """Return start and end of strip k [steps] and the entry and exit cells, for the first m legs.
 
-        Cells are counted to the side of the begin. A leg over a corner goes on in the diagonal cell.
+        Cells are counted to the side of the start. A leg over a corner continues in the diagonal cell.
         """
         major, minor = self.major[:m], self.minor[:m]
         low = np.full(m, max(k - 0.5, 0.0))

@@ -15,11 +15,11 @@ from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offered, offs
 REL_TIE = 1e-12
 """Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
 LENGTH_TIE = 1e-9
-"""Lengths closer than this are equal [cells]; two that differ in steps differ by more on any real area."""
+"""Lengths closer than this are equal [cells]. Lengths of different steps differ by more on any real area."""
 UNKNOWN = np.inf
-"""in `length`: not computed yet"""
+"""value in `length` of a cell without a length yet"""
 ON_STACK = -1.0
-"""in `length`: on the stack of `find_lengths`; `find_lengths_in_circles` writes -2 minus an index instead"""
+"""value in `length` of a cell on the stack of `find_lengths`; `find_lengths_in_circles` writes -2 - index"""
 MANY_GOALS = 4
 """With more goals no least length to the nearest goal is computed."""
 

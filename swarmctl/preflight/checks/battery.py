@@ -55,8 +55,10 @@ def _low_too_late(facts: PreflightFacts) -> tuple[str, str, str]:
 
 def _cure(needs_percent: float) -> str:
     if needs_percent <= FULL_PERCENT:
-        return "charge it, or shorten its route"
-    return "no charge is enough: shorten its route, or correct preflight.endurance_s or reserve_percent"
+        return "charge the battery, or shorten the route"
+    return (
+        "a full battery is not enough: shorten the route, or correct preflight.endurance_s or reserve_percent"
+    )
 
 
 def flight_s(facts: PreflightFacts) -> float | None:
