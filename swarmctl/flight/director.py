@@ -94,7 +94,7 @@ class Director:
 
     @property
     def on_ctrl_c(self) -> str:
-        """What Ctrl-C does now, in words."""
+        """The effect of Ctrl-C now, as text."""
         if self.stop.is_set():
             return "leave at once"
         if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
@@ -224,7 +224,7 @@ class Director:
         return external
 
     async def _all_reported(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
-        """As `_all`, and report each failure at once while other vehicles take longer."""
+        """Do as `_all`; report each failure at once, while other vehicles take longer."""
         under_way = {m.name for m in self._members if not self._is_released(m)}
 
         async def reported(member: Member) -> None:
