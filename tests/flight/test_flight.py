@@ -202,7 +202,7 @@ def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> Non
     assert "uav2: link lost" in ui.said
     assert "uav2: link restored" in ui.said
     links = {row.link for view in ui.views for row in view.rows if row.name == "uav2"}
-    assert "lost 10 s" in links
+    assert "lost for 10 s" in links
     assert {row.link for row in ui.views[-1].rows} == {OK}
     others = {row.link for view in ui.views for row in view.rows if row.name != "uav2"} - {NOT_YET}
     assert others == {OK}
