@@ -53,10 +53,15 @@ def bounding_box(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
 def _half(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
     chain: list[PlanarPoint] = []
     for point in ordered:
-        while len(chain) >= 2 and _turn(chain[-2], chain[-1], point) <= STRAIGHT_M * dist(chain[-2], point):
+        while len(chain) >= 2 and _is_no_corner(chain[-1], chain[-2], point):
             chain.pop()
         chain.append(point)
     return chain
+
+
+def _is_no_corner(b: PlanarPoint, a: PlanarPoint, c: PlanarPoint) -> bool:
+    """Return whether a, b, c turn to the right, or b is within STRAIGHT_M of the leg from a to c."""
+    return _turn(a, b, c) <= 0.0 or distance_to_leg(b, a, c) <= STRAIGHT_M
 
 
 def _turn(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint) -> float:

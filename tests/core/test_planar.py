@@ -41,6 +41,12 @@ def test_every_point_is_inside_by_the_margin(points, margin_m, angle):
         assert contains(fence, (e + reach_m * math.cos(angle), n + reach_m * math.sin(angle)))
 
 
+def test_a_far_corner_almost_in_line_with_an_edge_stays_in_the_hull():
+    fence = padded_hull([(0.0, 0.0), (0.5, -102.0)], 1.0)
+    assert (-0.5, -103.0) in fence
+    assert contains(fence, (0.0, 0.0))
+
+
 def test_a_row_of_points_has_a_fence_of_few_corners():
     row = [(0.0, 10.0 * i + 1e-6 * (i % 3)) for i in range(250)]
     assert len(padded_hull(row, 50.0)) == 4
