@@ -17,7 +17,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#5B4A8A")
-"""Okabe and Ito's colours, one a vehicle as on the map; again from the first after the last."""
+"""Okabe and Ito's colours, one for each vehicle, on the map too; again from the first after the last."""
 AREA, HOSTILES, FOUND, LOG = "/map/area", "/map/hostiles", "/map/found", "/log"
 """Topics of the whole run. Each vehicle has `/NAME/location` and `/NAME/route` besides."""
 

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from swarmctl.report.foxglove import colour
 from swarmctl.report.pictures.scene import MapPicture
 
 Dashes = tuple[float, tuple[float, ...]]
 
-# Okabe and Ito's colours, distinguishable with any colour vision; their yellow marks the strikes.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#5B4A8A")
-STRIKE = "#F0E442"
+STRIKE = "#F0E442"  # the yellow of the vehicles' palette
 INK, QUIET = "#222222", "#777777"
 OUTSIDE, SEEN, VEIL, GRID_LINE = "#F3F1EC", "#FFFFFF", "#E4EBF3", "#D5DBE2"
 FOUND, NEVER_FOUND, HATCH = "#7A7A7A", "#BDBDBD", "#9C9C9C"
@@ -29,7 +28,7 @@ BADGE_PT = 11.5
 
 
 def colour_of(index: int) -> str:
-    return COLOURS[index % len(COLOURS)]
+    return colour(index)
 
 
 def flown_widths(n: int) -> list[float]:
