@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import heapq
 import itertools
-import time
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -385,9 +384,13 @@ class _Waiting(Protocol[T_co]):
 
 
 def _within(seconds: float, waiting: _Waiting[T]) -> Iterator[T]:
-    """Yield waiting items in order, until the time is over."""
-    until_s = time.perf_counter() + seconds
+    """Yield waiting items in order, until the time of the running loop is over.
+
+    On the virtual clock that is never: the order of a run must not depend on the machine's speed.
+    """
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + seconds
     while waiting:
         yield waiting.popleft()
-        if time.perf_counter() > until_s:
+        if loop.time() > until_s:
             return

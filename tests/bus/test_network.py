@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import itertools
 import math
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,12 +15,13 @@ from ether import state
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus import keys, network
+from swarmctl.bus import keys
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.reception import nearest_uavs
 from swarmctl.bus.radio import LossReason, Partition, Radio, RadioSettings, RadioSilence
 from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.frames import Frame, FrameCodec, RefusalReason
@@ -200,9 +201,9 @@ def test_a_uav_that_joins_again_learns_earlier_observations() -> None:
 
 def test_agents_get_news_under_overload(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = itertools.count(0.0, 0.001)  # each look at it is a message or an agent later
-    monkeypatch.setattr(network, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
 
     async def scene() -> int:
+        monkeypatch.setattr(asyncio.get_running_loop(), "time", lambda: next(clock))
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2)
             with closing(swarm.network):
@@ -214,6 +215,31 @@ def test_agents_get_news_under_overload(monkeypatch: pytest.MonkeyPatch) -> None
 
     # But for what came in the last moments.
     assert run_virtual(scene()) >= 300
+
+
+def test_a_slow_machine_changes_no_order_on_the_virtual_clock() -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(transport, 1, 2, 3)
+            with closing(swarm.network):
+                calls: list[tuple[int, int]] = []
+
+                def slow(uav: int) -> Callable[[tuple[BeliefItem, ...]], None]:
+                    def on_news(news: tuple[BeliefItem, ...]) -> None:
+                        end_s = time.perf_counter() + TURN_S
+                        while time.perf_counter() <= end_s:
+                            pass
+                        calls.append((uav, len(news)))
+
+                    return on_news
+
+                for uav in (2, 3):
+                    swarm.network.join(uav, slow(uav))
+                swarm.says(1, 1)
+                await asyncio.sleep(0.0)
+                assert calls == [(2, 1), (3, 1)]
+
+    run_virtual(scene())
 
 
 # --- the model, in simulated time
