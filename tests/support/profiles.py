@@ -16,6 +16,9 @@ def is_full() -> bool:
     return os.environ.get(VARIABLE) == "full"
 
 
-def examples(n_full: int) -> int:
-    """Return the number of examples that hypothesis draws, of `n_full` in a full run."""
-    return n_full if is_full() else min(n_full, max(SHORT_LEAST, n_full // SHORT_SHARE))
+def examples(n_full: int, least: int = SHORT_LEAST) -> int:
+    """Return the number of examples that hypothesis draws, of `n_full` in a full run.
+
+    A test with a whole conversation or flight an example gives a smaller `least` for the short run.
+    """
+    return n_full if is_full() else min(n_full, max(least, n_full // SHORT_SHARE))
