@@ -23,8 +23,7 @@ from sim_vehicle.physics.world import World
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.truth import Truth
 from sim_vehicle.vehicle.autopilot import Autopilot
-from sim_vehicle.vehicle.fault_effects import FaultEffectWriter
-from sim_vehicle.vehicle.injected_faults import InjectedFaults
+from sim_vehicle.vehicle.injected_faults import FaultEffectWriter, InjectedFaults
 from sim_vehicle.vehicle.receivers import COMPONENT
 from sim_vehicle.wire.encode import Encoder
 from sim_vehicle.wire.outbox import Frames, Outbox

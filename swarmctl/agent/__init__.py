@@ -10,7 +10,7 @@ an agent knows and does. New information only marks the plan dirty; the next `Ti
 | `arrival/` | simultaneous arrival |
 | `failsafes/` | one file for each rule |
 | `orders`, `own_modes` | operators' orders; modes that the agent chose itself |
-| `learning`, `sharing`, `touchdown` | belief; broadcast state; end of the flight |
+| `sharing`, `touchdown` | belief and broadcast state; end of the flight |
 
 Imports core and planners. Begin with `step`.
 """

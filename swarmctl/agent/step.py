@@ -11,7 +11,6 @@ import msgspec
 
 from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S, adjust_speed, speed_failed
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
-from swarmctl.agent.learning import learn_from_others, learn_from_sensor
 from swarmctl.agent.orders import (
     StepResult,
     command,
@@ -25,7 +24,7 @@ from swarmctl.agent.replan.route_to_mission import route_index_at
 from swarmctl.agent.replan.splice import is_urgent, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stopped_at
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.sharing import share_state
+from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.agent.touchdown import end_at_touchdown, may_be_armed, note_disarming
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions

@@ -65,7 +65,7 @@ def plan(
     if uav:
         fail(["--uav selects the vehicle for --front; give --front too"], USAGE)
     folder = run_folder(out_folder, f"{scenario.config.name}-plan")
-    routes = outputs.first_routes(scenario)
+    routes = first_plans.first_routes(scenario)
     outputs.write_plans(folder, scenario, routes)
     out.print(first_plans.plan_table(scenario, routes))
     out.print(

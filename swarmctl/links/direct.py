@@ -35,7 +35,7 @@ from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.line import Channel
 from swarmctl.links.signing import OTHER_KEY, UNSIGNED
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink.procedures import basic, fence, rally, speed
+from swarmctl.mavlink.procedures import basic, fence, rally
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol import parameters
 from swarmctl.mavlink.protocol.codec import Message
@@ -229,7 +229,7 @@ class DirectLink:
         await self._perform_urgent("hold", partial(basic.hold, check_mode_first=check_mode_first))
 
     async def set_speed(self, speed_m_s: float) -> None:
-        done: Done = await self._perform("set_speed", partial(speed.set_speed, speed_m_s=speed_m_s))
+        done: Done = await self._perform("set_speed", partial(basic.set_speed, speed_m_s=speed_m_s))
         if done.failure:
             raise CommandFailed(f"{self._label}: set_speed: {done.failure}")
 

@@ -1,18 +1,60 @@
-"""The first routes of every vehicle side by side, as a table."""
+"""The first routes of every vehicle, before any observation, and their table."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
+from swarmctl.agent.replan.decide import first_problem
+from swarmctl.agent.replan.length_bounds import UNBOUNDED
 from swarmctl.agent.replan.route_to_mission import flown_route
-from swarmctl.config.scenario import Scenario
-from swarmctl.planners import Unreachable
-from swarmctl.report.outputs import FirstRoute
+from swarmctl.agent.replan.time_bound import route_within_bounds
+from swarmctl.agent.state import Task
+from swarmctl.config.scenario import PAPER_PLANNER, Scenario
+from swarmctl.core.belief import Belief
+from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
 from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
 
+PLAN_WEIGHTS = (0.0, 0.5, 1.0)
 COLUMNS = (
     Column("vehicle", "left"), Column("w"), Column("length\n[m]"), Column("ΣP_s", rank=1),
     Column("∏(1 − P_s)", rank=2), Column("chance by\nsimulation"), Column("95 %\ninterval", rank=3),
     Column("", "left", wraps_at=20),
 )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class FirstRoute:
+    """A vehicle's route before anything is observed."""
+
+    task: Task
+    """the vehicle's task, with the planner, w and time bound by which this route was chosen"""
+    problem: Problem
+    """the planner's input"""
+    route: Route
+
+
+def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
+    """Return all vehicles' routes before any observation, by a label of the planner and w that chose them.
+
+    These are the paper's routes for each w of PLAN_WEIGHTS, and the configured routes.
+    """
+    papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
+    choices = {
+        w: tuple(replace(task, method=papers, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
+        for w in PLAN_WEIGHTS
+    }
+    if PLANNERS[scenario.config.planner.name].USES_W:
+        choices[scenario.config.planner.w] = scenario.tasks
+    named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
+    named[scenario.chosen_by] = scenario.tasks
+    return {
+        name: tuple(_first_route(task, scenario.prior) for task in tasks) for name, tasks in named.items()
+    }
+
+
+def _first_route(task: Task, prior: Belief) -> FirstRoute:
+    problem = first_problem(task, prior)
+    return FirstRoute(task, problem, route_within_bounds(task, problem))
 
 
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:

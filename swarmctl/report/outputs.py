@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from swarmctl.agent.replan.decide import first_flight, first_problem
+from swarmctl.agent.replan.decide import first_flight
 from swarmctl.agent.replan.landing_pattern import pattern_from
-from swarmctl.agent.replan.length_bounds import UNBOUNDED
-from swarmctl.agent.replan.time_bound import route_within_bounds
-from swarmctl.agent.state import Task
-from swarmctl.config.scenario import PAPER_PLANNER, Scenario
+from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.any_angle.turns import rounded
-from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
-from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
+from swarmctl.planners import Unreachable
 from swarmctl.report import foxglove
 from swarmctl.report.final_state import is_lost_in_air
+from swarmctl.report.first_plans import FirstRoute
 from swarmctl.report.outcome import Report
 from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrack
 from swarmctl.report.plan_files import plan_json
 from swarmctl.report.summary import known_to_any
-
-PLAN_WEIGHTS = (0.0, 0.5, 1.0)
 
 
 def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
@@ -40,41 +34,6 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
         if accepted is not None:
             _write_plan(folder / f"{spec.name}.plan", scenario, spec, accepted.plan)
     _draw(folder, _flown_picture(scenario, report))
-
-
-@dataclass(frozen=True, slots=True)
-class FirstRoute:
-    """A vehicle's route before anything is observed."""
-
-    task: Task
-    """the vehicle's task, with the planner, w and time bound by which this route was chosen"""
-    problem: Problem
-    """the planner's input"""
-    route: Route
-
-
-def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
-    """Return all vehicles' routes before any observation, by a label of the planner and w that chose them.
-
-    These are the paper's routes for each w of PLAN_WEIGHTS, and the configured routes.
-    """
-    papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
-    choices = {
-        w: tuple(replace(task, method=papers, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
-        for w in PLAN_WEIGHTS
-    }
-    if PLANNERS[scenario.config.planner.name].USES_W:
-        choices[scenario.config.planner.w] = scenario.tasks
-    named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
-    named[scenario.chosen_by] = scenario.tasks
-    return {
-        name: tuple(_first_route(task, scenario.prior) for task in tasks) for name, tasks in named.items()
-    }
-
-
-def _first_route(task: Task, prior: Belief) -> FirstRoute:
-    problem = first_problem(task, prior)
-    return FirstRoute(task, problem, route_within_bounds(task, problem))
 
 
 def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> None:

@@ -14,8 +14,7 @@ from swarmctl.agent.step import step
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
-from swarmctl.report import outputs
-from swarmctl.report.first_plans import plan_table
+from swarmctl.report.first_plans import first_routes, plan_table
 from swarmctl.report.tables import estimate_texts, product_text
 
 LARGER = {**AREA, "rows": 16, "cols": 16}
@@ -27,7 +26,7 @@ def rows_of(table: Table) -> list[list[str]]:
 
 
 def table_of(scenario: Scenario) -> list[list[str]]:
-    return rows_of(plan_table(scenario, outputs.first_routes(scenario)).at())
+    return rows_of(plan_table(scenario, first_routes(scenario)).at())
 
 
 def first_mission(task: Task, scenario: Scenario) -> ev.SwapMission:

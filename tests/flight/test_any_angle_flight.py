@@ -29,7 +29,7 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import Problem
-from swarmctl.report import outputs, record
+from swarmctl.report import first_plans, outputs, record
 from swarmctl.report.summary import FlightStatistics, TakeoffPlan, summary
 
 BOTH = pytest.mark.parametrize("counting", list(ExposureMeasure))
@@ -323,5 +323,5 @@ def test_a_vehicle_with_a_turn_radius_gets_turns_that_it_can_fly(tmp_path: Path)
         turn = abs((go - come + math.pi) % (2 * math.pi) - math.pi)
         room = min(math.dist(before, corner), math.dist(corner, after))
         assert 80.0 * math.tan(turn / 2) <= room + 1e-6
-    outputs.write_plans(tmp_path, scenario, outputs.first_routes(scenario))
+    outputs.write_plans(tmp_path, scenario, first_plans.first_routes(scenario))
     assert (tmp_path / "map.png").exists()

@@ -24,8 +24,8 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.basic import set_speed
 from swarmctl.mavlink.procedures.land import landing_items
-from swarmctl.mavlink.procedures.speed import set_speed
 
 PLANE = dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_FIXED_WING)
 

@@ -12,9 +12,9 @@ from flying_bench import HOME, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.basic import set_speed
 from swarmctl.mavlink.procedures.fence import enforce_fence, fence_items, put_fence, read_fence
 from swarmctl.mavlink.procedures.rally import count_rally_points
-from swarmctl.mavlink.procedures.speed import set_speed
 from swarmctl.mavlink.protocol.parameters import set_parameters
 from swarmctl.mavlink.telemetry.instruments import read_instruments
 

@@ -17,8 +17,8 @@ from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.plan import append_items
 from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.basic import set_speed
 from swarmctl.mavlink.procedures.land import landing_items, nearest_landing
-from swarmctl.mavlink.procedures.speed import set_speed
 
 SETUP = {
     "RTL_TYPE": 1,

@@ -9,7 +9,7 @@ from bench import Bench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Script
 
-from swarmctl.mavlink.procedures.speed import set_speed
+from swarmctl.mavlink.procedures.basic import set_speed
 
 CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 

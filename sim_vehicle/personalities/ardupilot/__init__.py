@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.ardupilot import flight_parameters, messages, parameters
+from sim_vehicle.personalities.ardupilot import flight_parameters, parameters
 from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
-from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES
+from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
 from sim_vehicle.personalities.ardupilot.storage import storage
 from sim_vehicle.personalities.base import Personality, Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour
@@ -272,7 +272,7 @@ _COPTER = Personality(
     arm_refused=mavlink.MAV_RESULT_FAILED,
     disarm_refused=mavlink.MAV_RESULT_FAILED,
     is_addressed=lambda _sysid, _message: True,
-    targets=messages.copter_targets,
+    targets=copter_targets,
     parameter_bits=MappingProxyType(parameters.BITS),
     acknowledges_set_mode=False,
     home_item=True,
@@ -307,7 +307,7 @@ _PLANE = replace(
     boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.boot_text[1:]),
     banner=("ArduPlane V4.6.2 (sim_vehicle)",),
     parameters=MappingProxyType(parameters.PLANE),
-    targets=messages.plane_targets,
+    targets=plane_targets,
     flight_parameters=flight_parameters.plane_flight_parameters,
     commands=PLANE_COMMANDS,
     store_item=store_plane_item,

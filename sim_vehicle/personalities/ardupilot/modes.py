@@ -1,9 +1,11 @@
-"""Flight modes of ArduCopter and ArduPlane 4.6: numbers, names, behaviour without stick input."""
+"""Flight modes of ArduCopter and ArduPlane 4.6: numbers, names, behaviour, reported targets."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 
+PLANE_MANUAL = 0
 _STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
 _GUIDED = _STABILIZED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
 _PLANE_AUTO = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
@@ -40,3 +42,20 @@ PLANE_MODES = _table(
     Mode(13, "TAKEOFF", Behaviour.TAKEOFF, armable=True, base_mode=_PLANE_AUTO),
     Mode(15, "GUIDED", Behaviour.GUIDED, armable=True, base_mode=_PLANE_AUTO),
 )
+
+
+# Targets that the vehicles report, global and local (`Personality.targets`).
+
+
+def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
+    """Return (global, local): global in navigating modes, local in GUIDED."""
+    flight, behaviour = vehicle.flight, vehicle.mode.behaviour
+    if behaviour is Behaviour.GUIDED:
+        place_m = None if flight.taking_off else flight.guided_target_m
+        return place_m is not None and place_m == vehicle.body.target_m, True
+    return not flight.taking_off and behaviour in (Behaviour.MISSION, Behaviour.RETURN), False
+
+
+def plane_targets(vehicle: Vehicle) -> tuple[bool, bool]:
+    """Return (global, local): always global, never local without rotors."""
+    return vehicle.mode.number != PLANE_MANUAL, False

@@ -3,19 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Personality, Vehicle
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
-from sim_vehicle.personalities.px4.addressing import is_addressed
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.items import store_item
 from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_MESSAGES, targets
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
-from sim_vehicle.personalities.px4.texts import TEXTS
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item
@@ -73,6 +72,95 @@ def _drop_violated(vehicle: Vehicle) -> None:
         vehicle.announce("fence_without_vehicle")
 
 
+# Each receiver of PX4 checks the target of a message by a rule of its own.
+_COMPONENTS = frozenset({int(mavlink.MAV_COMP_ID_ALL), int(mavlink.MAV_COMP_ID_AUTOPILOT1)})
+# Accepted for any system and any component: programs send them before they know the vehicle's ids.
+_TO_ANY_TARGET = frozenset(
+    {mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION}
+)
+_COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+_TO_SYSTEM = frozenset({"COMMAND_CANCEL", "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
+_TO_ALL_SYSTEMS = frozenset(
+    {
+        "SET_POSITION_TARGET_LOCAL_NED",
+        "SET_POSITION_TARGET_GLOBAL_INT",
+        "SET_ATTITUDE_TARGET",
+        "FILE_TRANSFER_PROTOCOL",
+    }
+)
+
+
+def _is_addressed(sysid: int, message: Any) -> bool:
+    """Return whether a vehicle processes a message, by the message's target.
+
+    Messages of other types are always processed. Among them are those of the mission protocol, which checks
+    the target itself, because it also answers messages to other systems.
+    """
+    kind = message.get_type()
+    if kind in _COMMANDS and message.command in _TO_ANY_TARGET:
+        return True
+    if kind in _TO_ALL_SYSTEMS:
+        return message.target_component in _COMPONENTS
+    if kind in _COMMANDS or kind in _TO_SYSTEM:
+        return message.target_system == sysid and message.target_component in _COMPONENTS
+    return True
+
+
+# Texts by event; `{...}` are values of the event.
+_INFO, _WARNING = int(mavlink.MAV_SEVERITY_INFO), int(mavlink.MAV_SEVERITY_WARNING)
+_CRITICAL, _EMERGENCY = int(mavlink.MAV_SEVERITY_CRITICAL), int(mavlink.MAV_SEVERITY_EMERGENCY)
+_UNAVAILABLE = (_CRITICAL, "Switching to {mode} is currently not available")
+
+_TEXTS: dict[str, tuple[int, str]] = {
+    # arming
+    "armed": (_INFO, "Armed by external command"),
+    "armed_by_mission": (_INFO, "Armed by mission start"),
+    "crashed": (_EMERGENCY, "Crash detected: motors stopped"),
+    "disarmed": (_INFO, "Disarmed by external command"),
+    "disarmed_landed": (_INFO, "Disarmed by landing"),
+    "disarmed_unflown": (_INFO, "Disarmed by auto preflight disarming"),
+    "arm_refused": (_CRITICAL, "Preflight Fail: {reason}"),
+    "prearm_check": (_CRITICAL, "Preflight Fail: {reason}"),
+    "arm_denied": (_CRITICAL, "Arming denied: Resolve system health failures first"),
+    "disarm_refused": (_CRITICAL, "Disarming denied: not landed"),
+    # modes
+    "no_such_mode": (_CRITICAL, "Unsupported auto mode"),
+    "mode_needs_position": _UNAVAILABLE,
+    "mode_needs_setpoints": _UNAVAILABLE,
+    "mode_needs_pilot": _UNAVAILABLE,
+    "mode_needs_mission": _UNAVAILABLE,
+    "mode_terminated": _UNAVAILABLE,
+    # flight
+    "taken_off": (_INFO, "Takeoff detected"),
+    "touched_down": (_INFO, "Landing detected"),
+    "takeoff_raised": (_CRITICAL, "Using minimum takeoff altitude: {height:.2f} m"),
+    "landing": (_INFO, "Landing at current position"),
+    "returning": (_INFO, "Returning to launch"),
+    "orbit_refused": (_CRITICAL, "Orbit command rejected"),
+    "reposition_outside_fence": (_CRITICAL, "Reposition is outside geofence"),
+    "no_high_latency": (_CRITICAL, "Control high latency failed! Telemetry unavailable"),
+    # mission
+    "no_mission_to_start": (_CRITICAL, "Mission start denied! No valid mission"),
+    "mission_ended": (_INFO, "Mission finished, loitering"),
+    "mission_ended_landed": (_INFO, "Mission finished, landed"),
+    "no_mission": (_CRITICAL, "No valid mission available, loitering"),
+    "no_mission_landed": (_CRITICAL, "No valid mission available, refusing takeoff"),
+    # failsafes
+    "failsafe": (_CRITICAL, "Failsafe activated"),
+    "failsafe_waits": (_CRITICAL, "Failsafe activated: entering Hold for {seconds} seconds"),
+    "gcs_back": (_INFO, "GCS connection regained"),
+    "battery_warning": (_WARNING, "Low battery level"),
+    "battery_low": (_CRITICAL, "Critical battery level"),
+    "battery_critical": (_EMERGENCY, "Emergency battery level"),
+    "fence_altitude_max": (_WARNING, "Geofence exceeded: max altitude"),
+    "fence_circle": (_WARNING, "Geofence exceeded: max distance from home"),
+    "fence_polygon": (_WARNING, "Geofence violation"),
+    "fence_without_home": (_CRITICAL, "Geofence invalid, doesn't contain Home position"),
+    "fence_without_vehicle": (_CRITICAL, "Geofence invalid, doesn't contain current vehicle position"),
+    "terminated": (_CRITICAL, "Failsafe activated: Terminate"),
+}
+
+
 # ArduPilot's messages, which PX4 does not stream.
 _UNSUPPORTED = frozenset(
     {
@@ -113,13 +201,13 @@ _COPTER = Personality(
     commands=COMMANDS,
     arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
     disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    is_addressed=is_addressed,
+    is_addressed=_is_addressed,
     targets=targets,
     acknowledges_set_mode=True,
     home_item=False,
     empty_mission_total=65_535,
     reports_mission_state=False,
-    texts=MappingProxyType(TEXTS),
+    texts=MappingProxyType(_TEXTS),
     streams=MappingProxyType({}),
     default_rates_hz=MappingProxyType(DEFAULT_RATES_HZ),
     unsupported_messages=_UNSUPPORTED,

@@ -1,4 +1,4 @@
-"""Procedures of a ground station: identify, prepare, upload, hold, return, land.
+"""Procedures of a ground station: identify, prepare, upload, hold, return, land, speed.
 
 An acknowledgement is no proof: a step is done when telemetry shows it. Longer procedures have modules of
 their own, such as `launch` and `swap`.
@@ -9,7 +9,14 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.procedures.guarded import HEARTBEAT_WAIT_S, NotInControl, command, in_modes, set_mode
+from swarmctl.mavlink.procedures.guarded import (
+    HEARTBEAT_WAIT_S,
+    NotInControl,
+    command,
+    in_modes,
+    send_acknowledged,
+    set_mode,
+)
 from swarmctl.mavlink.procedures.land import land_by_mission
 from swarmctl.mavlink.procedures.launch import launch
 from swarmctl.mavlink.procedures.swap.atomic import complaint
@@ -30,6 +37,7 @@ __all__ = [
     "launch",
     "prepare",
     "return_home",
+    "set_speed",
     "swap",
     "upload",
 ]
@@ -37,6 +45,8 @@ __all__ = [
 MODE_AGAIN_S = 3.0
 """period for setting the hold mode again before the flight"""
 MODE_TRIES = 3
+NO_CHANGE = -1.0
+"""value of the throttle parameter that leaves the throttle as it is"""
 
 
 def identify(ctx: Context) -> Procedure[Message]:
@@ -105,6 +115,20 @@ def land(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
             (yield from land_by_mission(ctx, ctx.dialect.land_command, check_mode_first=check_mode_first))
         )
     return Done((yield from _insist(ctx, ctx.dialect.land_mode, check_mode_first=check_mode_first)))
+
+
+def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
+    """Set the ground speed or airspeed by MAV_CMD_DO_CHANGE_SPEED; sends nothing outside mission mode.
+
+    The speed lasts until the mode changes.
+    """
+    flies = in_modes({ctx.dialect.mission_mode}, armed=True)
+    params = float(ctx.dialect.speed_type), speed_m_s, NO_CHANGE
+    order = command(ctx, mavlink.MAV_CMD_DO_CHANGE_SPEED, params)
+    try:
+        return Done((yield from send_acknowledged(ctx, order, flies)))
+    except NotInControl as why:
+        return Done(str(why))
 
 
 def _insist(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str | None]:
