@@ -7,7 +7,7 @@ from dataclasses import replace
 from swarmctl.agent.arrival.simultaneous import earliest_in_s
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.collision_avoidance import heard_neighbours
+from swarmctl.agent.traffic.neighbours import heard_neighbours
 from swarmctl.agent.traffic.returning import return_target
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from swarmctl.agent.state import Phase
-from swarmctl.agent.traffic.collision_avoidance import AIRBORNE_M
+from swarmctl.agent.traffic.prediction import AIRBORNE_M
 from swarmctl.agent.traffic.return_schedule import (
     MIN_HORIZONTAL_M,
     SILENT_S,

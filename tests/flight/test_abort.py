@@ -147,6 +147,7 @@ def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> Non
     ]
 
 
+@pytest.mark.full
 def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
     tmp_path: Path,
 ) -> None:
@@ -184,6 +185,7 @@ def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
     assert bool(found) is bool(refused)
 
 
+@pytest.mark.full
 def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
@@ -209,6 +211,7 @@ def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch
     assert [state.outcome for state in states] == ["return ordered; landed"] * 3
 
 
+@pytest.mark.full
 def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(on_step=(monitor := ReturnMonitor()))
     report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(45.0))
@@ -220,6 +223,7 @@ def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytes
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
+@pytest.mark.full
 def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
     report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(45.0))
@@ -228,6 +232,7 @@ def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch
     assert any(text.endswith("[return-now]") for text in ui.said)
 
 
+@pytest.mark.full
 def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -239,6 +244,7 @@ def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
     assert any("uav1, uav2, uav3" in text and text.endswith("[emergency]") for text in ui.said)
 
 
+@pytest.mark.full
 def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_path: Path) -> None:
     scenario = small(
         simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
@@ -253,6 +259,7 @@ def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_pat
     assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
 
 
+@pytest.mark.full
 def test_ctrl_c_lands_vehicles_beside_each_other_at_once(tmp_path: Path) -> None:
     ui = Ui()
     report = fly(small(flight={"on_exit": "land"}), tmp_path, address_of=interrupting(30.0), ui=ui)

@@ -219,6 +219,7 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
     assert "1 answer" in operators.note
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("alone", [True, False], ids=["one vehicle", "all in one process"])
 def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, alone: bool
@@ -266,6 +267,7 @@ def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
     assert "test_companion.py:" in said
 
 
+@pytest.mark.full
 def test_an_operator_holds_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:
     async def scene() -> Report:
         swarm = Swarm(tmp_path, small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 60.0}))

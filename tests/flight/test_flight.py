@@ -180,6 +180,7 @@ def test_a_replay_makes_the_same_decisions(shipped: tuple[Scenario, Report, Path
     assert verdict.effects > 100
 
 
+@pytest.mark.full
 def test_equal_seeds_leave_equal_files(shipped: tuple[Scenario, Report, Path], tmp_path: Path) -> None:
     scenario, _, folder = shipped
     fly(scenario, tmp_path)
@@ -208,6 +209,7 @@ def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> Non
     assert others == {OK}
 
 
+@pytest.mark.full
 def test_the_others_fly_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -> None:
     scenario = small(flight={"lost_timeout_s": 40.0})
     report = fly(scenario, tmp_path, address_of=silent(2, 25.0))
@@ -231,7 +233,11 @@ def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_pat
 
 @pytest.mark.parametrize(
     ("on_exit", "modes", "landed"),
-    [("hold", {"GUIDED"}, False), ("return", {"RTL"}, True), ("land", {"LAND"}, True)],
+    [
+        ("hold", {"GUIDED"}, False),
+        pytest.param("return", {"RTL"}, True, marks=pytest.mark.full),
+        ("land", {"LAND"}, True),
+    ],
 )
 def test_ctrl_c_holds_and_then_acts_as_configured(
     on_exit: str, modes: set[str], landed: bool, tmp_path: Path
@@ -269,7 +275,7 @@ def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path
     assert not any(s.vehicle.armed for s in report.states.values())
 
 
-@pytest.mark.parametrize("k", [0, 1, 2, "all"])
+@pytest.mark.parametrize("k", [1, *(pytest.param(k, marks=pytest.mark.full) for k in (0, 2, "all"))])
 def test_messages_reach_as_many_vehicles_as_the_configured_range(k: int | str, tmp_path: Path) -> None:
     scenario = small(
         communication={"bus": "memory", "range": k, "sync_every_s": 0.0},
@@ -294,6 +300,7 @@ def test_messages_reach_as_many_vehicles_as_the_configured_range(k: int | str, t
     assert (hear == 4) if reach == 3 else (hear > 0) is (reach > 0)
 
 
+@pytest.mark.full
 def test_vehicles_take_off_one_after_the_other_if_configured(tmp_path: Path) -> None:
     scenario = small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 10.0})
     report = fly(scenario, tmp_path)
@@ -303,7 +310,7 @@ def test_vehicles_take_off_one_after_the_other_if_configured(tmp_path: Path) -> 
     assert gaps == pytest.approx([10.0, 10.0], abs=1.5)
 
 
-@pytest.mark.parametrize("loss", [0.1, 0.3])
+@pytest.mark.parametrize("loss", [pytest.param(0.1, marks=pytest.mark.full), 0.3])
 def test_frame_loss_delays_the_swarm_but_does_not_stop_it(loss: float, tmp_path: Path) -> None:
     rng = random.Random(1)
     report = fly(
@@ -353,7 +360,11 @@ def test_a_bug_in_flight_returns_every_vehicle_and_reports_its_final_state(tmp_p
     assert json.loads((tmp_path / "summary.json").read_text())["ended"] == "failed"
 
 
-@pytest.mark.parametrize("error", [BrokenPipeError(), SystemExit(1)], ids=["closed pipe", "Rich's way out"])
+@pytest.mark.parametrize(
+    "error",
+    [BrokenPipeError(), pytest.param(SystemExit(1), marks=pytest.mark.full)],
+    ids=["closed pipe", "Rich's way out"],
+)
 def test_a_terminal_that_goes_away_does_not_end_the_flight(error: BaseException, tmp_path: Path) -> None:
     report = fly(small(), tmp_path, ui=FaultyUi(error))
     assert report.all_arrived
@@ -373,6 +384,7 @@ def test_a_full_disk_costs_the_record_and_not_the_flight(
     assert "No space left on device" in line
 
 
+@pytest.mark.full
 def test_no_route_leads_past_the_corner_of_a_forbidden_cell(tmp_path: Path) -> None:
     block = [[row, col] for row in (3, 4) for col in (3, 4)]
     report = fly(small(area={**AREA, "no_fly": block}), tmp_path)

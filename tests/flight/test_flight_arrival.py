@@ -28,6 +28,7 @@ def test_vehicles_arrive_simultaneously_although_routes_change(tmp_path: Path) -
     assert f"spread at arrival: {arrival['spread_s']:.1f} s (3 s kept)" in swarm_lines(report.summary)
 
 
+@pytest.mark.full
 def test_staggered_vehicles_arrive_one_after_the_other(tmp_path: Path) -> None:
     report = fly(small(arrival={"mode": "staggered", "spacing_s": 8.0}), tmp_path)
     arrival = report.summary["arrival"]

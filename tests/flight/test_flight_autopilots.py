@@ -47,7 +47,7 @@ def last_minute(file: Path, sysid: int) -> list[Any]:
 
 @pytest.mark.parametrize(
     ("autopilot", "expected"),
-    [("px4", [PX4, PX4, PX4]), ("mixed", [ARDUPILOT, PX4, ARDUPILOT])],
+    [pytest.param("px4", [PX4, PX4, PX4], marks=pytest.mark.full), ("mixed", [ARDUPILOT, PX4, ARDUPILOT])],
 )
 def test_a_swarm_of_px4_or_mixed_autopilots_arrives(autopilot, expected, tmp_path: Path) -> None:
     simulate = {"count": 3, "ready_s": 3.0, "autopilot": autopilot}
@@ -62,6 +62,7 @@ def test_a_swarm_of_px4_or_mixed_autopilots_arrives(autopilot, expected, tmp_pat
     assert all(line.endswith("stood still for 0.0 s") for line in swaps)
 
 
+@pytest.mark.full
 def test_the_shipped_mixed_swarm_arrives(tmp_path: Path) -> None:
     scenario = build(model.load(MIXED, check_config))
     report = fly(scenario, tmp_path)

@@ -73,6 +73,7 @@ def test_a_replay_with_erring_sensors_makes_the_same_decisions(doubtful: Flight)
     assert verdict.effects > 0
 
 
+@pytest.mark.full
 def test_equal_seeds_give_equal_sensor_errors_to_the_byte(tmp_path: Path) -> None:
     erring = {"sensor": {"p_miss": 0.2, "p_false_alarm": 0.05}}
     count = {"threats": {"count": {"distribution": "uniform", "min": 3, "max": 8}}}
@@ -111,6 +112,7 @@ def test_the_summary_tells_the_three_chances_apart(doubtful: Flight) -> None:
         assert row["chance_among_true_hostiles"] == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.full
 def test_the_tables_show_exposure_product_and_chance_side_by_side(tmp_path: Path) -> None:
     run = CliRunner()
     planned = run.invoke(cli, ["plan", "--config", str(DOUBT), "--out", str(tmp_path)])

@@ -48,13 +48,14 @@ def unbounded(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     return flown(swarm({"name": "dijkstra", "w": 1.0}), tmp_path_factory.mktemp("unbounded"))
 
 
+@pytest.mark.full
 def test_without_a_bound_the_least_exposed_routes_take_longer(unbounded: list[dict[str, Any]]) -> None:
     assert all(vehicle["arrived_s"] > WITHIN_S for vehicle in unbounded)
     assert all(vehicle["arrival_bound_kept"] is None for vehicle in unbounded)
     assert all(vehicle["last_plan"]["searched"] == [] for vehicle in unbounded)
 
 
-@pytest.mark.parametrize("planner", ["time_bound", "constrained"])
+@pytest.mark.parametrize("planner", [pytest.param("time_bound", marks=pytest.mark.full), "constrained"])
 def test_with_a_bound_the_swarm_arrives_in_time(
     planner: str, unbounded: list[dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -67,6 +68,7 @@ def test_with_a_bound_the_swarm_arrives_in_time(
         assert vehicle["last_plan"]["searched"]
 
 
+@pytest.mark.full
 def test_the_lower_bound_of_the_last_plan_is_in_the_summary(tmp_path: Path) -> None:
     for vehicle in flown(swarm({"name": "constrained"}, arrive_within_s=WITHIN_S), tmp_path):
         plan = vehicle["last_plan"]
@@ -92,6 +94,7 @@ def test_the_survival_planner_flies(tmp_path: Path) -> None:
         assert vehicle["arrive_within_s"] is None
 
 
+@pytest.mark.full
 def test_a_bound_that_cannot_be_met_is_reported_once_and_stops_no_vehicle(tmp_path: Path) -> None:
     """`judge` would refuse this bound; flown all the same, it is missed by as little as can be."""
     ui = Ui()
@@ -108,6 +111,7 @@ def test_a_bound_that_cannot_be_met_is_reported_once_and_stops_no_vehicle(tmp_pa
         assert len(said) == 1
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("speed_m_s", [6.0, 10.0])
 def test_the_tightest_accepted_bound_is_kept_around_many_corners(speed_m_s: float, tmp_path: Path) -> None:
     gaps = {2: 5, 5: 8, 8: 5, 11: 8}  # column: row
@@ -131,6 +135,7 @@ def test_the_tightest_accepted_bound_is_kept_around_many_corners(speed_m_s: floa
     assert not [text for text in ui.said if "no route meets" in text]
 
 
+@pytest.mark.full
 def test_a_missed_bound_changes_the_exit_code_and_is_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.virtual
 
 WAIVED = FlightOptions(waivers=(Waiver("separation"),))
 """the preflight check is waived; in flight the vehicles still keep their separation"""
-FILES = ("run.mcap", "evidence.jsonl", "summary.json", "uav1.tlog", "uav2.tlog")
+FILES = ("run.mcap", "evidence.jsonl", "summary.json", "map.png", "uav1.plan", "uav1.tlog", "uav2.tlog")
 
 
 def flown(drawn: DrawnFlight, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
@@ -56,6 +56,7 @@ def slow_wire(uav: int) -> Trouble:
     return Trouble(faults=[{"fault": "delay", "params": {"delay_s": 0.3}, "vehicles": [uav], "at_s": 10.0}])
 
 
+@pytest.mark.full
 def test_a_mission_written_over_the_flown_one_is_found_as_a_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -68,6 +69,7 @@ def test_a_mission_written_over_the_flown_one_is_found_as_a_mixture(
     assert any(text.endswith("[mixture]") for text in found)
 
 
+@pytest.mark.full
 def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fights(state: AgentState, why: str) -> StepResult:
         state, released = release_vehicle(state, why)
@@ -89,6 +91,7 @@ def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: py
     assert all(text.endswith("[order]") for text in found)
 
 
+@pytest.mark.full
 def test_two_vehicles_too_close_without_a_warning_are_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -128,12 +128,7 @@ def test_arming_is_followed_by_its_acknowledgement_and_its_effect(flown: Path) -
     assert story.index(("effect", "armed", False)) > story.index(("effect", "landed", "IN_AIR")) > was_seen
 
 
-@pytest.mark.virtual
-def test_equal_seeds_leave_equal_evidence(flown: Path, tmp_path: Path) -> None:
-    fly(small(), tmp_path)
-    assert (tmp_path / FILE_NAME).read_bytes() == (flown / FILE_NAME).read_bytes()
-
-
+@pytest.mark.full
 @pytest.mark.virtual
 def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     scenario = small(sensor={"source": "external"})

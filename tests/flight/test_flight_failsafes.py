@@ -36,6 +36,7 @@ def test_a_vehicle_with_a_low_battery_returns_while_the_other_flies_on(
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
+@pytest.mark.full
 def test_a_vehicle_with_a_critical_battery_lands_where_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -46,6 +47,7 @@ def test_a_vehicle_with_a_critical_battery_lands_where_it_is(
     assert report.states[2].cell is not None
 
 
+@pytest.mark.full
 def test_a_disabled_rule_leaves_the_vehicle_to_its_own_failsafe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -57,7 +59,9 @@ def test_a_disabled_rule_leaves_the_vehicle_to_its_own_failsafe(
     assert report.states[2].outcome.startswith("in mode RTL")
 
 
-@pytest.mark.parametrize("mode", ["LOITER", "RTL", "GUIDED"])
+@pytest.mark.parametrize(
+    "mode", ["GUIDED", *(pytest.param(mode, marks=pytest.mark.full) for mode in ("LOITER", "RTL"))]
+)
 def test_a_pilot_or_another_station_takes_over_and_is_not_fought(
     mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -71,6 +75,7 @@ def test_a_pilot_or_another_station_takes_over_and_is_not_fought(
     assert report.states[1].outcome == "arrived"
 
 
+@pytest.mark.full
 def test_a_pilot_takes_over_from_a_vehicle_that_is_on_its_way_home(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,6 +87,7 @@ def test_a_pilot_takes_over_from_a_vehicle_that_is_on_its_way_home(
     assert report.states[2].phase == "released"
 
 
+@pytest.mark.full
 def test_vehicles_blown_off_their_routes_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(wind={"speed_m_s": 25.0, "from_deg": 0.0, "gust_m_s": 0.0})
     report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
@@ -93,6 +99,7 @@ def test_vehicles_blown_off_their_routes_return(tmp_path: Path, monkeypatch: pyt
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("1.20")
 def test_the_autopilots_failsafe_after_a_lost_gps_is_not_fought(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -106,6 +113,7 @@ def test_the_autopilots_failsafe_after_a_lost_gps_is_not_fought(
     assert report.states[1].outcome == "arrived"
 
 
+@pytest.mark.full
 def test_a_vehicle_whose_gps_comes_back_flies_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(faults=[{"fault": "gps_loss", "vehicles": [2], "at_s": 30.0, "for_s": 4.0}])
     report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
@@ -139,6 +147,7 @@ def test_a_vehicle_flies_on_after_a_short_loss_of_its_link(
     assert report.all_arrived
 
 
+@pytest.mark.full
 def test_the_lost_link_action_may_be_to_fly_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     report, ui = fly_with(outage(25.0), tmp_path, monkeypatch, scenario=pair())
     assert any("mission" in line for line in coded(ui.said, "uav2", "lost-link"))
@@ -166,6 +175,7 @@ def silent_of_position(frames: list[tuple[int, bytes]], sysid: int) -> list[tupl
     ]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("sag", "code"),
     [

@@ -111,6 +111,7 @@ def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("swarm", SWARMS)
 def test_without_the_landing_queue_vehicles_come_too_close(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

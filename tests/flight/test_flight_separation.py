@@ -25,6 +25,7 @@ pytestmark = pytest.mark.virtual
 CONFLICTS = r"\[(route-conflict|height-change|plan-deferred)"
 
 
+@pytest.mark.full
 def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     scenario = small()
     report = fly(scenario, tmp_path)
@@ -65,6 +66,7 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
     return report.summary["separation"], ui.said
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path) -> None:
     separation, said = meeting(tmp_path, "none")
@@ -89,6 +91,7 @@ def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -
     assert said.index(yields) < said.index(resumes)
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_the_lower_system_id_holds_if_the_other_does_not_hear_it(tmp_path: Path) -> None:
     mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
@@ -99,6 +102,7 @@ def test_the_lower_system_id_holds_if_the_other_does_not_hear_it(tmp_path: Path)
     assert coded(said, "uav1", "alarm-not-heard")
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_a_vehicle_that_gives_way_may_climb_instead(tmp_path: Path) -> None:
     separation, _ = meeting(tmp_path, "climb")
@@ -146,6 +150,7 @@ def test_a_later_launch_waits_on_the_ground_until_its_route_is_clear(tmp_path: P
     flown_after_waiting(tmp_path, delay_step_s=3.0)
 
 
+@pytest.mark.full
 def test_a_launch_after_long_checks_compares_its_route_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,6 +175,7 @@ def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], lis
     return report.summary["separation"] | {"lines": lines}, ui.said
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_new_routes_without_comparison_lead_vehicles_into_each_other(tmp_path: Path) -> None:
     separation, _ = drawn_together(tmp_path)
@@ -191,6 +197,7 @@ def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) ->
     assert not [line for line in said if line.startswith("uav1: ") and re.search(CONFLICTS, line)]
 
 
+@pytest.mark.full
 def test_crossings_of_first_routes_are_counted_with_their_separation(tmp_path: Path) -> None:
     scenario = small(simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0}, threats={"count": 0})
     report = fly(scenario, tmp_path)

@@ -38,6 +38,7 @@ def kinds(folder: Path, names: list[str]) -> list[int]:
     return found
 
 
+@pytest.mark.full
 def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path: Path) -> None:
     scenario = build(model.load(WINGS, check_config))
     report = fly(scenario, tmp_path)
@@ -61,9 +62,9 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
     ("autopilot", "on_exit", "mode"),
     [
         ("arduplane", "return", "AUTO"),
-        ("arduplane", "land", "AUTO"),
-        ("px4plane", "return", "AUTO.LOITER"),  # disarmed it waits there
-        ("px4plane", "land", "AUTO.MISSION"),
+        pytest.param("arduplane", "land", "AUTO", marks=pytest.mark.full),
+        pytest.param("px4plane", "return", "AUTO.LOITER", marks=pytest.mark.full),  # disarmed it waits there
+        pytest.param("px4plane", "land", "AUTO.MISSION", marks=pytest.mark.full),
     ],
 )
 def test_a_recalled_fixed_wing_lands_at_home(autopilot: str, on_exit: str, mode: str, tmp_path: Path) -> None:
@@ -85,7 +86,7 @@ def test_a_holding_fixed_wing_circles(autopilot: str, mode: str, tmp_path: Path)
     assert wing.vehicle.alt_rel_m == pytest.approx(30.0, abs=3.0)
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("seed", [11, *(pytest.param(s, marks=pytest.mark.full) for s in (12, 13))])
 def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
     seed: int, tmp_path: Path
 ) -> None:
@@ -140,7 +141,7 @@ def test_a_fixed_wing_configured_as_a_copter_stays_on_the_ground(autopilot: str,
     assert "airframe: plane" in report.states[1].outcome
 
 
-@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+@pytest.mark.parametrize("autopilot", ["arduplane", pytest.param("px4plane", marks=pytest.mark.full)])
 def test_fixed_wings_arrive_together_above_their_minimum_speed(autopilot: str, tmp_path: Path) -> None:
     scenario = winged(
         simulate={"autopilot": autopilot, "count": 3},

@@ -44,6 +44,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+@pytest.mark.full
 def test_the_shipped_configuration_flies(tmp_path: Path) -> None:
     """The speed-up is hardly higher than shipped, because a busy machine has to keep up."""
     config = tmp_path / "swarm.yaml"
@@ -76,6 +77,7 @@ def test_ctrl_c_once_lands_the_vehicles(tmp_path: Path) -> None:
     assert sum("land ordered; landed" in line for line in lines) >= 2
 
 
+@pytest.mark.full
 def test_ctrl_c_twice_leaves_at_once_and_reports_it(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 2, speedup: 5, ready_s: 0}\n")
@@ -90,6 +92,7 @@ def test_ctrl_c_twice_leaves_at_once_and_reports_it(tmp_path: Path) -> None:
     assert sum("in the air" in line for line in lines if line.startswith("uav")) == 2
 
 
+@pytest.mark.full
 def test_a_port_in_use_is_named(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -112,6 +115,7 @@ def vehicles(port: int, *, timeout_s: float) -> str:
     )
 
 
+@pytest.mark.full
 def test_a_url_without_a_vehicle_is_named(tmp_path: Path) -> None:
     port = free_port()
     config = tmp_path / "real.yaml"
@@ -205,6 +209,7 @@ def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
     assert ends_within(simulator, 10.0), "the simulator outlived the ground station"
 
 
+@pytest.mark.full
 def test_a_terminal_that_hangs_up_lands_the_vehicles_first(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\nflight: {on_exit: land}\n")
@@ -216,6 +221,7 @@ def test_a_terminal_that_hangs_up_lands_the_vehicles_first(tmp_path: Path) -> No
     assert any("uav1: land ordered; landed" in line for line in lines)
 
 
+@pytest.mark.full
 def test_a_simulator_that_dies_is_reported_with_its_vehicles(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 1, speedup: 5, ready_s: 0}\n")

@@ -101,6 +101,7 @@ def test_parameters_are_compared_with_the_declared_policy(tmp_path: Path) -> Non
     assert failing(report) == [], "simulated vehicles come set up as declared"
 
 
+@pytest.mark.full
 def test_parameters_are_set_only_if_configured(afflict: Afflict, tmp_path: Path) -> None:
     afflict(params={1: {"FENCE_ENABLE": 0, "FENCE_ACTION": 0}, 2: {"FENCE_TYPE": 7}})
     ui = Ui()

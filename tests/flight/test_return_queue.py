@@ -188,6 +188,7 @@ def test_ctrl_c_of_several_agents_returns_them_in_turns(
     assert monitor.least_m > MIN_HORIZONTAL_M
 
 
+@pytest.mark.full
 @pytest.mark.virtual
 def test_ctrl_c_of_several_agents_lands_the_upper_vehicle_when_the_lower_one_is_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -58,6 +58,7 @@ def test_a_released_vehicle_keeps_its_heartbeats_until_it_lands(
     assert down["run_s"] > LANDS_AT_S
 
 
+@pytest.mark.full
 def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = taken((LANDS_AT_S, "LAND"))
     inject(trouble, monkeypatch)
@@ -71,6 +72,7 @@ def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch
     assert not any("uav2" in text and text.endswith("[stopping]") for text in ui.said)
 
 
+@pytest.mark.full
 def test_the_header_tells_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ui = Ui()
     inject(taken((LANDS_AT_S, "LAND")), monkeypatch)
@@ -82,6 +84,7 @@ def test_the_header_tells_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pyte
     assert on_ground not in with_released or on_ground == "end"
 
 
+@pytest.mark.full
 def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp_path: Path) -> None:
     ui = Ui()
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
@@ -105,6 +108,7 @@ def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp
     assert "flying" not in shown
 
 
+@pytest.mark.full
 def test_the_map_marks_a_lost_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[MapPicture] = []
     monkeypatch.setattr(sheet, "draw_map", lambda path, picture: drawn.append(picture))

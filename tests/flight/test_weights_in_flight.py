@@ -365,6 +365,7 @@ def test_the_change_is_shown(flown: Flown) -> None:
     assert [r.weights for r in flown.ui.views[-1].rows] == ["1", "1", ""]
 
 
+@pytest.mark.full
 @pytest.mark.virtual
 def test_one_command_changes_all_vehicles_and_names_those_that_have_arrived(tmp_path: Path) -> None:
     command = SetWeights(None, w=0.9)

@@ -86,13 +86,6 @@ def test_a_read_back_equals_the_mission_sent_except_for_storage() -> None:
 # --- what is flown
 
 
-def test_the_plane_flies_its_mission_and_lands_at_its_goal() -> None:
-    flown = bench().uploaded(FIRST)
-    assert flown.do("launch", basic.launch).failure is None
-    assert landed(flown)
-    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
-
-
 def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.set_current(6)
@@ -100,9 +93,10 @@ def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     assert flown.session.state.mission_seq == 1
 
 
-def test_it_is_made_ready_again_where_it_has_landed_by_its_mission() -> None:
+def test_the_plane_lands_at_its_goal_and_is_made_ready_again_there() -> None:
     flown = in_flight()
     assert landed(flown)
+    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
     # It stays in its landing and does not arm in it (`AP_Arming_Plane::pre_arm_checks`).
     assert flown.do("prepare", basic.prepare, 60.0).failure is None
     assert flown.mode == "GUIDED"

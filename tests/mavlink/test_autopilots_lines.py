@@ -7,6 +7,7 @@ names the line it pins.
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 from autopilot_lines import BOTH, LINES, marked
@@ -24,6 +25,7 @@ def ours() -> dict[str, frozenset[str]]:
     return {line: of for line, of in LINES.items() if not line.startswith("MAVSDK")}
 
 
+@functools.cache
 def all_marked() -> list[tuple[str, str, str]]:
     """Return the marks of all tests but the simulator's own."""
     files = (path for path in sorted(TESTS.rglob("test_*.py")) if TESTS / "sim" not in path.parents)

@@ -73,7 +73,13 @@ def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(scrip
     assert foreign > 0, "the pilot never came during a swap: the test tests nothing"
 
 
-@pytest.mark.parametrize(("script", "faults"), WIRES[:2], ids=WIRE_NAMES[:2])
+@pytest.mark.parametrize(
+    ("script", "faults"),
+    [
+        pytest.param(*WIRES[0], marks=pytest.mark.full, id=WIRE_NAMES[0]),
+        pytest.param(*WIRES[1], id=WIRE_NAMES[1]),
+    ],
+)
 def test_a_pilot_that_sets_hold_mode_during_a_swap_in_flight_keeps_the_vehicle(script, faults):
     """Another station commands it in GUIDED. Only a swap that has it hold itself could not tell the two."""
     theirs = 0

@@ -146,15 +146,6 @@ def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
     assert bench.mode == bench.session.state.mode == mode
 
 
-def test_a_vehicle_that_holds_stays_where_it_is_without_a_remote_control():
-    bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("hold", basic.hold).failure is None
-    bench.run(5)
-    before = bench.vehicle.body.position_m
-    bench.run(60)
-    assert bench.vehicle.body.position_m == pytest.approx(before, abs=0.5)
-
-
 def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     bench = FlyingBench("px4").flying(OLD)
     modes, aims = set(), set()

@@ -160,6 +160,7 @@ def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None
     assert away_m(flown, GOAL) < 60.0
 
 
+@pytest.mark.full
 def test_after_a_swap_it_still_returns_home() -> None:
     flown = in_flight()
     assert flown.swap(SECOND).failure is None
@@ -168,6 +169,7 @@ def test_after_a_swap_it_still_returns_home() -> None:
     assert away_m(flown, START) < 60.0
 
 
+@pytest.mark.full
 def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
@@ -204,6 +206,7 @@ def test_it_holds_in_a_circle_at_its_height() -> None:
     assert flown.session.state.landed is Landed.IN_AIR
 
 
+@pytest.mark.full
 def test_a_route_is_changed_while_it_holds() -> None:
     flown = in_flight()
     assert flown.do("hold", basic.hold).failure is None
@@ -239,6 +242,7 @@ def test_a_command_to_land_leads_to_the_nearest_landing(track, where, *, held: b
     assert away_m(flown, where) < 60.0
 
 
+@pytest.mark.full
 def test_a_command_to_land_works_during_a_return() -> None:
     flown = in_flight()
     assert flown.do("return", basic.return_home).failure is None
@@ -249,6 +253,7 @@ def test_a_command_to_land_works_during_a_return() -> None:
     assert away_m(flown, START) < 60.0
 
 
+@pytest.mark.full
 def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None

@@ -40,7 +40,7 @@ outages = st.lists(
 @settings(
     deadline=None,
     derandomize=True,
-    max_examples=examples(12),
+    max_examples=examples(12, 4),
     suppress_health_check=list(HealthCheck),
     database=None,
 )

@@ -109,7 +109,7 @@ def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(MODEST, max_examples=examples(8))
+@settings(MODEST, max_examples=examples(8, 4))
 @given(wire=wires, cuts=outages)
 def test_a_swap_never_flies_a_mixture_and_its_result_is_true(way, wire, cuts):
     bench = flying(way)
@@ -126,7 +126,7 @@ def test_a_swap_never_flies_a_mixture_and_its_result_is_true(way, wire, cuts):
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(MODEST, max_examples=examples(6))
+@settings(MODEST, max_examples=examples(6, 3))
 @given(wire=wires, after_s=st.floats(0.0, 3.0), silence_s=st.sampled_from([0.5, 1.5, 8.0]))
 def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, after_s, silence_s):
     """Its motors stop; what it holds outlives that. The next swap of it is none, and says so."""
@@ -151,7 +151,7 @@ def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, af
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(MODEST, max_examples=examples(5))
+@settings(MODEST, max_examples=examples(5, 3))
 @given(wire=wires, pause_s=st.sampled_from([0.0, 0.4, 3.0]))
 def test_swaps_one_after_the_other_leave_no_remains_of_the_first_in_the_second(way, wire, pause_s):
     """An agent uploads the newest plan as soon as the swap before has ended, however it ended."""

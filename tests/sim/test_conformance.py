@@ -350,7 +350,7 @@ class InterruptingWire(FleetWire):
         return super().receive(timeout_s)
 
 
-@pytest.mark.parametrize("times", [1, 2, 3])
+@pytest.mark.parametrize("times", [1, 2, pytest.param(3, marks=pytest.mark.full)])
 def test_an_interrupted_flight_ends_on_the_ground(times: int) -> None:
     inner = fleet(ready_s=0.0)
     wire = InterruptingWire(inner)
@@ -426,7 +426,14 @@ class OutageWire(FleetWire):
         return data if self._open else None
 
 
-@pytest.mark.parametrize(("up_m", "lasts_s"), [(1.0, 120.0), (10.0, 120.0), (19.5, 50.0)])
+@pytest.mark.parametrize(
+    ("up_m", "lasts_s"),
+    [
+        pytest.param(1.0, 120.0, marks=pytest.mark.full),
+        (10.0, 120.0),
+        pytest.param(19.5, 50.0, marks=pytest.mark.full),
+    ],
+)
 def test_a_vehicle_is_landed_and_restored_after_an_outage(up_m: float, lasts_s: float) -> None:
     inner = fleet(ready_s=0.0)
     vehicle = connected(OutageWire(inner, up_m=up_m, lasts_s=lasts_s))

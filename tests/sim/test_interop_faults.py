@@ -9,6 +9,7 @@ from simulator_process import LIMIT_S, free_udp_port, simulator
 pytestmark = pytest.mark.interop
 
 
+@pytest.mark.full
 def test_commands_of_mavutil_need_the_key_and_a_signature() -> None:
     port = free_udp_port()
     key = bytes(range(32))

@@ -64,6 +64,7 @@ def test_vehicles_on_separate_ports_receive_their_own_messages() -> None:
         udp.close()
 
 
+@pytest.mark.full
 def test_system_ids_restart_on_each_port() -> None:
     opened = udp_sockets(2, step=10)
     url = f"udpout:127.0.0.1:{opened[0].getsockname()[1]}"
@@ -101,6 +102,7 @@ def test_a_rebooted_vehicle_returns_from_another_port() -> None:
         assert sorted(answers) == [1, 2]
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("1.18")
 def test_messages_from_another_port_are_ignored() -> None:
     udp, port = udp_socket()
@@ -113,6 +115,7 @@ def test_messages_from_another_port_are_ignored() -> None:
         assert [m.ts1 for m in ground.heard if m.get_type() == "TIMESYNC" and m.tc1] == [8]
 
 
+@pytest.mark.full
 def test_a_vehicle_with_its_own_port_returns_from_another_port() -> None:
     udp, port = udp_socket()
     with udp, simulator("--per-port", "1", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
@@ -124,6 +127,7 @@ def test_a_vehicle_with_its_own_port_returns_from_another_port() -> None:
         ground.answered(7, 1)
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("1.18")
 def test_a_late_ground_station_is_served() -> None:
     udp, port = udp_socket()
@@ -200,6 +204,7 @@ def test_several_tcp_clients_are_served_and_may_disconnect() -> None:
                 other.systems(1, 2)
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("1.18")
 def test_a_reboot_closes_the_connection_of_a_vehicle_with_its_own_port() -> None:
     port = free_tcp_port(2, step=10)
@@ -229,6 +234,7 @@ def test_a_tcp_client_reconnects() -> None:
                     Ground(connection).systems(1)
 
 
+@pytest.mark.full
 def test_an_absent_server_causes_one_warning() -> None:
     port = free_tcp_port()
 
@@ -321,6 +327,7 @@ def test_one_fleet_is_served_at_several_urls() -> None:
             over_udp.answered(22, 1)
 
 
+@pytest.mark.full
 def test_garbage_from_one_station_does_not_disturb_another() -> None:
     port = free_tcp_port()
     noise = random.Random(4)

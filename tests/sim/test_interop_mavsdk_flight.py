@@ -83,6 +83,7 @@ def orbit(vehicle: Vehicle) -> None:
     assert vehicle.mode not in (FlightMode.HOLD, FlightMode.MISSION)
 
 
+@pytest.mark.full
 @side_by_side
 def test_landing_in_place_and_termination_in_flight(fast: MavsdkPeer, personality: str) -> None:
     vehicle = fast.take(personality)
@@ -203,6 +204,7 @@ def moves(vehicle: Vehicle, north_m_s: float, east_m_s: float) -> bool:
     return math.hypot(velocity.north_m_s - north_m_s, velocity.east_m_s - east_m_s) < 0.4
 
 
+@pytest.mark.full
 @side_by_side
 def test_the_end_of_set_points_stops_the_vehicle(slow: MavsdkPeer, personality: str) -> None:
     """PX4 leaves OFFBOARD and ArduPilot stops, both without a text."""
@@ -221,6 +223,7 @@ def test_the_end_of_set_points_stops_the_vehicle(slow: MavsdkPeer, personality: 
 # -- failure ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.autopilots("MAVSDK 5 failure", of="px4")
 def test_px4_loses_and_regains_its_satellites(slow: MavsdkPeer) -> None:
     vehicle = slow.take("px4")

@@ -98,6 +98,7 @@ def test_mavutil_flies_a_copter_and_the_log_tools_read_its_log(tmp_path: Path) -
     assert [loader.wp(i).command for i in range(len(PLAN))] == [command for command, *_ in PLAN]
 
 
+@pytest.mark.full
 def test_mavutil_hears_px4_over_udp() -> None:
     udp, port = udp_socket()
     udp.close()

@@ -31,6 +31,7 @@ until_s: 12
 """
 
 
+@pytest.mark.full
 def test_the_first_line_describes_the_fleet_and_a_signal_ends_it() -> None:
     udp, port = udp_socket()
     with udp, simulator("--count", "5", "--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
@@ -38,7 +39,9 @@ def test_the_first_line_describes_the_fleet_and_a_signal_ends_it() -> None:
     assert first == f"sim_vehicle: 5 ardupilot copters, sysid 1-5, udpout 127.0.0.1:{port}, 10x real time\n"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.full), signal.SIGTERM]
+)
 def test_two_lines_and_no_table_on_a_pipe(number: signal.Signals) -> None:
     udp, port = udp_socket()
     with udp, simulator("--count", "2", "--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
@@ -53,6 +56,7 @@ def test_two_lines_and_no_table_on_a_pipe(number: signal.Signals) -> None:
     )
 
 
+@pytest.mark.full
 def test_a_closed_standard_output_does_not_end_the_fleet() -> None:
     udp, port = udp_socket()
     with udp, simulator("--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
@@ -124,6 +128,7 @@ def test_all_bad_arguments_are_reported_at_once() -> None:
     assert sorted(starts) == ["--fault", "--home", "--param", "--url", "--wind"]
 
 
+@pytest.mark.full
 def test_fault_help_lists_all_faults() -> None:
     done = run("--fault", "help")
     assert done.returncode == 0
@@ -191,6 +196,7 @@ def test_stepping_reads_a_file_and_ends_with_it(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.full
 def test_stepping_needs_standard_input() -> None:
     done = run("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}", before="exec <&-")
     assert done.returncode == 2
@@ -233,6 +239,7 @@ def test_a_run_with_lost_output_exits_with_its_verdict(
     assert json.loads((tmp_path / "hop" / "verdict.json").read_text())["passed"] is (code == 0)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("arguments", [("run", "--list-checks"), ("--fault", "help"), ("--help",)])
 def test_a_list_tolerates_a_full_disk(arguments: tuple[str, ...]) -> None:
     done = run(*arguments, before="exec >/dev/full")
@@ -249,6 +256,7 @@ def test_help_has_a_short_name(arguments: tuple[str, ...]) -> None:
     assert short.stdout.startswith("Usage: python -m sim_vehicle")
 
 
+@pytest.mark.full
 def test_the_version_is_printed() -> None:
     assert run("--version").stdout == f"sim_vehicle {version('mavlink-swarmctl')}\n"
 
@@ -305,6 +313,7 @@ class Terminal:
 OWN_SCREEN, BACK = "\x1b[?1049h", "\x1b[?1049l"
 
 
+@pytest.mark.full
 def test_the_manual_clock_on_a_terminal_shows_input_and_answers() -> None:
     with Terminal("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}") as terminal:
         seen = terminal.until("step 0.5\r\n")
@@ -335,6 +344,7 @@ def test_the_table_uses_the_alternate_screen_and_leaves_its_last_state() -> None
     assert " s simulated, " in after[-1]
 
 
+@pytest.mark.full
 def test_warnings_appear_in_the_table_and_after_it() -> None:
     more = ("--count", "200", "--speedup", "1000", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
     with Terminal(*more, width=120) as terminal:
@@ -346,6 +356,7 @@ def test_warnings_appear_in_the_table_and_after_it() -> None:
     assert re.search(r"sim_vehicle: .* 1000x real time: \d+\.\d s lost .*\[too-slow\]", after)
 
 
+@pytest.mark.full
 def test_a_full_disk_ends_the_logs_but_not_the_fleet(tmp_path: Path) -> None:
     more = ("--personality", "px4", "--count", "2", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
     done = run("--step", *more, "--tlog", str(tmp_path), before="ulimit -f 20", steps="step 30\nstep 30\n")
@@ -356,6 +367,7 @@ def test_a_full_disk_ends_the_logs_but_not_the_fleet(tmp_path: Path) -> None:
     assert "[tlog-full]" in done.stderr
 
 
+@pytest.mark.full
 def test_serving_on_windows_is_refused() -> None:
     start = (
         "import sys; sys.modules['resource'] = None\n"

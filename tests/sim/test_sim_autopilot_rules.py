@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from px4_station import Px4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, item, scenario, takeoff, waypoint
 
@@ -86,7 +86,7 @@ def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> 
 
 
 def test_on_px4_no_speed_restores_the_cruising_speed() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.upload([takeoff(20), waypoint(2000, 0, 20)])
     station.wait(2)
     assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
@@ -100,7 +100,7 @@ def test_on_px4_no_speed_restores_the_cruising_speed() -> None:
 
 
 def test_a_voltage_that_no_battery_has_does_not_end_the_log_or_the_vehicle() -> None:
-    station = Px4Station(params={"BAT1_V_CHARGED": 3e38, "BAT1_N_CELLS": 12, "SDLOG_MODE": 2})
+    station = QuietPx4Station(params={"BAT1_V_CHARGED": 3e38, "BAT1_N_CELLS": 12, "SDLOG_MODE": 2})
     station.wait(3)
     assert 0 < station.fleet.world.batteries.voltage_v[0] <= 1000
     assert station.of("HEARTBEAT")
@@ -281,7 +281,7 @@ def test_a_yaw_in_a_frame_of_the_body_turns_by_that_much(frame: int, turns: bool
 
 
 def test_on_px4_a_yaw_in_a_frame_of_the_body_is_from_north() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     for _ in range(20):
         station.send(yaw_setpoint(mavlink.MAV_FRAME_LOCAL_NED, ONLY_VELOCITY & ~0x400, 1.0, vz=-1.0))
         station.wait(0.1)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from px4_station import AUTO as PX4_AUTO
-from px4_station import HOLD, NAN, Px4Station
+from px4_station import HOLD, NAN, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, acks, home_item, item, takeoff, waypoint
 
@@ -52,7 +52,7 @@ def test_take_off_is_in_guided_to_a_height_above_home() -> None:
 
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 def test_px4_takes_off_to_the_altitude_of_a_parameter() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     assert station.set_parameter("MIS_TAKEOFF_ALT", 7.0).param_value == 7.0
     assert station.arm() == ACCEPTED
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, NAN) == ACCEPTED
@@ -79,7 +79,7 @@ def test_a_return_is_mode_6_and_a_landing_a_command(how: tuple[int, ...], number
     ("how", "sub"), [((176, 1, 4, 5), 5), ((mavlink.MAV_CMD_NAV_LAND,), 6)], ids=["return", "land"]
 )
 def test_px4s_return_is_a_mode_and_its_landing_a_command(how: tuple[int, ...], sub: int) -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.fly(8)
     assert station.command(*how) == ACCEPTED
     assert station.custom_mode == (PX4_AUTO, sub)
@@ -99,7 +99,7 @@ def test_a_place_to_go_to_is_above_mean_sea_level_in_frame_0() -> None:
 
 @pytest.mark.autopilots("MAVSDK 5 goto_location", of="px4")
 def test_px4_turns_to_a_yaw_in_radians_at_a_place_to_go_to() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.fly(10)
     there = (round((LAT_DEG + 40 / 111_195) * 1e7), round(LON_DEG * 1e7), ALT_M + 18)
     command = mavlink.MAV_CMD_DO_REPOSITION
@@ -107,7 +107,7 @@ def test_px4_turns_to_a_yaw_in_radians_at_a_place_to_go_to() -> None:
     assert station.custom_mode == (PX4_AUTO, HOLD)
     station.until(lambda: north_m(station) > 39 and station.height_m > 17.5, 60)
     station.wait(3)
-    assert station.of("ATTITUDE")[-1].yaw == pytest.approx(math.pi / 2, abs=0.1)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(math.pi / 2, abs=0.1)
 
 
 @pytest.mark.autopilots("MAVSDK 5 set_current_speed")
@@ -188,7 +188,7 @@ def test_a_velocity_is_flown_in_guided_and_brake_ends_it() -> None:
 
 @pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
 def test_px4_flies_a_velocity_in_offboard_only() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.fly(10)
 
     def stream() -> None:

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from px4_station import Px4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, Station, acks, home_item, item, land, place_m, takeoff, waypoint
 
@@ -159,9 +159,9 @@ def test_set_current_after_an_upload_in_auto_flies_the_new_plan_from_its_start()
 # -- PX4 ---------------------------------------------------------------------------------------------------
 
 
-def px4_northbound(more: int = 0) -> Px4Station:
+def px4_northbound(more: int = 0) -> QuietPx4Station:
     """Return a PX4 on its way to item 1, far in the north, with more items behind it."""
-    station = Px4Station()
+    station = QuietPx4Station()
     behind = (waypoint(600, 50.0 * i, 10) for i in range(1, more + 1))
     station.upload_and_wait([takeoff(10), waypoint(600, 0, 10), *behind])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
@@ -171,7 +171,7 @@ def px4_northbound(more: int = 0) -> Px4Station:
 
 @pytest.mark.autopilots("2 count", of="px4")
 def test_px4_counts_the_same_everywhere() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     assert station.ask(CURRENT).total == 65_535
     station.upload_and_wait([takeoff(10), *(waypoint(10.0 * i, 0) for i in range(5))])
     (count,) = station.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
@@ -193,7 +193,7 @@ def test_px4_flies_on_as_before_when_an_upload_dies() -> None:
 
 @pytest.mark.autopilots("2 shorter mission", of="px4")
 def test_px4_flies_to_the_last_item_of_a_mission_that_became_shorter() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     near = [waypoint(10.0 * i, 0, 10) for i in range(1, 4)]
     station.upload_and_wait([takeoff(10), *near, waypoint(600, 0, 10), waypoint(600, 9, 10)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == 0

@@ -12,6 +12,9 @@ from sim_vehicle.station.client import GAP, StatusTexts
 
 HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+ARDUPILOT_FIRST = pytest.mark.parametrize(
+    "personality", ["ardupilot", pytest.param("px4", marks=pytest.mark.full)]
+)
 
 
 def flown(text: str, **changes: Any) -> Verdict:
@@ -51,7 +54,7 @@ def test_a_goal_at_the_start_is_not_reached_on_the_ground(personality: str) -> N
     assert verdict.checks[0].failures[0].found.endswith("not flown yet")
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_a_goal_at_the_start_is_reached_by_returning(personality: str) -> None:
     verdict = flown(
         f"vehicles: [{{personality: {personality}, {ROUND}}}]\nscript: [fly_mission]\n"
@@ -104,7 +107,7 @@ def test_chunks_are_assembled(chunks: list[tuple[int, int, str]], expected: list
 LAPS = f"mission: [takeoff: 10, {at(10, 15)}, {at(10, 30)}, jump: {{to: 2, times: 2}}]"
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str) -> None:
     text = f"vehicles: [{{personality: {personality}, {LAPS}}}]\nscript: [fly_mission]\n"
     reached: list[int] = []
@@ -124,7 +127,7 @@ def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str)
     assert run.run().passed
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_an_endless_mission_is_never_complete(personality: str) -> None:
     endless = LAPS.replace("times: 2", "times: -1")
     text = f"vehicles: [{{personality: {personality}, {endless}}}]\nscript: [fly_mission]\n"
@@ -140,9 +143,21 @@ def test_an_uploaded_return_without_a_flight_is_not_complete(script: str) -> Non
     assert verdicts(verdict) == {"mission_complete": False}
 
 
-@BOTH
+RETURN = "item: {command: NAV_RETURN_TO_LAUNCH, frame: 2}"
+
+
 @pytest.mark.parametrize(
-    "end", ["rtl", "land", "delay_s: 1", "item: {command: NAV_RETURN_TO_LAUNCH, frame: 2}"]
+    ("personality", "end"),
+    [
+        ("ardupilot", "rtl"),
+        ("px4", "land"),
+        ("ardupilot", "delay_s: 1"),
+        ("px4", RETURN),
+        pytest.param("px4", "rtl", marks=pytest.mark.full),
+        pytest.param("ardupilot", "land", marks=pytest.mark.full),
+        pytest.param("px4", "delay_s: 1", marks=pytest.mark.full),
+        pytest.param("ardupilot", RETURN, marks=pytest.mark.full),
+    ],
 )
 def test_a_mission_is_complete_with_any_last_item(personality: str, end: str) -> None:
     text = f"vehicles: [{{personality: {personality}, mission: [takeoff: 6, {at(6, 15)}, {end}]}}]\n"
@@ -190,8 +205,17 @@ def test_modes_are_set_by_the_numbers_of_each_autopilot(kind: str, personality: 
 # -- ready to be armed -----------------------------------------------------------------------------------
 
 
-@BOTH
-@pytest.mark.parametrize("script", ["fly_mission", "takeoff: 9", "arm"])
+@pytest.mark.parametrize(
+    ("personality", "script"),
+    [
+        ("ardupilot", "fly_mission"),
+        ("px4", "takeoff: 9"),
+        ("ardupilot", "arm"),
+        pytest.param("px4", "fly_mission", marks=pytest.mark.full),
+        pytest.param("ardupilot", "takeoff: 9", marks=pytest.mark.full),
+        pytest.param("px4", "arm", marks=pytest.mark.full),
+    ],
+)
 def test_arming_waits_for_readiness(personality: str, script: str) -> None:
     text = (
         f"vehicles: [{{personality: {personality}, mission: [takeoff: 9, rtl]}}]\nscript: [{script}]\n"

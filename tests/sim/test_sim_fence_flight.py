@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from px4_station import Px4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, item, land, place_m, takeoff, waypoint
 
@@ -245,7 +245,7 @@ def test_a_return_goes_to_the_nearest_rally_point() -> None:
 
 
 def test_px4_keeps_a_fence_that_home_is_outside_of_but_does_not_obey_it() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.wait(1.0)
     assert upload(station, square(50, north_m=300), FENCE) == 0
     assert station.texts()[-1] == "Geofence invalid, doesn't contain Home position"
@@ -257,7 +257,7 @@ def test_px4_keeps_a_fence_that_home_is_outside_of_but_does_not_obey_it() -> Non
 
 @pytest.mark.autopilots("2 fence use", "MAVSDK 5 geofence", of="px4")
 def test_px4_holds_at_the_edge_of_its_fence() -> None:
-    station = Px4Station(params={"GF_ACTION": 2})
+    station = QuietPx4Station(params={"GF_ACTION": 2})
     station.wait(1.0)
     assert upload(station, square(80), FENCE) == 0
     station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from px4_station import AUTO as PX4_AUTO
-from px4_station import HOLD, OFFBOARD, Px4Station
+from px4_station import HOLD, OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     ALT_M,
@@ -114,7 +114,7 @@ def test_an_unknown_battery_capacity_has_no_effect() -> None:
 
 @pytest.mark.parametrize(("frame", "value"), [(1, math.nan), (77, 0.0)])
 def test_set_points_that_say_nothing_do_not_keep_offboard_alive(frame: int, value: float) -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.fly(10)
     station.stream_setpoints(1.0, 0, 0, 10)
     assert station.change(OFFBOARD) == 0

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from px4_station import Px4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
 
@@ -219,7 +219,7 @@ def px4_item(command: int, *args: float, **fields: Any) -> dict[str, Any]:
 
 
 def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.upload_and_wait(
         [takeoff(10), px4_item(SPEED, param1=1, param2=4.0), waypoint(40, 0, 10), px4_item(DELAY, param1=3)]
     )
@@ -233,7 +233,7 @@ def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None
 
 @pytest.mark.autopilots("2 count", "2 CLEAR_ALL", "MAVSDK 5 clear_mission", of="px4")
 def test_px4_clears_the_mission_it_flies_and_holds() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
     station.change(4, 4)
     station.arm()
@@ -251,7 +251,7 @@ def test_px4_clears_the_mission_it_flies_and_holds() -> None:
     "2 re-upload in AUTO", "2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4"
 )
 def test_px4_takes_a_new_mission_in_flight_at_its_index() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(50, 0, 10), waypoint(400, 0, 10)])
     station.change(4, 4)
     station.arm()

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from px4_station import AUTO, MISSION, NAN, RETURN, Px4Station
+from px4_station import AUTO, MISSION, NAN, RETURN, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     ALT_M,
@@ -174,7 +174,7 @@ def test_after_a_pause_the_vehicle_flies_on_to_a_command_that_was_deleted() -> N
 
 @pytest.mark.parametrize("command", [16, 19, 93, 112])
 def test_px4_treats_a_nan_hold_or_delay_as_none(command: int) -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     placed = command in (16, 19)
     waits = item(command, 20, 0, 10.0, param1=NAN, frame=6 if placed else 2)
     station.upload_and_wait([takeoff(10), waits, waypoint(40, 0, 10.0)])
@@ -183,7 +183,7 @@ def test_px4_treats_a_nan_hold_or_delay_as_none(command: int) -> None:
 
 
 def test_px4_survives_a_change_of_speed_of_no_kind() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     speed = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=2, param1=NAN, param2=3.0)
     station.upload_and_wait([takeoff(10), speed, waypoint(40, 0, 10.0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
@@ -191,7 +191,7 @@ def test_px4_survives_a_change_of_speed_of_no_kind() -> None:
 
 
 def test_an_altitude_of_zero_is_one_for_px4_and_the_present_one_for_arducopter() -> None:
-    copter, px4 = Station(), Px4Station()
+    copter, px4 = Station(), QuietPx4Station()
     copter.fly_mission([takeoff(15), waypoint(60, 0, 0.0), waypoint(100, 0, 15.0)])
     copter.until(lambda: current(copter) == 3, 90)
     assert copter.height_m == pytest.approx(15, abs=2.0)  # as high as it was when it set out
@@ -224,7 +224,7 @@ def test_arducopter_returns_at_the_altitude_of_the_rally_point_if_that_is_above_
 
 
 def test_px4_counts_its_return_altitude_from_the_rally_point() -> None:
-    station = Px4Station(params={"RTL_RETURN_ALT": 20.0, "RTL_CONE_ANG": 0})
+    station = QuietPx4Station(params={"RTL_RETURN_ALT": 20.0, "RTL_CONE_ANG": 0})
     upload_rally(station, 60.0, 12.0, 3)
     station.fly(10)
     x = round((LAT_DEG + 110 / 111_195) * 1e7)
@@ -259,7 +259,7 @@ def test_arducopter_starts_no_part_of_a_mission(items: tuple[float, float]) -> N
 
 
 def test_px4_starts_at_the_requested_item() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(200, 0, 10.0), waypoint(30, 0, 10.0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START, 3) == DENIED
     assert station.command(mavlink.MAV_CMD_MISSION_START, 2, 2) == ACCEPTED
@@ -267,7 +267,7 @@ def test_px4_starts_at_the_requested_item() -> None:
 
 
 def test_px4_hands_a_return_as_the_last_item_to_its_mode_and_does_not_report_it() -> None:
-    station = Px4Station()
+    station = QuietPx4Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=2, x=0, y=0)
     station.upload_and_wait([takeoff(10), waypoint(30, 0, 10.0), rtl])
     assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
@@ -276,6 +276,7 @@ def test_px4_hands_a_return_as_the_last_item_to_its_mode_and_does_not_report_it(
     station.until(lambda: not station.armed, 200)
     assert {message.seq for message in station.of("MISSION_ITEM_REACHED")} == {0, 1}
     assert current(station) == 2
+    assert north_m(station) == pytest.approx(0, abs=3)
 
 
 def landing_mission() -> list[dict[str, Any]]:

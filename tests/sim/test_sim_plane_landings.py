@@ -68,15 +68,15 @@ def test_a_return_may_go_to_the_landing_at_once() -> None:
     assert (station.mode, current(station)) == ("AUTO", 4)
 
 
-@pytest.mark.parametrize("autoland", [0.0, 3.0])
+@pytest.mark.parametrize("autoland", [0.0, pytest.param(3.0, marks=pytest.mark.full)])
 def test_without_it_a_return_circles_over_home(autoland: float) -> None:
     station = sent_home(RTL_AUTOLAND=autoland)
-    station.wait(180)
+    station.wait(100)
     assert station.mode == "RTL"
     assert station.height_m > 30
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("way", [pytest.param(1.0, marks=pytest.mark.full), -1.0])
 def test_a_circle_is_left_at_its_altitude_and_toward_the_next_place(way: float) -> None:
     station = plane()
     circle = to_altitude(600, 0, 25, way * RADIUS_M)
@@ -103,7 +103,7 @@ def test_a_circle_is_left_at_its_altitude_and_toward_the_next_place(way: float) 
     assert heading_deg == pytest.approx(90, abs=15)
 
 
-@pytest.mark.parametrize(("radius_m", "nearest_m"), [(10.0, 10.0), (120.0, 120.0), (0.0, 90.0)])
+@pytest.mark.parametrize(("radius_m", "nearest_m"), [(10.0, 10.0), pytest.param(120.0, 120.0, marks=pytest.mark.full), (0.0, 90.0)])
 def test_a_waypoint_sets_its_acceptance_radius(radius_m: float, nearest_m: float) -> None:
     station = plane()  # WP_RADIUS is 90 m as it comes
     told = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)
@@ -121,7 +121,7 @@ def landed_by_its_mission() -> Station:
     return station
 
 
-@pytest.mark.parametrize("mode", [AUTO, GUIDED])
+@pytest.mark.parametrize("mode", [AUTO, pytest.param(GUIDED, marks=pytest.mark.full)])
 def test_after_a_landing_by_its_mission_it_does_not_arm_in_that_landing(mode: int) -> None:
     station = landed_by_its_mission()
     assert current(station) == 6, "the landing stays the one that is flown"

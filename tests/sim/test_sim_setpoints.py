@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from px4_station import OFFBOARD, Px4Station
+from px4_station import OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station
 
@@ -52,7 +52,7 @@ def ardupilot() -> Station:
 
 
 def px4() -> Station:
-    station = Px4Station()
+    station = QuietPx4Station()
     station.fly(30)
     hold(station, acceleration(0, 0, 0), 1)
     assert station.change(OFFBOARD) == 0
@@ -152,7 +152,7 @@ def test_an_invalid_setpoint_changes_nothing(message: Any) -> None:
 
 def test_a_plane_turns_toward_a_lean() -> None:
     """A roll to the right turns a plane to the right."""
-    station = Px4Station("plane")
+    station = QuietPx4Station("plane")
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, 360) == 0
     station.until(lambda: station.mode == "Hold", 120)

@@ -15,6 +15,8 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE
 
 ALT_M = 300.0
+NO_LOGS = {"ardupilot": {"LOG_BACKEND_TYPE": 0.0}, "px4": {"SDLOG_MODE": -1.0}}
+"""Parameters of a vehicle that records no flights; an eighth of a flight's time goes into its log."""
 
 __all__ = ["ALT_M", "HOME", "Faults", "FlyingBench", "on_the_ground", "plan"]
 
@@ -37,7 +39,7 @@ class FlyingBench(WireBench):
     ) -> None:
         super().__init__()
         vehicle = {"sysid": 1, "lat_deg": HOME[0], "lon_deg": HOME[1], "alt_amsl_m": ALT_M}
-        vehicle |= {"personality": personality, "type": kind, "params": params or {}}
+        vehicle |= {"personality": personality, "type": kind, "params": NO_LOGS[personality] | (params or {})}
         self.fleet = Fleet(Scenario.model_validate({"seed": 1, "vehicles": [vehicle]}), ready_s=ready_s)
         self.vehicle = self.fleet.vehicles[0]
         self._other = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)

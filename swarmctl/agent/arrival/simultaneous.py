@@ -16,7 +16,7 @@ from swarmctl.agent.replan.spare_time import update_spare_time
 from swarmctl.agent.replan.stopping import BrakingStop, after_stop, stop_ahead
 from swarmctl.agent.replan.wing_trajectory import ROLL_S
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
-from swarmctl.agent.traffic.collision_avoidance import track_ahead
+from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.frames import StateShared

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.replan.stopping import distance_and_speed_after
 from swarmctl.agent.state import AgentState, Phase
-from swarmctl.agent.traffic.collision_avoidance import track_ahead
+from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import Waypoint

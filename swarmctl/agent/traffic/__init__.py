@@ -4,6 +4,7 @@
 |---|---|---|
 | `separation/` | trajectories | distances in space and time; the priority rule |
 | `neighbours`, `intents` | messages | stores what others broadcast; sends the own intent |
+| `prediction` | positions | where this vehicle and its neighbours will be |
 | `launching` | first route | waits on the ground |
 | `route_deconfliction` | plans, before and while they are flown | another height, another route, or hold |
 | `collision_avoidance` | positions, 10 s ahead | hold or climb |

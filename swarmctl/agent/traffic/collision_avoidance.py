@@ -24,9 +24,18 @@ import msgspec
 from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
+from swarmctl.agent.traffic.prediction import (
+    SILENT_S,
+    hold_trajectory,
+    own_trajectory,
+    position_of,
+    predict,
+    silent_neighbours,
+    track_ahead,
+)
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
     ProximityAlarm,
@@ -36,18 +45,7 @@ from swarmctl.agent.traffic.separation.watch import (
     update_alarms,
 )
 from swarmctl.core import events as ev
-from swarmctl.core.frames import StateShared
-from swarmctl.core.planar import distance_to_leg
-from swarmctl.core.vehicle import VehicleState
 
-MAX_REPORT_AGE_S = 5.0
-"""Oldest state of another vehicle that is used to predict its position."""
-SILENT_S = 180.0
-"""Time for which a vehicle that gave way stays clear of the last position of a silent one."""
-AIRBORNE_M = 1.0
-"""Height above home below which a vehicle counts as on the ground."""
-MARGIN_M_S = 5.0
-"""Increase of the closing speed allowed for while selecting nearby vehicles."""
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
 """Delays after which the resumed route has to be clear: a vehicle takes some seconds to follow the order."""
 HOLDS_FOR_S = 60.0
@@ -56,24 +54,6 @@ CEILING_MARGIN_M = 3.0
 """Distance kept below the fence's ceiling."""
 MAX_LEVEL_SHARE = 1.0 / 3.0
 """Largest tolerance in height, as a share of the vertical limit."""
-BRAKING_M_S2 = 1.75
-"""Deceleration of a copter (`swarmctl.agent.replan.travel_time`)"""
-
-
-def is_near(state: AgentState, other: StateShared) -> bool:
-    """Return whether another vehicle is near enough to come too close within the look-ahead time."""
-    vehicle, rules = state.vehicle, state.task.separation
-    if vehicle.lat_deg is None or vehicle.lon_deg is None:
-        return False
-    frame = state.task.grid.frame
-    here, there = (
-        frame.to_local(vehicle.lat_deg, vehicle.lon_deg),
-        frame.to_local(other.lat_deg, other.lon_deg),
-    )
-    speeds_m_s = vehicle.ground_speed_m_s + math.hypot(*other.velocity_m_s[:2]) + MARGIN_M_S
-    return math.dist(here, there) < 2.0 * rules.limits.horizontal_m + speeds_m_s * (
-        rules.look_ahead_s + MAX_REPORT_AGE_S
-    )
 
 
 def avoid_collisions(state: AgentState) -> StepResult:
@@ -131,21 +111,13 @@ def _hears(state: AgentState, other: NeighbourReport) -> bool:
     return state.task.uav in other.state.hears
 
 
-def heard_neighbours(state: AgentState) -> tuple[int, ...]:
-    """Return the system ids of the nearby vehicles heard recently."""
-    now_s = state.vehicle.time_boot_s
-    return tuple(
-        sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= MAX_REPORT_AGE_S)
-    )
-
-
 def _give_way(
     state: AgentState, asked: Sequence[ProximityAlarm], others: dict[int, Trajectory]
 ) -> StepResult:
     rules = state.task.separation
     if not may_give_way(state) or not asked:
         return state, []
-    stays = _standing(state)
+    stays = hold_trajectory(state)
     blocked = (
         {a.other for a in update_alarms((), stays, others, rules, state.vehicle.time_boot_s)}
         if stays
@@ -244,16 +216,6 @@ def _passes_silent(state: AgentState) -> bool:
     )
 
 
-def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
-    """Return the last positions of silent vehicles that it gave way to, as trajectories standing still."""
-    now_s = state.vehicle.time_boot_s
-    return {
-        uav: extrapolate(_place(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for uav, report in state.gave_way_to.items()
-        if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
-    }
-
-
 def _resume(state: AgentState, text: str) -> StepResult:
     # After a deferred plan, `route_deconfliction` reports when the new plan is clear.
     messages: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
@@ -289,110 +251,6 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
     return replace(state, holding_since_boot_s=now_s), [
         ev.NotifyOperator(f"{text}; no height is clear; continues to hold [keeps-holding]")
     ]
-
-
-# --- trajectories in the area's local frame [m], heights above this vehicle's home
-
-
-def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
-    """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
-
-    It follows the plan at the present speed, or at cruise speed while the vehicle gives way. Without a plan
-    it continues straight on.
-    """
-    vehicle, rules = state.vehicle, state.task.separation
-    here = position_of(state)
-    if here is None:
-        return None
-    now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s if for_s is None else for_s
-    swap = state.interrupted_plan or (state.route if state.pending is None else None)
-    if swap is None or state.phase is not Phase.FLYING:
-        return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
-    speed_m_s = state.task.arrival.speed_m_s if state.interrupted_plan else max(vehicle.ground_speed_m_s, 0.5)
-    frame = state.task.grid.frame
-    points = (*swap.plan.waypoints, swap.plan.landing)
-    track = [(*frame.to_local(point.lat_deg, point.lon_deg), point.alt_rel_m) for point in points]
-    return _along([here, *track_ahead(track, here)], speed_m_s, now_s, for_s)
-
-
-def position_of(state: AgentState) -> LocalPoint | None:
-    """Return its position; None without one in the last telemetry."""
-    vehicle = state.vehicle
-    if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
-        return None
-    return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
-
-
-def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[LocalPoint]:
-    """Return the rest of a track ahead of a vehicle on it: from the end of the nearest leg."""
-    best, nearest_m = 0, math.dist(track[0][:2], here[:2])
-    for i in range(1, len(track)):
-        away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
-        if away_m < nearest_m - 1e-6:  # of two equally near legs the first, so a corner is still ahead
-            best, nearest_m = i, away_m
-    return track[best:]
-
-
-def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
-    """Return the trajectory from point to point for `for_s` seconds; it stands still at the last point."""
-    times_s, passed = [from_s], [points[0]]
-    for point in points[1:]:
-        takes_s = math.dist(passed[-1][:2], point[:2]) / speed_m_s
-        left_s = from_s + for_s - times_s[-1]
-        if takes_s >= left_s > 0.0:
-            share = left_s / takes_s
-            passed.append(tuple(a + share * (b - a) for a, b in zip(passed[-1], point, strict=True)))  # type: ignore[arg-type]
-            times_s.append(from_s + for_s)
-            break
-        if takes_s > 0.0:
-            times_s.append(times_s[-1] + takes_s)
-            passed.append(point)
-    if times_s[-1] < from_s + for_s:
-        times_s.append(from_s + for_s)
-        passed.append(passed[-1])
-    return Trajectory(tuple(times_s), tuple(passed))
-
-
-def _standing(state: AgentState) -> Trajectory | None:
-    """Return the trajectory of a hold from now on: standing at its stopping point."""
-    here, rules = position_of(state), state.task.separation
-    if here is None:
-        return None
-    still = (0.0, 0.0, 0.0)
-    return extrapolate(stopping_point(state, here), still, state.vehicle.time_boot_s, rules.look_ahead_s)
-
-
-def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
-    """Return where the vehicle comes to a stop if it holds now."""
-    vehicle = state.vehicle
-    braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
-    return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
-
-
-def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
-    """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state is too
-    old."""
-    reported, now_s = report.state, state.vehicle.time_boot_s
-    if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
-        return None
-    for_s = now_s - report.at_s + state.task.separation.look_ahead_s
-    return extrapolate(_place(state, reported), reported.velocity_m_s, report.at_s, for_s)
-
-
-def _place(state: AgentState, reported: StateShared) -> LocalPoint:
-    """Return the position in another vehicle's state."""
-    east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
-    return east_m, north_m, _up_m(state.vehicle, reported)
-
-
-def _up_m(vehicle: VehicleState, other: StateShared) -> float:
-    """Return the height of another vehicle above this vehicle's home; the two homes may differ in height."""
-    if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or other.alt_amsl_m is None:
-        return other.alt_rel_m
-    return other.alt_amsl_m - vehicle.alt_amsl_m + vehicle.alt_rel_m
-
-
-# --- messages to the operator
 
 
 def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:

@@ -27,13 +27,7 @@ from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState, Phase
-from swarmctl.agent.traffic.collision_avoidance import (
-    end_give_way,
-    position_of,
-    predict,
-    silent_neighbours,
-    stopping_point,
-)
+from swarmctl.agent.traffic.collision_avoidance import end_give_way
 from swarmctl.agent.traffic.intents import (
     STANDS_S,
     planned_flight,
@@ -41,6 +35,7 @@ from swarmctl.agent.traffic.intents import (
     publish_intent,
     to_shared_frame,
 )
+from swarmctl.agent.traffic.prediction import position_of, predict, silent_neighbours, stopping_point
 from swarmctl.agent.traffic.route_deconfliction import SEPARATES_WITHIN_S, clashes_with, known_intents
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, landing_start_s

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.collision_avoidance import MAX_REPORT_AGE_S, is_near
+from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+
+MARGIN_M_S = 5.0
+"""Increase of the closing speed allowed for while selecting nearby vehicles."""
 
 
 def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
@@ -29,3 +33,27 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     new = {uav: known for uav, known in reports.items() if is_near(state, known.state)}
     state = note_returning(note_arrival_times(state, event.states), reports)
     return replace(state, neighbours={**kept, **new}), []
+
+
+def is_near(state: AgentState, other: StateShared) -> bool:
+    """Return whether another vehicle is near enough to come too close within the look-ahead time."""
+    vehicle, rules = state.vehicle, state.task.separation
+    if vehicle.lat_deg is None or vehicle.lon_deg is None:
+        return False
+    frame = state.task.grid.frame
+    here, there = (
+        frame.to_local(vehicle.lat_deg, vehicle.lon_deg),
+        frame.to_local(other.lat_deg, other.lon_deg),
+    )
+    speeds_m_s = vehicle.ground_speed_m_s + math.hypot(*other.velocity_m_s[:2]) + MARGIN_M_S
+    return math.dist(here, there) < 2.0 * rules.limits.horizontal_m + speeds_m_s * (
+        rules.look_ahead_s + MAX_REPORT_AGE_S
+    )
+
+
+def heard_neighbours(state: AgentState) -> tuple[int, ...]:
+    """Return the system ids of the nearby vehicles heard recently."""
+    now_s = state.vehicle.time_boot_s
+    return tuple(
+        sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= MAX_REPORT_AGE_S)
+    )

@@ -25,14 +25,7 @@ import msgspec
 from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
 from swarmctl.agent.state import AgentState, FlightComparison, Phase
-from swarmctl.agent.traffic.collision_avoidance import (
-    AIRBORNE_M,
-    ceiling_m,
-    least_share,
-    may_give_way,
-    position_of,
-    stopping_point,
-)
+from swarmctl.agent.traffic.collision_avoidance import ceiling_m, least_share, may_give_way
 from swarmctl.agent.traffic.intents import (
     MAX_AGE_S,
     STANDS_S,
@@ -42,6 +35,7 @@ from swarmctl.agent.traffic.intents import (
     position_amsl,
     publish_intent,
 )
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of, stopping_point
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, describe_clashes, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
