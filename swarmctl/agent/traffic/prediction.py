@@ -1,0 +1,133 @@
+"""Predicted trajectories of this vehicle and its neighbours, for collision avoidance and its kin. Pure.
+
+Places are in the area's local frame [m], with heights above this vehicle's home.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
+from swarmctl.agent.traffic.separation.watch import NeighbourReport
+from swarmctl.core.frames import StateShared
+from swarmctl.core.planar import distance_to_leg
+from swarmctl.core.vehicle import VehicleState
+
+MAX_REPORT_AGE_S = 5.0
+"""Oldest state of another vehicle that is used to predict its position."""
+SILENT_S = 180.0
+"""Time for which a vehicle that gave way stays clear of the last position of a silent one."""
+AIRBORNE_M = 1.0
+"""Height above home below which a vehicle counts as on the ground."""
+BRAKING_M_S2 = 1.75
+"""Deceleration of a copter (`swarmctl.agent.replan.travel_time`)"""
+
+
+def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
+    """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
+
+    It follows the plan at the present speed, or at cruise speed while the vehicle gives way. Without a plan
+    it continues straight on.
+    """
+    vehicle, rules = state.vehicle, state.task.separation
+    here = position_of(state)
+    if here is None:
+        return None
+    now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s if for_s is None else for_s
+    swap = state.interrupted_plan or (state.route if state.pending is None else None)
+    if swap is None or state.phase is not Phase.FLYING:
+        return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
+    speed_m_s = state.task.arrival.speed_m_s if state.interrupted_plan else max(vehicle.ground_speed_m_s, 0.5)
+    frame = state.task.grid.frame
+    points = (*swap.plan.waypoints, swap.plan.landing)
+    track = [(*frame.to_local(point.lat_deg, point.lon_deg), point.alt_rel_m) for point in points]
+    return _along([here, *track_ahead(track, here)], speed_m_s, now_s, for_s)
+
+
+def position_of(state: AgentState) -> LocalPoint | None:
+    """Return its position; None without one in the last telemetry."""
+    vehicle = state.vehicle
+    if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
+        return None
+    return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
+
+
+def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[LocalPoint]:
+    """Return the rest of a track ahead of a vehicle on it: from the end of the nearest leg."""
+    best, nearest_m = 0, math.dist(track[0][:2], here[:2])
+    for i in range(1, len(track)):
+        away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
+        if away_m < nearest_m - 1e-6:  # of two equally near legs the first, so a corner is still ahead
+            best, nearest_m = i, away_m
+    return track[best:]
+
+
+def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
+    """Return the trajectory from point to point for `for_s` seconds; it stands still at the last point."""
+    times_s, passed = [from_s], [points[0]]
+    for point in points[1:]:
+        takes_s = math.dist(passed[-1][:2], point[:2]) / speed_m_s
+        left_s = from_s + for_s - times_s[-1]
+        if takes_s >= left_s > 0.0:
+            share = left_s / takes_s
+            passed.append(tuple(a + share * (b - a) for a, b in zip(passed[-1], point, strict=True)))  # type: ignore[arg-type]
+            times_s.append(from_s + for_s)
+            break
+        if takes_s > 0.0:
+            times_s.append(times_s[-1] + takes_s)
+            passed.append(point)
+    if times_s[-1] < from_s + for_s:
+        times_s.append(from_s + for_s)
+        passed.append(passed[-1])
+    return Trajectory(tuple(times_s), tuple(passed))
+
+
+def hold_trajectory(state: AgentState) -> Trajectory | None:
+    """Return the trajectory of a hold from now on: standing at its stopping point."""
+    here, rules = position_of(state), state.task.separation
+    if here is None:
+        return None
+    still = (0.0, 0.0, 0.0)
+    return extrapolate(stopping_point(state, here), still, state.vehicle.time_boot_s, rules.look_ahead_s)
+
+
+def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
+    """Return where the vehicle comes to a stop if it holds now."""
+    vehicle = state.vehicle
+    braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
+    return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
+
+
+def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
+    """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state is too
+    old."""
+    reported, now_s = report.state, state.vehicle.time_boot_s
+    if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
+        return None
+    for_s = now_s - report.at_s + state.task.separation.look_ahead_s
+    return extrapolate(_place(state, reported), reported.velocity_m_s, report.at_s, for_s)
+
+
+def _place(state: AgentState, reported: StateShared) -> LocalPoint:
+    """Return the position in another vehicle's state."""
+    east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
+    return east_m, north_m, _up_m(state.vehicle, reported)
+
+
+def _up_m(vehicle: VehicleState, other: StateShared) -> float:
+    """Return the height of another vehicle above this vehicle's home; the two homes may differ in height."""
+    if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or other.alt_amsl_m is None:
+        return other.alt_rel_m
+    return other.alt_amsl_m - vehicle.alt_amsl_m + vehicle.alt_rel_m
+
+
+def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
+    """Return the last positions of silent vehicles that it gave way to, as trajectories standing still."""
+    now_s = state.vehicle.time_boot_s
+    return {
+        uav: extrapolate(_place(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        for uav, report in state.gave_way_to.items()
+        if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
+    }
