@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from flying_bench import ALT_M, Faults, FlyingBench, on_the_ground, plan
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import Landed
@@ -305,10 +306,7 @@ def test_another_ground_station_is_obeyed_by_the_vehicle_and_not_fought_by_us(pe
 @BOTH
 @pytest.mark.autopilots("1.5", "1.15")
 @pytest.mark.autopilots("1.5", of="px4")
-@pytest.mark.parametrize(
-    "after_s",
-    [0.0, pytest.param(0.3, marks=pytest.mark.full), 0.6, pytest.param(0.9, marks=pytest.mark.full)],
-)
+@pytest.mark.parametrize("after_s", [0.0, 0.6, *full_only(0.3, 0.9)])
 def test_a_vehicle_landing_by_another_stations_command_does_not_count_as_on_its_old_plan(
     personality, after_s
 ):

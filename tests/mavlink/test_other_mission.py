@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from flying_bench import Faults, FlyingBench, on_the_ground, plan
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
@@ -192,7 +193,7 @@ def test_another_mission_of_as_many_items_is_noticed_too(personality: str, withi
     assert bench.session.items == ()
 
 
-@pytest.mark.parametrize("loss", [pytest.param(0.0, marks=pytest.mark.full), 0.3])
+@pytest.mark.parametrize("loss", [0.3, *full_only(0.0)])
 def test_without_an_id_one_item_is_requested_every_few_seconds(loss: float) -> None:
     bench = FlyingBench("ardupilot").flying(plan(north=20))
     bench.spoil(Faults(loss=loss, max_delay_s=0.8, seed=3))

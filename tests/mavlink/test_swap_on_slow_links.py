@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from flying_bench import FlyingBench
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from way_bench import most_back_m, place, plan
 
@@ -74,9 +75,7 @@ def flying(personality: str, delay_s: float = DELAY_S) -> FlyingBench:
 
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-@pytest.mark.parametrize(
-    "delay_s", [*(pytest.param(delay_s, marks=pytest.mark.full) for delay_s in (0.02, 0.2)), DELAY_S]
-)
+@pytest.mark.parametrize("delay_s", [*full_only(0.02, 0.2), DELAY_S])
 def test_a_plan_that_leaves_the_old_one_ahead_is_taken_over_without_a_stop_and_never_back(
     personality: str, delay_s: float
 ) -> None:
@@ -140,9 +139,7 @@ def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
     assert most_back_m(norths_m) < TURNS_WITHIN_M
 
 
-@pytest.mark.parametrize(
-    "n_lost", [pytest.param(0, marks=pytest.mark.full), pytest.param(1, marks=pytest.mark.full), 3]
-)
+@pytest.mark.parametrize("n_lost", [*full_only(0, 1), 3])
 def test_a_vehicle_whose_command_comes_after_the_corner_stays_on_a_known_route(n_lost: int) -> None:
     """The vehicle does not cross between the routes, where neither plan leads."""
     bench = flying("ardupilot")
@@ -187,9 +184,7 @@ def test_a_plan_that_is_flown_to_its_end_before_it_was_read_back_is_the_one_it_f
     assert place(bench) == pytest.approx(new[-1], abs=3.0)
 
 
-@pytest.mark.parametrize(
-    "later_s", [pytest.param(6.0, marks=pytest.mark.full), 12.0, pytest.param(25.0, marks=pytest.mark.full)]
-)
+@pytest.mark.parametrize("later_s", [12.0, *full_only(6.0, 25.0)])
 def test_a_vehicle_that_passed_corners_before_the_read_back_is_not_sent_back(
     later_s: float,
 ) -> None:
@@ -206,10 +201,7 @@ def test_a_vehicle_that_passed_corners_before_the_read_back_is_not_sent_back(
 
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-@pytest.mark.parametrize(
-    "blind_s",
-    [1.0, *(pytest.param(blind_s, marks=pytest.mark.full) for blind_s in (0.0, 0.5, 2.0, 3.0, 5.0))],
-)
+@pytest.mark.parametrize("blind_s", [1.0, *full_only(0.0, 0.5, 2.0, 3.0, 5.0)])
 def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
     personality: str, blind_s: float
 ) -> None:
@@ -232,7 +224,7 @@ def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
     assert bench.session.result.flying in ("old", "new")
 
 
-@pytest.mark.parametrize("ahead_m", [40.0, pytest.param(60.0, marks=pytest.mark.full)])
+@pytest.mark.parametrize("ahead_m", [40.0, *full_only(60.0)])
 def test_a_vehicle_that_passes_the_corner_without_a_position_keeps_its_old_plan(ahead_m: float) -> None:
     bench = flying("px4")
     north_m = place(bench)[1] + ahead_m
@@ -246,10 +238,7 @@ def test_a_vehicle_that_passes_the_corner_without_a_position_keeps_its_old_plan(
     assert place(bench)[0] == pytest.approx(0.0, abs=1.0)
 
 
-@pytest.mark.parametrize(
-    "silence_s",
-    [pytest.param(3.0, marks=pytest.mark.full), 8.0, pytest.param(14.0, marks=pytest.mark.full), 20.0],
-)
+@pytest.mark.parametrize("silence_s", [8.0, 20.0, *full_only(3.0, 14.0)])
 def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silence_s: float) -> None:
     """PX4 follows it at once; the old plan is behind by when it can be asked again."""
     bench = flying("px4", 0.2)

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
 
 VARIABLE = "SWARMCTL_TESTS"
 """Environment variable that carries the choice to the workers of xdist: `full`, or not set."""
@@ -22,3 +26,9 @@ def examples(n_full: int, least: int = SHORT_LEAST) -> int:
     A test with a whole conversation or flight an example gives a smaller `least` for the short run.
     """
     return n_full if is_full() else min(n_full, max(least, n_full // SHORT_SHARE))
+
+
+def full_only(*values: Any) -> Iterable[Any]:
+    """Return values of a parameter that only the full run takes; a tuple is one row of several parameters."""
+    rows = [value if isinstance(value, tuple) else (value,) for value in values]
+    return [pytest.param(*row, marks=pytest.mark.full) for row in rows]
