@@ -23,7 +23,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
 from swarmctl.core.observation import BeliefItem
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.flight.sensors import Sensor
 from swarmctl.flight.supervise import Backoff, retrying
 from swarmctl.links.base import (
     AddressChanged,
@@ -53,10 +53,6 @@ CLEARANCE_TIMEOUT_S = 30.0
 """time for preflight checks that are still under way when the launch is ordered"""
 CLEARANCE_LASTS_S = 30.0
 """age at which checks are repeated before a launch: batteries drain, other stations change fences"""
-
-
-class Sensor(Protocol):
-    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]: ...
 
 
 class Observer(Protocol):

@@ -23,14 +23,11 @@ from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.routes import ReportOnce
 from swarmctl.config.links import Links
 from swarmctl.config.scenario import RandomStream, Scenario
-from swarmctl.config.specs import Spec
 from swarmctl.core import events as ev
 from swarmctl.flight import simulator
 from swarmctl.flight.member import Member
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.sensors import SOURCES
-from swarmctl.flight.sensors.external import External
-from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.links import LINKS
 from swarmctl.links.base import LinkError, Streaming
 from swarmctl.links.frontend import FrontEnd
@@ -179,11 +176,13 @@ def build_members(
             tlog=folder / f"{spec.name}.tlog",
             streaming=streaming,
         )
+        rng = scenario.generator(RandomStream.SENSOR, spec.sysid)
+        sensor = source.sensor(scenario.grid, scenario.hostiles, scenario.prior.sensor, rng)
         runner = Runner(
             task,
             scenario.prior,
             link,
-            _footprint(scenario, spec) if source.simulated else External(),
+            sensor,
             network,
             observers,
             operator_service=operator_service,
@@ -203,11 +202,6 @@ def build_members(
                 tolerance_s=scenario.config.communication.clock_tolerance_s,
             ).counts
         yield Member(spec, runner)
-
-
-def _footprint(scenario: Scenario, spec: Spec) -> Footprint:
-    rng = scenario.generator(RandomStream.SENSOR, spec.sysid)
-    return Footprint(scenario.grid, scenario.hostiles, scenario.prior.sensor, rng)
 
 
 def _say_of(say: Callable[[str], None], name: str, text: str) -> None:

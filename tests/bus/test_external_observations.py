@@ -46,8 +46,7 @@ from swarmctl.core.belief import CLEAR, OCCUPIED
 from swarmctl.core.grid import Grid
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight import app
-from swarmctl.flight.sensors import SOURCES
-from swarmctl.flight.sensors.external import External
+from swarmctl.flight.sensors import SOURCES, NoSensor
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import Report as Flight
 
@@ -494,8 +493,8 @@ def test_every_source_of_a_configuration_is_known() -> None:
 
 
 def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_one() -> None:
-    assert not SOURCES["external"].simulated
-    assert External().look(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
+    assert SOURCES["external"].sensor is NoSensor
+    assert NoSensor().look(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
 
 
 # --- a flight

@@ -1,27 +1,52 @@
 """Sensors: the observations that a vehicle makes at its position. Plug-ins; they import core.
 
-`footprint` simulates the paper's sensor and knows the true threats. `external` is for vehicles whose payload
-reports over the bus. `SOURCES` maps `sensor.source` of the configuration to the sensors in use.
-A sensor has one method, `look(vehicle)`; `swarmctl.flight.wiring` makes the simulated one of each vehicle.
+`footprint` simulates the paper's sensor and knows the true threats. `SOURCES` maps `sensor.source` of the
+configuration to the sensor of each vehicle. A new simulated sensor is a module here, a line in `SOURCES`, and
+its name in `swarmctl.config.model.Sensor`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.inference.sensor import SensorModel
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.flight.sensors.footprint import Footprint
+
+
+class Sensor(Protocol):
+    """The sensor of one vehicle."""
+
+    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
+        """Return (row, col, occupied) of the cells that it observes now, often none."""
+
+
+class NoSensor:
+    """A sensor without observations, for vehicles whose payloads report over the bus."""
+
+    def __init__(self, *_: object) -> None: ...
+
+    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
+        return ()
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
     """The origin of a vehicle's observations."""
 
-    simulated: bool
-    """the footprint is simulated"""
+    sensor: Callable[[Grid, frozenset[Cell], SensorModel, np.random.Generator], Sensor]
+    """makes a vehicle's sensor from area, hostiles, error rates and random generator"""
     external: bool
-    """payloads may report"""
+    """payloads may report (`swarmctl.bus.external_observations`)"""
 
 
 SOURCES = {
-    "simulated": Source(simulated=True, external=False),
-    "external": Source(simulated=False, external=True),
-    "both": Source(simulated=True, external=True),
+    "simulated": Source(Footprint, external=False),
+    "external": Source(NoSensor, external=True),
+    "both": Source(Footprint, external=True),
 }
