@@ -33,7 +33,8 @@ from swarmctl.links.base import (
 )
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.line import Channel
-from swarmctl.links.signing import OTHER_KEY, UNSIGNED
+from swarmctl.links.signing import REMEDIES
+from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.procedures import basic, fence, rally
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
@@ -382,10 +383,10 @@ class DirectLink:
             check = "do requests reach the vehicle (one-way link, wrong port, signing)?"
         else:
             problem = "no heartbeat [no-heartbeat]"
-            check = _CHECKS[self.endpoint.kind]
+            check = TRANSPORTS[self.endpoint.kind].check
             if refused := self._front_end.refused_on(self.endpoint, self.sysid):
                 problem = f"its frames are refused: {refused} [frames-refused]"
-                check = _KEYS.get(refused, "do the clocks of vehicle and this machine agree?")
+                check = REMEDIES.get(refused, "do the clocks of vehicle and this machine agree?")
             others = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
             if others and not refused:
                 check = f"received there: system {', '.join(map(str, others))}; is the system id right?"
@@ -400,18 +401,3 @@ class DirectLink:
         silence = f"; no heartbeat for {silent_s:.0f} s" if silent_s > 3.0 else ""
         text = f"{self._label}: not ready to arm after {tried_s:g} s: {'; '.join(reasons)}{silence}"
         return NotReady(text, reasons=reasons)
-
-
-_KEYS = {
-    UNSIGNED: "the vehicle has no key: give it that of links.signing_key, or leave out links.signing_key",
-    OTHER_KEY: "give the vehicle the key of links.signing_key, or set links.signing_key to the vehicle's key",
-}
-"""remedies by the front end's reason for refusing frames"""
-_CHECKS = {
-    "udpin": "does the vehicle (or simulator) send to this machine and port, and is it switched on?",
-    "udpout": "does it listen at that host and port? PX4 answers only its first peer since its boot: udpin://",
-    "tcpin": "does it connect to this machine and port?",
-    "tcpout": "does it listen at that host and port?",
-    "serial": "is it switched on, and are the baud rate and the cable right?",
-    "memory": "does the simulator have this system id?",
-}

@@ -22,11 +22,9 @@ from swarmctl.links.forwarding import Forwarder, ForwardTarget, open_to_stranger
 from swarmctl.links.line import Channel, EvidenceRecorder, Line, LineShared
 from swarmctl.links.signing import Refusals, Signing, SigningGuard
 from swarmctl.links.tlog import TlogWriter
+from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.transports.base import Transport
 from swarmctl.links.transports.memory import Memory, MemoryWire
-from swarmctl.links.transports.serial import SerialPort
-from swarmctl.links.transports.tcp import TcpClient, TcpServer
-from swarmctl.links.transports.udp import Udp
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import (
     GCS_COMPID,
@@ -216,18 +214,11 @@ class FrontEnd:
             line.flush_logs()
 
     def _transport(self, endpoint: Endpoint) -> Transport:
-        match endpoint.kind:
-            case "udpin" | "udpout":
-                return Udp(endpoint)
-            case "tcpin":
-                return TcpServer(endpoint)
-            case "tcpout":
-                return TcpClient(endpoint)
-            case "serial":
-                return SerialPort(endpoint)
-            case "memory":
-                wire = self._memory.get(endpoint.host)
-                if wire is None:
-                    known = ", ".join(sorted(self._memory)) or "none"
-                    raise TransportError(f"{endpoint}: there is no memory wire of that name; known: {known}")
-                return Memory(wire)
+        transport = TRANSPORTS[endpoint.kind].transport
+        if transport is not None:
+            return transport(endpoint)
+        wire = self._memory.get(endpoint.host)
+        if wire is None:
+            known = ", ".join(sorted(self._memory)) or "none"
+            raise TransportError(f"{endpoint}: there is no memory wire of that name; known: {known}")
+        return Memory(wire)

@@ -224,6 +224,11 @@ MEANS = {
     REPEATED: "a relay repeats frames, or a sender replays recorded ones",
 }
 """meaning of a refusal, by reason"""
+REMEDIES = {
+    UNSIGNED: "the vehicle has no key: give it that of links.signing_key, or leave out links.signing_key",
+    OTHER_KEY: "give the vehicle the key of links.signing_key, or set links.signing_key to the vehicle's key",
+}
+"""what to do if all frames of a vehicle are refused for this reason"""
 
 
 @dataclass(slots=True)

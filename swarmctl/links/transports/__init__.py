@@ -1,5 +1,40 @@
 """Bytes on the wire: UDP, TCP, serial, and memory for a virtual clock.
 
-A transport fits `base.Transport`. A new one is a module here, a kind and its form in `swarmctl.links.url`,
-and a case in `FrontEnd._transport`.
+A transport fits `base.Transport`. A new one is a module here, a line in `TRANSPORTS`, and its form of a URL
+in `swarmctl.links.url`.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from swarmctl.links.transports.base import Transport
+from swarmctl.links.transports.serial import SerialPort
+from swarmctl.links.transports.tcp import TcpClient, TcpServer
+from swarmctl.links.transports.udp import Udp
+from swarmctl.links.url import Endpoint, Kind
+
+
+@dataclass(frozen=True, slots=True)
+class TransportKind:
+    """The transport of a kind of endpoint."""
+
+    transport: Callable[[Endpoint], Transport] | None
+    """None: the front end has the wires"""
+    check: str
+    """question to the operator if no vehicle answers"""
+
+
+TRANSPORTS: dict[Kind, TransportKind] = {
+    "udpin": TransportKind(
+        Udp, "does the vehicle (or simulator) send to this machine and port, and is it switched on?"
+    ),
+    "udpout": TransportKind(
+        Udp, "does it listen at that host and port? PX4 answers only its first peer since its boot: udpin://"
+    ),
+    "tcpin": TransportKind(TcpServer, "does it connect to this machine and port?"),
+    "tcpout": TransportKind(TcpClient, "does it listen at that host and port?"),
+    "serial": TransportKind(SerialPort, "is it switched on, and are the baud rate and the cable right?"),
+    "memory": TransportKind(None, "does the simulator have this system id?"),
+}
