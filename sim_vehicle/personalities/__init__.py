@@ -1,6 +1,6 @@
 """Personalities: the differences between autopilots, one package each, as data if possible.
 
-A new one is a package, a line in `PERSONALITIES`, and its name in `sim_vehicle.scenarios.model.VehicleSpec`.
+A new one is a module or a package, and a line in `PERSONALITIES`.
 """
 
 from collections.abc import Mapping

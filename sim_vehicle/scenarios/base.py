@@ -1,8 +1,10 @@
 """Types and base classes of the sections of a scenario."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import CoreSchema, core_schema
 
 Latitude = Annotated[float, Field(strict=True, ge=-90, le=90)]
 Longitude = Annotated[float, Field(strict=True, ge=-180, le=180)]
@@ -13,6 +15,16 @@ Length = Annotated[float, Field(strict=True, gt=0, le=100_000)]
 Seconds = Annotated[float, Field(strict=True, ge=0, le=1e6)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 SystemId = Annotated[int, Field(strict=True, ge=1, le=250)]
+
+
+class NameIn:
+    """Annotation of a text that is one of a registry's names, in errors and schema like a Literal."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = list(names)
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        return core_schema.literal_schema(self._names)
 
 
 class Section(BaseModel):

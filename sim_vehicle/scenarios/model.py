@@ -24,6 +24,7 @@ from sim_vehicle.scenarios.base import (
     Latitude,
     Length,
     Longitude,
+    NameIn,
     Number,
     Probability,
     Section,
@@ -57,7 +58,7 @@ class VehicleSpec(Section):
     lon_deg: Longitude
     alt_amsl_m: Altitude = 10.0
     heading_deg: Annotated[float, Field(strict=True, ge=0, le=360)] = 0.0  # clockwise from north
-    personality: Literal["ardupilot", "px4"] = "ardupilot"
+    personality: Annotated[str, NameIn(PERSONALITIES)] = "ardupilot"
     kind: Annotated[Literal["copter", "plane"], Field(validation_alias=AliasChoices("type", "kind"))] = (
         "copter"
     )

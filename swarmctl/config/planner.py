@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
-from swarmctl.core.section import Section
+from swarmctl.core.section import NameIn, Section
 from swarmctl.planners import PLANNERS, method
-
-
-def _planner(name: str) -> str:
-    if name not in PLANNERS:
-        raise ValueError(f"unknown planner; the planners are {', '.join(sorted(PLANNERS))}")
-    return name
 
 
 class PlannerSection(Section):
     """The choice of routes."""
 
-    name: Annotated[str, AfterValidator(_planner)] = Field(
-        "dijkstra", description=f"Planner: {', '.join(PLANNERS)}."
-    )
+    name: Annotated[str, NameIn(PLANNERS)] = Field("dijkstra", description=f"Planner: {', '.join(PLANNERS)}.")
     w: float = Field(
         0.5,
         ge=0.0,

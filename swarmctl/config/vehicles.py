@@ -8,8 +8,9 @@ from pydantic import BeforeValidator, Field
 
 from swarmctl.config.links import MavlinkUrl
 from swarmctl.core.grid import Cell
-from swarmctl.core.section import Section
+from swarmctl.core.section import NameIn, Section
 from swarmctl.core.vehicle import Airframe
+from swarmctl.links import LINKS
 
 
 def _cells(value: Any) -> Any:
@@ -24,7 +25,7 @@ def _cells(value: Any) -> Any:
 
 Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
 Side = Literal["north", "east", "south", "west"]
-LinkName = Literal["direct", "mavsdk"]
+LinkName = Annotated[str, NameIn(LINKS)]
 Autopilot = Literal["ardupilot", "px4", "arduplane", "px4plane"]
 
 ARRIVE_WITHIN = "Time bound: latest arrival over the goal, from the vehicle's take-off [s]. Default: none."

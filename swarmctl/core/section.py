@@ -1,11 +1,25 @@
-"""The base class of every section of a configuration."""
+"""The base class of every section of a configuration, and its names from registries."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from pydantic import BaseModel, ConfigDict
+from pydantic_core import CoreSchema, core_schema
 
 
 class Section(BaseModel):
     """A frozen model that refuses unknown keys, infinities and values of another type."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class NameIn:
+    """Annotation of a text that is one of a registry's names, in errors and schema like a Literal."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = list(names)
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        return core_schema.literal_schema(self._names)

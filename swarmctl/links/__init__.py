@@ -9,8 +9,7 @@
 | `signing`, `forwarding`, `tlog` | MAVLink 2 signatures, copies for other stations, logs |
 | `url`, `transports` | forms of a URL; UDP, TCP, serial, memory |
 
-Imports mavlink and core. A new link is one module, one line in `LINKS`, and its name in `LinkName` of
-`swarmctl.config.vehicles`. Begin with `base` and `direct`.
+Imports mavlink and core. A new link is one module and one line in `LINKS`. Begin with `base` and `direct`.
 """
 
 from __future__ import annotations
