@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import HOME, Faults, WireBench, north_of_home
@@ -13,6 +13,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE
+from swarmctl.mavlink.telemetry.streams import NEEDLESS
 
 ALT_M = 300.0
 NO_LOGS = {"ardupilot": {"LOG_BACKEND_TYPE": 0.0}, "px4": {"SDLOG_MODE": -1.0}}
@@ -28,6 +29,8 @@ def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
 
 class FlyingBench(WireBench):
     STEP_S = 0.05
+    NEEDLESS_EVERY_S: float | None = 1.0
+    """Interval of the streams that a session has no use for; None: as often as the vehicle sends them."""
 
     def __init__(
         self,
@@ -49,6 +52,14 @@ class FlyingBench(WireBench):
 
     def vehicle_goes_on(self) -> Iterable[bytes]:
         return [frame for _, frame in self.fleet.step(self.now)]
+
+    def connected(self) -> Self:
+        super().connected()
+        rates = self.vehicle.rates
+        for msgid in NEEDLESS if self.NEEDLESS_EVERY_S else ():
+            if rates.interval_s(msgid) is not None:
+                rates.set(msgid, self.NEEDLESS_EVERY_S, self.now)
+        return self
 
     def inject(self, fault: str) -> None:
         """Inject a fault from now on, written as on the simulator's command line."""
