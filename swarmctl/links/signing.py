@@ -176,15 +176,21 @@ class Signing:
         except TimeoutError:
             if wait_s > 0.0:
                 self._is_late = True
-                self.trouble = "the timestamps of signing are not stored: the disk does not answer"
+                self.trouble = (
+                    "timestamps of signing are not stored: the disk does not answer [timestamps-not-stored]"
+                )
             return
         self._writing, self._is_late, self._reserved = None, False, until
         if isinstance(error, OSError | ValueError):
             # A vehicle without commands is worse than a timestamp that may repeat one day.
             reason = getattr(error, "strerror", None) or error
-            self.trouble = f"the timestamps of signing are not stored: {reason}"
+            self.trouble = self._not_stored(reason)
         elif error is not None:
             raise error
+
+    @staticmethod
+    def _not_stored(reason: object) -> str:
+        return f"the timestamps of signing are not stored: {reason} [timestamps-not-stored]"
 
 
 class SigningGuard:
@@ -207,7 +213,7 @@ class SigningGuard:
         if self.signing is None:
             return ""
         refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
-        counts = f"frames refused by links.signing_key: {refused}" if refused else ""
+        counts = f"frames refused by links.signing_key: {refused} [frames-refused]" if refused else ""
         return "; ".join(text for text in (counts, self.signing.trouble) if text)
 
 
@@ -249,12 +255,14 @@ class Refusals:
         n = self._note(sysid, why, now_s)
         of = "" if component == AUTOPILOT_COMPID else f" of component {component}"
         so_far = f"{n} so far, the last{of} from {address}"
-        return f"frames with its system id are refused, {why} ({so_far}): {MEANS[why]}" if n else ""
+        text = f"frames with its system id are refused, {why} ({so_far}): {MEANS[why]} [frames-refused]"
+        return text if n else ""
 
     def of_stranger(self, sysid: int, why: str, address: str, now_s: float) -> str:
         """Note a refused frame of another system."""
         n = self._note(0, why, now_s)
-        return f"frames are refused, {why} ({n} so far, the last of system {sysid} at {address})" if n else ""
+        so_far = f"{n} so far, the last of system {sysid} at {address}"
+        return f"frames are refused, {why} ({so_far}) [frames-refused]" if n else ""
 
     def _note(self, sysid: int, why: str, now_s: float) -> int:
         """Count a refused frame; return the count of its kind if it is to be reported now, else 0."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -71,15 +72,16 @@ def test_a_whole_chain_is_reported_with_its_final_hash(run: Run, tmp_path: Path)
     final = json.loads(run.file.read_bytes().splitlines()[-1])["hash"]
     result = audit(tmp_path)
     assert result.exit_code == 0, result.output
-    assert f"6 entries; the final hash is {final}" in result.output
-    assert "it is not signed" in result.output
+    assert "6 entries" in result.output
+    assert final in result.output
+    assert "[evidence-not-signed]" in result.output
     row = next(line for line in result.output.splitlines() if "COMPONENT_ARM_DISARM" in line)
-    assert [part.strip() for part in row.strip("│").split("│")][:4] == [
-        "alpha", "COMPONENT_ARM_DISARM", "1", "ACCEPTED",
-    ]  # fmt: skip
-    assert "waiver" in result.output
-    assert "check gps, because indoors" in result.output
-    assert "asks end of the flight, by signal" in result.output
+    assert row.split()[:4] == ["alpha", "COMPONENT_ARM_DISARM", "1", "ACCEPTED"]
+    by_people = {" ".join(line.split()[3:]) for line in result.output.splitlines() if " s  " in line}
+    assert by_people == {
+        "waiver check gps, because indoors",
+        "operator asks end of the flight, by signal",
+    }
 
 
 def test_a_changed_line_is_named_with_what_was_expected(run: Run, tmp_path: Path) -> None:
@@ -89,16 +91,19 @@ def test_a_changed_line_is_named_with_what_was_expected(run: Run, tmp_path: Path
     run.file.write_bytes(run.file.read_bytes().replace(b'"param2":4', b'"param2":5'))
     result = audit(run.file)
     assert result.exit_code == 1
-    assert f"{run.file}:2: the chain is broken here: found the hash " in result.stderr
-    assert "expected" in result.stderr
-    assert "only the 1 lines before it" in result.stderr
+    assert result.stderr.startswith(f"{run.file}:2: ")
+    assert "[chain-broken]" in result.stderr
+    entry = json.loads(run.file.read_bytes().splitlines()[1])
+    found = entry.pop("hash")
+    assert re.findall(r"[0-9a-f]{64}", result.stderr) == [found, sha256(canonical(entry))]
+    assert " 1 lines " in result.stderr
 
 
 def test_a_crashed_process_leaves_a_chain_that_is_not_closed(run: Run, tmp_path: Path) -> None:
     run.evidence.to_vehicle(1, ARM)
     result = audit(tmp_path)
     assert result.exit_code == 1
-    assert "not closed: the process died or lines were cut" in result.stderr
+    assert "[not-closed]" in result.stderr
 
 
 def test_a_crash_during_an_upload_keeps_the_items_until_the_last_heartbeat(
@@ -119,10 +124,8 @@ def test_a_crash_during_an_upload_keeps_the_items_until_the_last_heartbeat(
     assert (lines[-1]["vehicle"], lines[-1]["what"]["items"], lines[-1]["what"]["of"]) == ("alpha", 5, 9)
     shown = audit(run.file, "--all").output
     assert "items 5, of 9" in shown
-    row = next(line for line in shown.splitlines() if "│ MISSION_ITEM_INT" in line)
-    assert [part.strip() for part in row.strip("│").split("│")][:6] == [
-        "alpha", "MISSION_ITEM_INT", "1", "", "", "1",
-    ]  # fmt: skip
+    row = next(line for line in shown.splitlines() if line.startswith(" alpha    MISSION_ITEM_INT"))
+    assert row.split() == ["alpha", "MISSION_ITEM_INT", "1", "1"]  # sent, without an answer
 
 
 def test_items_of_another_station_are_recorded_as_its_own(run: Run) -> None:
@@ -139,7 +142,7 @@ def test_items_of_another_station_are_recorded_as_its_own(run: Run) -> None:
 
 
 def test_answers_to_partial_lists_are_recorded_with_a_heartbeat_and_at_the_end(run: Run) -> None:
-    def told() -> list[tuple[str, int | None]]:
+    def recorded() -> list[tuple[str, int | None]]:
         lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
         return [(line["what"].get("message", line["kind"]), line["what"].get("times")) for line in lines[1:]]
 
@@ -151,18 +154,18 @@ def test_answers_to_partial_lists_are_recorded_with_a_heartbeat_and_at_the_end(r
     run.evidence.to_vehicle(0, beat)
     run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 0))
     sent = [("MISSION_WRITE_PARTIAL_LIST", None), ("MISSION_ITEM_INT", None)]
-    assert told() == sent
+    assert recorded() == sent
     run.evidence.to_vehicle(0, beat)
-    assert told() == [*sent, ("MISSION_ACK", 1)]
+    assert recorded() == [*sent, ("MISSION_ACK", 1)]
     run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 1))
     run.evidence.close()
-    assert told() == [*sent, ("MISSION_ACK", 1), ("MISSION_ACK", 1), ("closed", None)]
+    assert recorded() == [*sent, ("MISSION_ACK", 1), ("MISSION_ACK", 1), ("closed", None)]
 
 
 def test_a_folder_without_evidence_is_a_usage_error(tmp_path: Path) -> None:
     result = audit(tmp_path)
     assert result.exit_code == 2
-    assert "there is no evidence" in result.stderr
+    assert "[no-evidence]" in result.stderr
 
 
 def test_evidence_is_never_written_over(run: Run, tmp_path: Path) -> None:
@@ -192,7 +195,8 @@ class TestSigned:
         run.evidence.close(load_evidence_signer(keys, "operator"))
         without = audit(run.file)
         assert without.exit_code == 0
-        assert "signed by operator" in without.output
+        assert " operator " in without.output
+        assert "[evidence-not-signed]" not in without.output
         assert "--keys FOLDER" in without.output
         assert audit(run.file, "--keys", keys).exit_code == 0
 
@@ -200,14 +204,14 @@ class TestSigned:
         run.evidence.close()
         result = audit(run.file, "--keys", keys)
         assert result.exit_code == 1
-        assert "it is not signed, expected the signature of a key of" in result.stderr
+        assert "[evidence-not-signed]" in result.stderr
 
     def test_a_signature_with_another_key_is_refused(self, run: Run, keys: Path, tmp_path: Path) -> None:
         make_keys(tmp_path / "other", ["operator"], 30, dt.datetime.now(dt.UTC))
         run.evidence.close(load_evidence_signer(tmp_path / "other", "operator"))
         result = audit(run.file, "--keys", keys)
         assert result.exit_code == 1
-        assert "which is not operator's key of" in result.stderr
+        assert "[signed-with-other-key]" in result.stderr
 
     def test_a_rewritten_chain_does_not_fit_its_signature(self, run: Run, keys: Path) -> None:
         run.evidence.to_vehicle(1, HOLD)
@@ -223,7 +227,8 @@ class TestSigned:
         run.file.write_bytes(b"".join(forged))
         result = audit(run.file)
         assert result.exit_code == 1
-        assert "the signature by operator is invalid" in result.stderr
+        assert "[signature-invalid]" in result.stderr
+        assert " operator " in result.stderr
 
     def test_a_key_that_others_can_read_is_not_used(self, keys: Path) -> None:
         (keys / "operator" / "sign.pem").chmod(0o644)
