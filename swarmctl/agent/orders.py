@@ -113,7 +113,9 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
         return "taken", "the vehicle already follows this order [already-done]"
     if _is_let_land(state, event):
         return "refused", f"a failsafe lands it: {_demanded(state, DemandKind.LAND)} [failsafe-landing]"
-    notes = ["the link is lost; the order is sent when the link is back [link-lost]"] if state.lost else []
+    notes = (
+        ["the link is lost; the order is sent when the link is back [waits-for-link]"] if state.lost else []
+    )
     if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
         notes += [f"the order cancels the return of a failsafe: {state.outcome} [return-cancelled]"]
     if event.after_s and urgent_return_reason(state):
@@ -135,7 +137,7 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
         return "taken", "has launched already [launched-already]"
     # A vehicle must not arm at a later time, when the operator no longer watches it.
     if state.lost:
-        return "refused", "the link is lost [link-lost]"
+        return "refused", "the link is lost [launch-without-link]"
     if state.phase is not Phase.STANDBY:
         return "refused", f"is not ready yet: {state.trouble or state.phase} [not-ready]"
     return "taken", "" if state.pending is None else "launches after its new plan is uploaded [after-upload]"
@@ -199,7 +201,7 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    note = "the link is lost; plans when the link is back [link-lost]" if state.lost else ""
+    note = "the link is lost; plans when the link is back [waits-for-link]" if state.lost else ""
     if not changed:
         note = "already has these weights; does not plan again [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)

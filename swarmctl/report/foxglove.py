@@ -74,7 +74,7 @@ class LogLevel(IntEnum):
     WARNING = 3
 
 
-def colour(index: int) -> str:
+def colour_of(index: int) -> str:
     """Return the colour of the vehicle `index` of the swarm as #rrggbb."""
     return COLOURS[index % len(COLOURS)]
 
@@ -131,14 +131,14 @@ def hostiles(grid: Grid, cells: Iterable[Cell], label: str) -> dict[str, Any]:
 
 def layout(names: Sequence[str], centre: LatLon) -> dict[str, Any]:
     """Return a layout for Foxglove: the map beside the log and the heights above home."""
-    colours = {location_topic(name): colour(i) for i, name in enumerate(names)}
+    colours = {location_topic(name): colour_of(i) for i, name in enumerate(names)}
     heights = [
         {
             "value": f'/events{{vehicle=="{name}"}}.event.state.alt_rel_m',
             "enabled": True,
             "timestampMethod": "receiveTime",
             "label": name,
-            "color": colour(i),
+            "color": colour_of(i),
         }
         for i, name in enumerate(names)
     ]

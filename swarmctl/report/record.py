@@ -86,7 +86,7 @@ class Recorder:
         )
         self._scenario = scenario
         self._names = {task.uav: task.name for task in scenario.tasks}
-        self._colours = {task.uav: foxglove.colour(i) for i, task in enumerate(scenario.tasks)}
+        self._colours = {task.uav: foxglove.colour_of(i) for i, task in enumerate(scenario.tasks)}
         self._epoch_ns = epoch_ns
         self._sequence = 0
         self._schemas: dict[str, int] = {}

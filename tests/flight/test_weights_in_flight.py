@@ -158,7 +158,7 @@ def test_weights_during_a_lost_link_are_taken_for_later() -> None:
     story(ev.LinkLost(4.0))
     answer = answer_to(story(ev.WeightsChanged(1, w=1.0)), 1)
     assert answer.outcome == "taken"
-    assert "[link-lost]" in answer.note
+    assert "[waits-for-link]" in answer.note
     assert story.tick() == []
     story(ev.LinkRestored())
     searches = story.state.searches

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
 from swarmctl.core.grid import Grid
+from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.scene import MapPicture, Points, local_m, shading
 from swarmctl.report.pictures.style import (
     BADGE_PT,
@@ -26,7 +27,6 @@ from swarmctl.report.pictures.style import (
     SEEN,
     STRIKE,
     VEIL,
-    colour_of,
     draw_badge,
     flown_widths,
     planned_styles,

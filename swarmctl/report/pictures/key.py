@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
+from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.scene import MapPicture, VehicleTrack, shading
 from swarmctl.report.pictures.style import (
     FORBIDDEN,
@@ -22,7 +23,6 @@ from swarmctl.report.pictures.style import (
     SEEN,
     STRIKE,
     VEIL,
-    colour_of,
     draw_badge,
     flown_widths,
     planned_styles,

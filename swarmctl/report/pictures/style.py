@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from swarmctl.report.foxglove import colour
+from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.scene import MapPicture
 
 Dashes = tuple[float, tuple[float, ...]]
@@ -25,10 +25,6 @@ visible where they coincide."""
 
 BADGE_PT = 11.5
 """diameter of the numbered disc of a vehicle with its white rim"""
-
-
-def colour_of(index: int) -> str:
-    return colour(index)
 
 
 def flown_widths(n: int) -> list[float]:
