@@ -55,10 +55,6 @@ class Grid:
             return None
         return self._clamped(east_m, north_m)
 
-    def nearest_cell(self, lat_deg: float, lon_deg: float) -> Cell:
-        """Return the cell nearest to a point, inside the area or outside it."""
-        return self._clamped(*self._finite_local(lat_deg, lon_deg))
-
     def nearest_border_cell(self, lat_deg: float, lon_deg: float) -> Cell:
         """Return the cell on the border of the area nearest to a point, inside the area or outside it."""
         east_m, north_m = self._finite_local(lat_deg, lon_deg)

@@ -30,12 +30,12 @@ class Transport(Protocol):
     A bug in one receiver stops neither the others nor the loop: it is counted and reported.
     """
 
-    too_long: int
-    """number of messages above `MAX_MESSAGE_BYTES`, sent or received"""
-
     @property
     def dropped(self) -> int:
-        """Number of messages that could not be sent, and of messages and questions beyond queue sizes."""
+        """Number of messages that could not be sent, and of messages and questions beyond queue sizes.
+
+        Messages above `MAX_MESSAGE_BYTES` count too, sent or received.
+        """
 
     @property
     def failed(self) -> int:

@@ -13,7 +13,6 @@ class MemoryBus:
 
     def __init__(self, on_failure: Failure = report_to_loop) -> None:
         self.dropped = 0
-        self.too_long = 0
         self.failed = 0
         self._on_failure = on_failure
         self._routes = Subscriptions()
@@ -21,7 +20,7 @@ class MemoryBus:
 
     def put(self, key: str, payload: bytes) -> None:
         if len(payload) > MAX_MESSAGE_BYTES:
-            self.too_long += 1
+            self.dropped += 1
             return
         loop = asyncio.get_running_loop()
         for receive in self._routes.reached_by(key):

@@ -82,7 +82,6 @@ class ZenohBus:
                 if connect is not None
                 else zenoh_config.standalone(listen, open_keys, put_keys)
             )
-        self.too_long = 0
         self.trouble = ""
         """reason why a patient or renewed session is not open yet"""
         self.endpoint: BusEndpoint | None = None
@@ -142,7 +141,7 @@ class ZenohBus:
         Takes 1 ms at most. Zenoh does not report the messages that it drops on slower links.
         """
         if len(payload) > MAX_MESSAGE_BYTES:
-            self.too_long += 1
+            self._unsent += 1
             return
         for receive in self._routes.reached_by(key):
             self._inbox.take(OWN_QUEUE, key, partial(receive, key, payload))
@@ -165,7 +164,7 @@ class ZenohBus:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
             if len(sample.payload) > MAX_MESSAGE_BYTES:
-                self.too_long += 1
+                self._unsent += 1
                 return
             key = str(sample.key_expr)
             self._inbox.take(MESSAGE_QUEUE, key, partial(receive, key, bytes(sample.payload)))
