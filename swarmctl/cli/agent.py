@@ -27,12 +27,12 @@ from swarmctl.cli.console import (
     say,
 )
 from swarmctl.cli.flights import (
+    ConfirmOption,
     ForwardOption,
     RealOption,
     WaiveOption,
     arming_permission,
     conclude,
-    confirm_real,
     parse_waivers_or_exit,
     terminal,
     uninterrupted,
@@ -79,9 +79,7 @@ def agent(
         typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
     ] = None,
     real: RealOption = False,
-    confirm: Annotated[
-        str, typer.Option(metavar="NAME", help="With --real, in scripts: the vehicle that may be armed.")
-    ] = "",
+    confirm: ConfirmOption = "",
     forward: ForwardOption = None,
     waive: WaiveOption = None,
     out_folder: OutOption = Path("runs"),
@@ -94,12 +92,12 @@ def agent(
     """
     whole = load_scenario_or_exit(config)
     scenario = with_forwarding(companion.scenario_for(whole, _vehicle(whole, uav), _url(url)), forward or [])
-    allowed = confirm_real(scenario, confirm) if real else frozenset()
+    may_arm = arming_permission(scenario, real=real, confirm=confirm)
     keyring = _keyring(config, scenario)
     network = _network(scenario, connect, launch, keyring)
     require_flyable(config, _without_listen(scenario), out_folder)
     waivers = parse_waivers_or_exit(waive, scenario)
-    _fly(scenario, out_folder, launch, network, keyring, arming_permission(allowed), waivers, verbose=verbose)
+    _fly(scenario, out_folder, launch, network, keyring, may_arm, waivers, verbose=verbose)
 
 
 def _fly(

@@ -31,6 +31,10 @@ from swarmctl.report.terminal import LiveTable, PlainLines, Terminal
 RealOption = Annotated[
     bool, typer.Option("--real", help="Allow arming vehicles outside the built-in simulator.")
 ]
+ConfirmOption = Annotated[
+    str,
+    typer.Option(metavar="NAME,NAME", help="With --real, in scripts: the vehicles that may be armed."),
+]
 ForwardOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -156,7 +160,19 @@ def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
     return ""
 
 
-def confirm_real(scenario: Scenario, confirm: str) -> frozenset[str]:
+def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permission:
+    """Return the check that lets only confirmed real vehicles be armed; exit without a confirmation."""
+    allowed = _confirmed(scenario, confirm) if real else frozenset()
+
+    def permit(foreign: Sequence[Member]) -> None:
+        refused = [m for m in foreign if m.name not in allowed]
+        if refused:
+            raise PreflightFailed([_refusal(m) for m in refused])
+
+    return permit
+
+
+def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
     """Return the names of all real vehicles, after the operator has typed them; else exit."""
     names = [spec.name for spec in scenario.specs if not spec.simulated]
     if not names:
@@ -183,17 +199,6 @@ def confirm_real(scenario: Scenario, confirm: str) -> frozenset[str]:
             USAGE,
         )
     return frozenset(names)
-
-
-def arming_permission(allowed: frozenset[str]) -> Permission:
-    """Return the check that lets the real vehicles `allowed` be armed, and no other."""
-
-    def permit(foreign: Sequence[Member]) -> None:
-        refused = [m for m in foreign if m.name not in allowed]
-        if refused:
-            raise PreflightFailed([_refusal(m) for m in refused])
-
-    return permit
 
 
 def _refusal(member: Member) -> str:

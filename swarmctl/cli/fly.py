@@ -28,12 +28,12 @@ from swarmctl.cli.console import (
     run_folder,
 )
 from swarmctl.cli.flights import (
+    ConfirmOption,
     ForwardOption,
     RealOption,
     WaiveOption,
     arming_permission,
     conclude,
-    confirm_real,
     parse_waivers_or_exit,
     terminal,
     uninterrupted,
@@ -67,10 +67,7 @@ def fly(
     example: ExampleOption = None,
     clock: ClockOption = Clock.REAL,
     real: RealOption = False,
-    confirm: Annotated[
-        str,
-        typer.Option(metavar="NAME,NAME", help="With --real, in scripts: the vehicles that may be armed."),
-    ] = "",
+    confirm: ConfirmOption = "",
     forward: ForwardOption = None,
     waive: WaiveOption = None,
     out_folder: OutOption = Path("runs"),
@@ -92,7 +89,7 @@ def fly(
             ],
             USAGE,
         )
-    allowed = confirm_real(scenario, confirm) if real else frozenset()
+    may_arm = arming_permission(scenario, real=real, confirm=confirm)
     if clock is Clock.REAL:
         require_flyable(config, scenario, out_folder)
     options = replace(
@@ -109,7 +106,7 @@ def fly(
                 folder,
                 display,
                 clock=clock.value,
-                permission=arming_permission(allowed),
+                permission=may_arm,
                 options=options,
             )
             report = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
