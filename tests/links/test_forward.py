@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from forward_world import WATCHER, Watching
-from link_world import WIRE, World, play, until
+from link_world import HURRY, WIRE, World, play, until
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
@@ -96,6 +96,7 @@ def test_mavutil_sees_all_vehicles_over_udp_as_a_ground_station_would() -> None:
 
     async def story() -> None:
         world = World(Copter(1), Copter(2))
+        world.pace = HURRY
         async with world:
             await world.front.forward(parse_url(f"udpout:127.0.0.1:{port}"))
             await world.link(1).connect(10)

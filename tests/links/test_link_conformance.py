@@ -35,12 +35,23 @@ from swarmctl.links.base import (
 REAL = {"mavsdk"}
 
 
-@pytest.fixture(params=[pytest.param(k, marks=pytest.mark.interop if k in REAL else ()) for k in LINKS])
+EVERY_LINK = pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=pytest.mark.interop if k in REAL else ()) for k in LINKS]
+)
+"""Every link in the short run too."""
+
+
+@pytest.fixture(
+    params=[
+        pytest.param(k, marks=(pytest.mark.interop, pytest.mark.full) if k in REAL else ()) for k in LINKS
+    ]
+)
 def kind(request) -> str:
     """The name of a link."""
     return request.param
 
 
+@EVERY_LINK
 def test_a_whole_flight_with_a_swap(kind):
     async def story():
         copter = Copter(1)
@@ -73,7 +84,7 @@ def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only(k
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
             await link.connect(10)
-            await asyncio.sleep(20 / world.pace)
+            await asyncio.sleep(max(20 / world.pace, 2.0))
             assert asked_of(world) == {("COMMAND_LONG", 148.0)}
             assert world.copters[1].streams == {}
             await link.prepare(30, lambda _: None)
@@ -190,6 +201,7 @@ def test_a_blocked_launch_does_not_arm(kind):
     play(story(), real=kind != "direct")
 
 
+@EVERY_LINK
 def test_a_failed_swap_says_what_the_vehicle_flies(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:

@@ -9,8 +9,10 @@ import socket
 import tty
 
 import pytest
+from link_world import HURRY
 from scripted_copter import Copter, Script
 
+from swarmctl.links import line
 from swarmctl.links.base import AddressChanged, NoAnswer, SystemIdConflict, TransportError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
@@ -35,6 +37,11 @@ def play(story) -> None:
     asyncio.run(bounded())
 
 
+def copter_s() -> float:
+    """Return the time of the copters [s], which live in a hurry."""
+    return HURRY * asyncio.get_running_loop().time()
+
+
 def front_end() -> FrontEnd:
     return FrontEnd(wall_time_us=lambda: 0)
 
@@ -48,14 +55,14 @@ async def until(condition) -> None:
 async def pump(copter: Copter, send) -> None:
     """Play a copter whose bytes leave through `send`."""
     while True:
-        for frame in copter.step(asyncio.get_running_loop().time()):
+        for frame in copter.step(copter_s()):
             send(frame)
         await asyncio.sleep(0.02)
 
 
 @contextlib.asynccontextmanager
 async def playing(copter: Copter, send):
-    copter.boot(asyncio.get_running_loop().time())
+    copter.boot(copter_s())
     task = asyncio.create_task(pump(copter, send))
     try:
         yield
@@ -76,7 +83,7 @@ class Peer(asyncio.DatagramProtocol):
 
     def datagram_received(self, data, addr) -> None:
         self.to = self.to or addr
-        for frame in self.copter.receive(data, asyncio.get_running_loop().time()):
+        for frame in self.copter.receive(data, copter_s()):
             self.send(frame)
 
     def send(self, frame: bytes) -> None:
@@ -97,7 +104,9 @@ def link(front: FrontEnd, endpoint: Endpoint, events: list | None = None) -> Dir
 
 
 @pytest.mark.autopilots("1.18")
-def test_udp_follows_a_reboot_to_another_port():
+def test_udp_follows_a_reboot_to_another_port(monkeypatch):
+    monkeypatch.setattr(line, "SILENT_S", 0.2)
+
     async def story():
         here = Endpoint("udpin", HOST, free_port())
         async with front_end() as front:
@@ -200,7 +209,7 @@ async def serve_tcp(copter: Copter, port: int):
     async def client(reader, writer):
         writers.append(writer)
         while data := await reader.read(4096):
-            for frame in copter.receive(data, asyncio.get_running_loop().time()):
+            for frame in copter.receive(data, copter_s()):
                 writer.write(frame)
         writer.close()
 
@@ -238,7 +247,7 @@ def test_tcp_in_serves_the_vehicle_that_connects():
 
             async def read():
                 while data := await reader.read(4096):
-                    for frame in copter.receive(data, asyncio.get_running_loop().time()):
+                    for frame in copter.receive(data, copter_s()):
                         writer.write(frame)
 
             reading = asyncio.create_task(read())
@@ -259,7 +268,7 @@ def test_serial_speaks_through_a_terminal_and_survives_its_end():
         loop = asyncio.get_running_loop()
 
         def answer():
-            for frame in copter.receive(os.read(ours, 4096), loop.time()):
+            for frame in copter.receive(os.read(ours, 4096), copter_s()):
                 os.write(ours, frame)
 
         loop.add_reader(ours, answer)

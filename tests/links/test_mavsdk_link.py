@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from link_world import World, asked_of, flying, north, play, until
+from link_world import World, flying, north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import MODES, Copter, Script
 
@@ -127,6 +127,7 @@ def test_one_system_id_cannot_be_two_vehicles_of_mavsdk():
     play(story(), real=True)
 
 
+@pytest.mark.full
 def test_closing_the_front_end_ends_mavsdk_with_calls_in_flight():
     async def story():
         async with world_of(Copter(1)) as world:
@@ -136,15 +137,5 @@ def test_closing_the_front_end_ends_mavsdk_with_calls_in_flight():
             await until(lambda: sent_of(world, "COMMAND_LONG"))
         holding.cancel()
         await asyncio.wait([holding])
-
-    play(story(), real=True)
-
-
-def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only():
-    async def story():
-        async with world_of(Copter(1)) as world:
-            await world.link().connect(5)
-            await asyncio.sleep(2)
-            assert asked_of(world) == {("COMMAND_LONG", 148.0)}
 
     play(story(), real=True)
