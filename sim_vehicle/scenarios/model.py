@@ -257,8 +257,7 @@ class Scenario(Section):
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             for vehicle in self.meant(step.vehicles):
-                text = _step_problem(step, vehicle)
-                if text:
+                if text := _step_problem(step, vehicle):
                     findings.append((("script", index), f"{step.chosen}: vehicle {vehicle.sysid} {text}"))
         return findings
 

@@ -9,6 +9,7 @@ import math
 import os
 import sys
 from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,39 @@ STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
 """capacity of simulated ArduCopters: the flight time of the simulator's PX4, for swarms stacked hundreds of
 metres high"""
-_FIRMWARE: dict[Autopilot, Firmware] = {
-    "ardupilot": Firmware("ArduCopter", (4, 6)),
-    "arduplane": Firmware("ArduPlane", (4, 6)),
-    "px4": Firmware("PX4", (1, 15)),
-    "px4plane": Firmware("PX4 plane", (1, 15)),
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedAutopilot:
+    """An autopilot of the simulator."""
+
+    personality: str
+    firmware: Firmware
+    params: Callable[[float, int], dict[str, float]]
+    """(cruise speed, least airspeed) [m/s] -> parameters by which the vehicle flies so"""
+
+
+_AUTOPILOTS: dict[Autopilot, SimulatedAutopilot] = {
+    "ardupilot": SimulatedAutopilot(
+        "ardupilot",
+        Firmware("ArduCopter", (4, 6)),
+        lambda speed, _: {"WPNAV_SPEED": 100.0 * speed, "BATT_CAPACITY": BATTERY_MAH},
+    ),
+    "arduplane": SimulatedAutopilot(
+        "ardupilot",
+        Firmware("ArduPlane", (4, 6)),
+        lambda speed, least: {"AIRSPEED_CRUISE": speed, "AIRSPEED_MIN": least, "BATT_CAPACITY": BATTERY_MAH},
+    ),
+    "px4": SimulatedAutopilot(
+        "px4",
+        Firmware("PX4", (1, 15)),
+        lambda speed, _: {"MPC_XY_CRUISE": speed, "MPC_XY_VEL_MAX": speed},
+    ),
+    "px4plane": SimulatedAutopilot(
+        "px4",
+        Firmware("PX4 plane", (1, 15)),
+        lambda speed, least: {"FW_AIRSPD_TRIM": speed, "FW_AIRSPD_MIN": least, "FW_LND_ABORT": 0},
+    ),
 }
 """the simulator's autopilots by their names in configurations"""
 
@@ -79,24 +108,15 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
 def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
     """Return airframe, autopilot and parameters of the vehicle `index` of the swarm."""
     spec = scenario.swarm[index]
-    autopilot = simulated_autopilot(scenario.config, index)
-    body: dict[str, Any] = {"personality": "px4" if autopilot in ("px4", "px4plane") else "ardupilot"}
-    if autopilot in PLANE_AUTOPILOTS:
+    name = simulated_autopilot(scenario.config, index)
+    autopilot = _AUTOPILOTS[name]
+    body: dict[str, Any] = {"personality": autopilot.personality}
+    if name in PLANE_AUTOPILOTS:
         # Placed along its first leg: it takes off straight ahead.
         body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
-    slowest_m_s = math.floor(scenario.config.wings.min_speed_m_s)
-    match autopilot:
-        case "px4":
-            params = {"MPC_XY_CRUISE": spec.speed_m_s, "MPC_XY_VEL_MAX": spec.speed_m_s}
-        case "ardupilot":
-            params = {"WPNAV_SPEED": 100.0 * spec.speed_m_s, "BATT_CAPACITY": BATTERY_MAH}
-        case "arduplane":
-            params = {"AIRSPEED_CRUISE": spec.speed_m_s, "AIRSPEED_MIN": slowest_m_s}
-            params |= {"BATT_CAPACITY": BATTERY_MAH}
-        case "px4plane":
-            params = {"FW_AIRSPD_TRIM": spec.speed_m_s, "FW_AIRSPD_MIN": slowest_m_s, "FW_LND_ABORT": 0}
+    params = autopilot.params(spec.speed_m_s, math.floor(scenario.config.wings.min_speed_m_s))
     # An owner sets up a real vehicle for the configuration, too.
-    params |= simulated_parameters(scenario, spec, _FIRMWARE[autopilot])
+    params |= simulated_parameters(scenario, spec, autopilot.firmware)
     return {**body, "params": params}
 
 
@@ -135,7 +155,7 @@ async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
     how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
     last = f"; its last lines: {' / '.join(lines[-3:])}" if code > 0 and lines else ""
-    raise SimulatorFailed(f"the simulator {how}{last}")
+    raise SimulatorFailed(f"the simulator {how}{last} [simulator-ended]")
 
 
 async def _stopped(process: asyncio.subprocess.Process) -> None:
