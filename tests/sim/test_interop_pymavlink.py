@@ -67,7 +67,7 @@ def test_mavutil_flies_a_copter_and_the_log_tools_read_its_log(tmp_path: Path) -
     port = free_tcp_port()
     # Down in a hurry: by default the last ten metres alone take twenty seconds.
     brisk = ("--param", "LAND_SPEED=150", "--param", "RTL_LOIT_TIME=0", "--param", "DISARM_DELAY=0")
-    more = ("--speedup", "10", *brisk, "--url", f"tcpin:127.0.0.1:{port}", "--tlog", str(tmp_path))
+    more = ("--speedup", "25", *brisk, "--url", f"tcpin:127.0.0.1:{port}", "--tlog", str(tmp_path))
     with simulator(*more) as process:
         assert line(process)
         with connected(f"tcp:127.0.0.1:{port}") as vehicle:

@@ -104,6 +104,7 @@ def test_a_station_that_listens(vehicle: Vehicle, link: Link) -> None:
     assert vehicle.raw
 
 
+@pytest.mark.full
 @pytest.mark.interop
 def test_a_station_that_comes_late(vehicle: Vehicle, link: Link, clock: Clock) -> None:
     with socket.socket() as station:
@@ -120,7 +121,7 @@ def test_a_station_that_comes_late(vehicle: Vehicle, link: Link, clock: Clock) -
 @pytest.mark.interop
 def test_lost_time_causes_a_warning_at_the_end(vehicle: Vehicle, link: Link, clock: Clock) -> None:
     link.serve(speedup=1_000_000)
-    end_s = time.monotonic() + 1.5
+    end_s = time.monotonic() + 1.1  # a lag of 1 s is reported
     clock.run_until(lambda: time.monotonic() > end_s, timeout=1e9)
     with pytest.warns(RuntimeWarning, match="too-slow"):
         link.close()

@@ -171,7 +171,7 @@ def test_a_failsafe_that_only_warns_leaves_the_motors_on() -> None:
     assert station.armed
 
 
-@pytest.mark.parametrize("action", [None, 1, 8])
+@pytest.mark.parametrize("action", [None, pytest.param(1, marks=pytest.mark.full), 8])
 def test_a_plane_returns_from_a_fence_as_it_comes_and_where_autoland_is_not_possible(
     action: int | None,
 ) -> None:
@@ -185,7 +185,7 @@ def test_a_plane_returns_from_a_fence_as_it_comes_and_where_autoland_is_not_poss
     assert station.mode == "RTL"
 
 
-@pytest.mark.parametrize("action", [6, 7])
+@pytest.mark.parametrize("action", [pytest.param(6, marks=pytest.mark.full), 7])
 def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
     station = plane_in_guided({"FENCE_ACTION": action, "FENCE_TYPE": 2, "FENCE_RADIUS": 300})
     point = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 150, 0, frame=0)
@@ -220,7 +220,8 @@ def test_a_plane_without_a_return_point_goes_home_at_the_altitude_asked_for() ->
 
 
 @pytest.mark.parametrize(
-    ("start_m", "altitude_m", "end_m"), [(160, 100, 100), (50, 100, 100), (160, -1, 160)]
+    ("start_m", "altitude_m", "end_m"),
+    [(160, 100, 100), pytest.param(50, 100, 100, marks=pytest.mark.full), (160, -1, 160)],
 )
 def test_a_plane_returns_at_its_altitude_from_above_and_below(
     start_m: float, altitude_m: float, end_m: float

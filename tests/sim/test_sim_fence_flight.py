@@ -214,7 +214,13 @@ def test_a_return_stays_under_the_fence() -> None:
 
 @pytest.mark.parametrize(
     ("north_m", "slope", "highest_m"),
-    [(0, 3.0, 5.0), (3, 3.0, 9.0), (30, 3.0, 15.0), (0, 0.0, 15.0), (3, 0.4, 15.0)],
+    [
+        (0, 3.0, 5.0),
+        (3, 3.0, 9.0),
+        pytest.param(30, 3.0, 15.0, marks=pytest.mark.full),
+        pytest.param(0, 0.0, 15.0, marks=pytest.mark.full),
+        pytest.param(3, 0.4, 15.0, marks=pytest.mark.full),
+    ],
 )
 def test_close_to_home_a_return_climbs_into_the_cone_of_rtl_cone_slope_only(
     north_m: float, slope: float, highest_m: float

@@ -202,18 +202,20 @@ def returning_to(final_cm: int) -> Station:
     return Station(Fleet(scenario(vehicles=[vehicle.model_copy(update={"params": params})]), ready_s=0.0))
 
 
-@pytest.mark.parametrize("final_cm", [500, 2000])  # below and above the height it comes at
+@pytest.mark.parametrize(
+    "final_cm", [pytest.param(500, marks=pytest.mark.full), 2000]
+)  # below and above the height it comes at
 def test_a_return_with_a_final_height_ends_there_and_does_not_land(final_cm: int) -> None:
     station = returning_to(final_cm)
     station.fly(15)
     assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
-    station.wait(90)
+    station.wait(60)
     assert station.armed
     assert station.height_m == pytest.approx(final_cm / 100, abs=0.3)
     assert place_m(station) == pytest.approx((0, 0), abs=1.0)
 
 
-@pytest.mark.parametrize("final_cm", [0, -1])
+@pytest.mark.parametrize("final_cm", [pytest.param(0, marks=pytest.mark.full), -1])
 def test_a_return_without_a_final_height_lands(final_cm: int) -> None:
     station = returning_to(final_cm)
     station.fly(15)
@@ -247,7 +249,9 @@ def test_without_a_stick_it_sinks_into_the_ground(mode: int) -> None:
 
 
 @pytest.mark.autopilots("1.6", "MAVSDK 5 hold")
-@pytest.mark.parametrize("mode", [17, 4], ids=["BRAKE", "GUIDED"])
+@pytest.mark.parametrize(
+    "mode", [pytest.param(17, id="BRAKE"), pytest.param(4, id="GUIDED", marks=pytest.mark.full)]
+)
 def test_it_holds_in_flight(mode: int) -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(500, 0), land(500, 0)])

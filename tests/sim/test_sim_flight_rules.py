@@ -147,7 +147,7 @@ def test_a_plane_without_rotors_does_not_take_off_on_command() -> None:
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 50) == 4  # FAILED
 
 
-@pytest.mark.parametrize("mode", [FBWB, CRUISE])
+@pytest.mark.parametrize("mode", [FBWB, pytest.param(CRUISE, marks=pytest.mark.full)])
 def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
     station = airborne_plane()
     assert station.set_mode(mode) == 0
@@ -164,7 +164,10 @@ def test_fbwa_does_not_hold_height() -> None:
     assert station.height_m < 85
 
 
-@pytest.mark.parametrize("speed_m_s", [None, 12.0, 21.0])
+@pytest.mark.parametrize(
+    "speed_m_s",
+    [pytest.param(None, marks=pytest.mark.full), pytest.param(12.0, marks=pytest.mark.full), 21.0],
+)
 def test_turns_are_counted_however_fast_they_are_flown(speed_m_s: float | None) -> None:
     station = plane()
     speed = [item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=0, param2=speed_m_s)] if speed_m_s else []
@@ -208,7 +211,9 @@ def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
     station.until(lambda: not station.armed, 240)
 
 
-@pytest.mark.parametrize(("radius_m", "direction"), [(90.0, 0.0), (140.0, 1.0)])
+@pytest.mark.parametrize(
+    ("radius_m", "direction"), [pytest.param(90.0, 0.0, marks=pytest.mark.full), (140.0, 1.0)]
+)
 def test_a_reposition_sets_radius_and_direction_of_a_planes_circle(radius_m: float, direction: float) -> None:
     station = airborne_plane()
     assert reposition(station, 300, 100, -1, 1, radius_m, direction) == 0

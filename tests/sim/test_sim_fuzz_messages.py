@@ -6,13 +6,33 @@ import pytest
 from fuzz_attacks import ATTACKS, launch
 from fuzz_bench import CRAFT, Bench
 
-PLACES = ("on the ground, uploading", "in flight, signing")
-CONVERSATIONS = ("missions", "flown_missions", "files", "written_files", "logs", "flown_logs")
+GROUND, AIR = "on the ground, uploading", "in flight, signing"
+# The short run launches each attack once.
+SHORT_RUN = {
+    "any_message": ("px4", "copter", AIR),
+    "missions": ("ardupilot", "plane", GROUND),
+    "flown_missions": ("ardupilot", "plane", AIR),
+    "files": ("ardupilot", "copter", GROUND),
+    "written_files": ("px4", "copter", AIR),
+    "logs": ("px4", "plane", GROUND),
+    "flown_logs": ("ardupilot", "copter", AIR),
+    "commands": ("ardupilot", "plane", AIR),
+    "likely_commands": ("px4", "plane", AIR),
+    "parameters": ("px4", "copter", GROUND),
+    "setpoints": ("ardupilot", "copter", AIR),
+    "talk": ("px4", "plane", GROUND),
+}
+CASES = [
+    pytest.param(*case, attack, marks=() if case == SHORT_RUN[attack] else pytest.mark.full)
+    for attack in ATTACKS
+    for place in (GROUND, AIR)
+    for case in [(*craft, place) for craft in CRAFT]
+]
 
 
 def bench_at(name: str, kind: str, place: str) -> Bench:
     bench = Bench(name, kind)
-    if place == PLACES[0]:
+    if place == GROUND:
         bench.begin_upload()
     else:
         bench.fly()
@@ -20,19 +40,8 @@ def bench_at(name: str, kind: str, place: str) -> Bench:
     return bench
 
 
-@pytest.mark.parametrize("attack", [attack for attack in ATTACKS if attack not in CONVERSATIONS])
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_messages(name: str, kind: str, place: str, attack: str) -> None:
-    bench = bench_at(name, kind, place)
-    launch(bench, ATTACKS[attack], random.Random(f"{name} {kind} {place} {attack}"))
-    bench.check()
-
-
-@pytest.mark.parametrize("attack", CONVERSATIONS)
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_conversations(name: str, kind: str, place: str, attack: str) -> None:
+@pytest.mark.parametrize(("name", "kind", "place", "attack"), CASES)
+def test_the_fleet_survives_an_attack(name: str, kind: str, place: str, attack: str) -> None:
     bench = bench_at(name, kind, place)
     launch(bench, ATTACKS[attack], random.Random(f"{name} {kind} {place} {attack}"))
     bench.check()

@@ -17,7 +17,7 @@ PLANS = st.lists(
 RADIUS_M, SPEED_M_S, ACCELERATION_M_S2 = 2.0, 10.0, 2.5
 
 
-@settings(max_examples=examples(12), derandomize=True, deadline=None)
+@settings(max_examples=examples(12, least=3), derandomize=True, deadline=None)
 @given(PLANS)
 def test_every_plan_is_flown_to_its_end_within_the_limits(plan: Plan) -> None:
     station = Station()
@@ -47,7 +47,7 @@ def test_every_plan_is_flown_to_its_end_within_the_limits(plan: Plan) -> None:
     assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == mavlink.MISSION_STATE_COMPLETE
 
 
-@settings(max_examples=examples(8), derandomize=True, deadline=None)
+@settings(max_examples=examples(8, least=3), derandomize=True, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_accelerations_stay_within_their_limits(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -206,7 +206,8 @@ def test_an_altitude_of_zero_is_one_for_px4_and_the_present_one_for_arducopter()
 
 
 @pytest.mark.parametrize(
-    ("frame", "z", "expected_m"), [(3, 60.0, 60.0), (0, ALT_M + 40.0, 40.0), (3, 5.0, 15.0)]
+    ("frame", "z", "expected_m"),
+    [pytest.param(3, 60.0, 60.0, marks=pytest.mark.full), (0, ALT_M + 40.0, 40.0), (3, 5.0, 15.0)],
 )
 def test_arducopter_returns_at_the_altitude_of_the_rally_point_if_that_is_above_the_return_altitude(
     frame: int, z: float, expected_m: float

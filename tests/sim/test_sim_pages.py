@@ -51,13 +51,20 @@ def test_the_pytest_examples_pass_in_a_separate_project(tmp_path: Path) -> None:
 
 
 @pytest.mark.virtual
-@pytest.mark.parametrize("text", blocks("yaml", "scenarios"), ids=["first", "second"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(text, id=name, marks=() if name == "first" else pytest.mark.full)
+        for name, text in zip(("first", "second"), blocks("yaml", "scenarios"), strict=True)
+    ],
+)
 def test_the_scenarios_on_the_page_pass(text: str) -> None:
     lines: list[str] = []
     scenario = parse_scenario(text, "page.yaml", flown=True)
     assert Run(scenario, on_failure=lines.append).run().passed, lines
 
 
+@pytest.mark.full
 @pytest.mark.virtual
 def test_a_check_of_the_first_scenario_detects_its_fault() -> None:
     scenario = parse_scenario(blocks("yaml", "scenarios")[0], "page.yaml").model_copy(update={"faults": ()})

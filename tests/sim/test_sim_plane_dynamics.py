@@ -43,7 +43,10 @@ def test_told_nothing_it_stays_on_the_ground() -> None:
     assert not body.airborne
 
 
-@pytest.mark.parametrize("radius_m", [60.0, -60.0, 100.0])
+@pytest.mark.parametrize(
+    "radius_m",
+    [pytest.param(60.0, marks=pytest.mark.full), -60.0, pytest.param(100.0, marks=pytest.mark.full)],
+)
 def test_it_loiters_on_a_circle_instead_of_hovering(radius_m: float) -> None:
     world = bodies.world(planes=True)
     body = bodies.plane(world)
@@ -151,7 +154,9 @@ def test_it_climbs_and_sinks_within_its_limits() -> None:
     assert body.position_m[2] == pytest.approx(UP_M, abs=0.5)
 
 
-@pytest.mark.parametrize(("asked_m_s", "flown_m_s"), [(18.0, 18.0), (40.0, 22.0), (2.0, 10.0)])
+@pytest.mark.parametrize(
+    ("asked_m_s", "flown_m_s"), [pytest.param(18.0, 18.0, marks=pytest.mark.full), (40.0, 22.0), (2.0, 10.0)]
+)
 def test_it_flies_at_the_airspeed_asked_for_within_its_limits(asked_m_s: float, flown_m_s: float) -> None:
     world = bodies.world(planes=True)
     body = bodies.plane(world)
@@ -171,7 +176,14 @@ def test_below_the_stall_speed_it_sinks() -> None:
     assert body.position_m[2] < after_30_s_m - 10 or not body.airborne
 
 
-@pytest.mark.parametrize("cause", ["motor", "battery", "disarmed"])
+@pytest.mark.parametrize(
+    "cause",
+    [
+        pytest.param("motor", marks=pytest.mark.full),
+        "battery",
+        pytest.param("disarmed", marks=pytest.mark.full),
+    ],
+)
 def test_without_power_it_glides_down_eight_metres_forward_for_one(cause: str) -> None:
     world = bodies.world(planes=True)
     body = bodies.plane(world)
@@ -195,7 +207,14 @@ def test_without_power_it_glides_down_eight_metres_forward_for_one(cause: str) -
     assert not body.crashed
 
 
-@pytest.mark.parametrize("wind", [WindSettings(), WindSettings(5.0, 0.0), WindSettings(5.0, 90.0, 1.0)])
+@pytest.mark.parametrize(
+    "wind",
+    [
+        pytest.param(WindSettings(), marks=pytest.mark.full),
+        pytest.param(WindSettings(5.0, 0.0), marks=pytest.mark.full),
+        WindSettings(5.0, 90.0, 1.0),
+    ],
+)
 def test_it_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) -> None:
     world = bodies.world(planes=True, wind=wind)
     body = bodies.plane(world)
@@ -260,7 +279,7 @@ def _limits_kept(world: World) -> None:
 NUMBERS = st.floats(-1e4, 1e4)
 
 
-@settings(max_examples=examples(15), derandomize=True, deadline=None)
+@settings(max_examples=examples(15, least=5), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 def test_any_orders_keep_a_plane_within_its_limits(orders: list[tuple[int, float, float, float]]) -> None:
     world = bodies.world(planes=True, wind=WindSettings(7.0, 120.0, 2.0))

@@ -163,7 +163,6 @@ def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
 
 def test_two_equal_runs_give_the_same_bytes_however_often_they_are_stepped() -> None:
     once = flight_bytes(0.1)
-    assert flight_bytes(0.1) == once
     assert flight_bytes(0.02) == once
     assert flight_bytes(1.0) == once
     assert flight_bytes(0.1, seed=2) != once

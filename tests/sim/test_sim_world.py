@@ -50,7 +50,7 @@ def rows(world: World, index: int) -> list[list[float]]:
     ]
 
 
-@settings(max_examples=examples(6), derandomize=True, deadline=None)
+@settings(max_examples=examples(6, least=2), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 50)), min_size=2, max_size=6))
 def test_together_each_flies_as_it_would_alone(fleet: list[tuple[bool, int]]) -> None:
     together = flown([plane for plane, _ in fleet], [seed for _, seed in fleet])
