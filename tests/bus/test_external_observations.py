@@ -20,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
+from swarmctl.agent.replan.decide import first_route
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, ReportCounts, ReportReceiver
@@ -542,14 +543,19 @@ def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[
     return run_virtual(scene()), answers
 
 
-def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Path) -> None:
+@pytest.mark.full
+def test_a_swarm_with_external_sensors_and_no_reports_keeps_its_routes(tmp_path: Path) -> None:
     blind, _ = flown(tmp_path / "blind")
     assert blind.bug is None
     assert all(state.belief.n_observed == 0 for state in blind.states.values())
     assert [state.replans for state in blind.states.values()] == [0, 0, 0]
-    cells = blind.states[2].flown_cells
-    ahead = cells[len(cells) // 2]
 
+
+def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Path) -> None:
+    scenario = small()
+    (task,) = (task for task in scenario.tasks if task.uav == 2)
+    cells = first_route(task, scenario.prior).cells
+    ahead = cells[len(cells) // 2]
     told, answers = flown(
         tmp_path / "told",
         ("on the ground", 3, said(cells=[[0, 0, False]])),

@@ -14,6 +14,7 @@ from operator_station import KEY, Station, over_zenoh
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.operator_service import CommandCounts
+from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
@@ -98,7 +99,9 @@ def test_a_taken_port_is_an_error_with_advice() -> None:
         assert f"communication.listen: tcp/127.0.0.1:{port}" in line
 
 
-def test_an_endpoint_without_a_swarm_is_an_error() -> None:
+def test_an_endpoint_without_a_swarm_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zenoh_config, "JOIN_MS", 200)
+
     async def scene() -> None:
         with contextlib.ExitStack() as held:
             station = client.Station("test", BusEndpoint("127.0.0.1", taken_port(held)))

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from profiles import full_only
 from zenoh_nodes import (
     SWARM,
     UAVS,
@@ -46,9 +47,8 @@ def answer(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> N
     ("protocol", "lost_after_s"),
     [
         ("tcp", zenoh.LOST_AFTER_S),
-        ("tls", zenoh.LOST_AFTER_S),
-        ("quic", zenoh.LOST_AFTER_S),
         ("tcp", 0.0),
+        *full_only(("tls", zenoh.LOST_AFTER_S), ("quic", zenoh.LOST_AFTER_S)),
     ],
 )
 def test_a_late_or_restarted_router_is_found_each_time(
@@ -56,6 +56,7 @@ def test_a_late_or_restarted_router_is_found_each_time(
 ) -> None:
     """Subscriptions and questions are declared again, in the same session or the next."""
     monkeypatch.setattr(zenoh, "LOST_AFTER_S", lost_after_s)
+    monkeypatch.setattr(zenoh, "CHECK_EVERY_S", 0.05)
 
     async def scene() -> list[float]:
         router = RouterProcess(here(protocol))
@@ -229,7 +230,7 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
             said = keys.uav_message(SWARM, 1, "inform/state", 2)
             await until(lambda: heard, "what is put", lambda: two.put(said, b""))
             assert await two.ask(keys.request(SWARM, "weights", 1), b"", 5.0) == (b"answer",)
-            await asyncio.sleep(1.5)
+            await asyncio.sleep(0.7)
             assert came.count(True) == 2
             assert one.endpoint == one_is
             assert (one.links, two.links) == (1, 1)
@@ -237,6 +238,7 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
     asyncio.run(scene())
 
 
+@pytest.mark.full
 def test_a_whole_mesh_keeps_its_sessions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(renewal, "EARLIEST_S", 1.0)
     monkeypatch.setattr(renewal, "LATEST_S", 1.0)
