@@ -20,9 +20,9 @@ from swarmctl.security.evidence_keys import is_key_of, is_valid_signature
 from swarmctl.security.files import KeyringError
 
 UNSIGNED = (
-    "it is not signed: the chain shows that no line was changed, added or removed since the final hash was "
-    "noted elsewhere. A program that can write the file can make a new chain, so note the final hash now, or "
-    "fly with `communication.keys`"
+    "the evidence is not signed. The chain shows that no line was changed, added or removed since the "
+    "final hash was noted elsewhere. A program that can write the file can make a new chain, so note the "
+    "final hash now, or fly with `communication.keys` [evidence-not-signed]"
 )
 
 _FIRST = (
@@ -50,7 +50,7 @@ def audit(
     """
     if keys is not None and not keys.is_dir():
         fail(
-            [f"--keys {keys}: is no folder; give the folder of the swarm's keys (communication.keys)"], USAGE
+            [f"--keys {keys}: not a folder; give the folder of the swarm's keys (communication.keys)"], USAGE
         )
     path = run / FILE_NAME if run.is_dir() else run
     checked = _checked(path)
@@ -68,7 +68,7 @@ def _checked(path: Path) -> CheckedChain:
         with path.open("rb") as file:
             return check(file)
     except FileNotFoundError:
-        fail([f"{path}: there is no evidence; give the folder of a run, which has an {FILE_NAME}"], USAGE)
+        fail([f"{path}: no such file; give the folder of a run with its {FILE_NAME} [no-evidence]"], USAGE)
     except OSError as error:
         fail([f"{path}: cannot be read: {error.strerror or error}"], USAGE)
 
@@ -77,15 +77,15 @@ def _troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[
     if checked.fault is not None:
         fault = checked.fault
         yield (
-            f"{path}:{fault.line}: the chain is broken here: found {fault.found}, expected {fault.expected}; "
-            f"only the {len(checked.entries)} lines before it are as they were written"
+            f"{path}:{fault.line}: the chain of hashes breaks in this line: found {fault.found}, expected "
+            f"{fault.expected}; only the {len(checked.entries)} lines before it are unchanged [chain-broken]"
         )
     elif not checked.entries:
-        yield f"{path}: it is empty: the process died at once, or all lines were cut"
+        yield f"{path}: the file is empty: the process died at once, or all lines were cut [not-closed]"
     elif checked.closing is None:
         yield (
-            f"{path}:{len(checked.entries)}: not closed: the process died or lines were cut; the last good "
-            f"hash is {checked.last}"
+            f"{path}:{len(checked.entries)}: the evidence is not closed: the process died, or lines were "
+            f"cut; the last valid hash is {checked.last} [not-closed]"
         )
     else:
         yield from _signature_troubles(path, checked, checked.closing, keys)
@@ -97,15 +97,24 @@ def _signature_troubles(
     signature = closing.get("signature")
     if signature is None:
         if keys is not None:
-            yield f"{path}: it is not signed, expected the signature of a key of {keys}"
+            yield (
+                f"{path}: the evidence is not signed; expected a signature by a key of {keys} "
+                "[evidence-not-signed]"
+            )
         return
     by, key, value = (str(signature.get(name)) for name in ("by", "key", "signature"))
     if not is_valid_signature(sealed(closing["entries"], str(checked.entries[-1]["previous"])), key, value):
-        yield f"{path}: the signature by {by} is invalid: the chain was rewritten after it was signed"
+        yield (
+            f"{path}: the signature by {by} is invalid: the chain was rewritten after it was signed "
+            "[signature-invalid]"
+        )
         return
     try:
         if keys is not None and not is_key_of(keys, by, key):
-            yield f"{path}: signed by {by} with the key {key}, which is not {by}'s key of {keys}"
+            yield (
+                f"{path}: signed by {by} with the key {key}; {keys} has another key of {by} "
+                "[signed-with-other-key]"
+            )
     except KeyringError as error:
         fail([str(error)], USAGE)
 
