@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from swarmctl.bus.transports import zenoh_config
 from swarmctl.cli.main import cli
 
 PLAIN = """\
@@ -82,8 +83,15 @@ REFUSED: list[tuple[str, list[str], str, int, str]] = [
     ("words", "configuration", "code", "said"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED]
 )
 def test_an_impossible_command_ends_before_a_run_folder_is_made(
-    words: list[str], configuration: str, code: int, said: str, write: Write, tmp_path: Path
+    words: list[str],
+    configuration: str,
+    code: int,
+    said: str,
+    write: Write,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(zenoh_config, "JOIN_MS", 200)
     folder = ["--out", str(tmp_path / "runs")] if words[0] == "agent" else []
     result = swarmctl(*words, "--config", write(configuration), *folder)
     assert said in result.stderr

@@ -7,9 +7,8 @@ import re
 from pathlib import Path
 
 import pytest
+from cli_flight import CliFlight
 from cli_runner import SHIPPED, swarmctl
-from flights import fly as fly_virtual
-from flights import small
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
@@ -98,23 +97,24 @@ def test_the_schema_knows_the_sections() -> None:
     assert schema["additionalProperties"] is False
 
 
-def test_a_record_replays_the_same_and_a_changed_one_does_not(tmp_path: Path) -> None:
-    fly_virtual(small(), tmp_path)
-    same = swarmctl("replay", tmp_path)
+def test_a_record_replays_the_same_and_a_changed_one_does_not(
+    small_flight: CliFlight, tmp_path: Path
+) -> None:
+    same = swarmctl("replay", small_flight.run)
     assert same.exit_code == 0
     changed = tmp_path / "changed.mcap"
-    forget(tmp_path / "run.mcap", changed, vehicle="uav2", event="Observed")
+    forget(small_flight.run / "run.mcap", changed, vehicle="uav2", event="Observed")
     differs = swarmctl("replay", changed)
     assert differs.exit_code == 1
     assert "uav2" in differs.stderr
 
 
-def test_the_record_of_a_process_that_died_replays_up_to_its_cut(tmp_path: Path) -> None:
-    fly_virtual(small(), tmp_path)
-    whole = swarmctl("replay", tmp_path)
+def test_the_record_of_a_process_that_died_replays_up_to_its_cut(
+    small_flight: CliFlight, tmp_path: Path
+) -> None:
+    whole = swarmctl("replay", small_flight.run)
     n_events = int(whole.output.split("are the same: ")[1].split()[0])
-    record = tmp_path / "run.mcap"
-    content = record.read_bytes()
+    content = (small_flight.run / "run.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
     n_whole = []
     for share in (0.35, 0.6, 0.85):
@@ -163,17 +163,9 @@ def test_an_invalid_record_is_an_error(content: bytes | None, tmp_path: Path) ->
     assert "run.mcap" in result.stderr
 
 
-def test_fly_on_the_virtual_clock_tells_how_it_went(tmp_path: Path) -> None:
-    file = tmp_path / "small.yaml"
-    file.write_text(
-        "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}\n"
-        "threats: {count: 5}\nsimulate: {count: 2}\n"
-    )
-    result = swarmctl("fly", "--config", file, "--clock", "virtual", "--out", tmp_path / "runs")
-    assert result.exit_code == 0, result.output
-    assert "2 of 2 arrived" in result.output
-    (folder,) = (tmp_path / "runs").iterdir()
-    assert {p.name for p in folder.iterdir()} == {
+def test_fly_on_the_virtual_clock_tells_how_it_went(small_flight: CliFlight) -> None:
+    assert "2 of 2 arrived" in small_flight.output
+    assert {p.name for p in small_flight.run.iterdir()} == {
         "summary.json", "run.mcap", "foxglove.json", "evidence.jsonl", "map.png",
         "uav1.tlog", "uav2.tlog", "uav1.plan", "uav2.plan",
     }  # fmt: skip

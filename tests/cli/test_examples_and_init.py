@@ -42,9 +42,10 @@ def test_an_unknown_example_is_refused_with_the_known_ones() -> None:
 def test_fly_and_preflight_take_an_example(tmp_path: Path) -> None:
     checked = swarmctl("preflight", "--example", "mixed", "--clock", "virtual")
     assert checked.exit_code == OK, checked.output
-    flown = swarmctl("fly", "--example", "mixed", "--clock", "virtual", "--out", tmp_path)
-    assert flown.exit_code == OK, flown.output
-    assert [folder.name.rpartition("-")[2] for folder in tmp_path.iterdir()] == ["mixed"]
+    # It is read and found to have no vehicles that `--real` could mean.
+    refused = swarmctl("fly", "--example", "mixed", "--real", "--out", tmp_path / "runs")
+    assert refused.exit_code == USAGE
+    assert refused.stderr.startswith("--real: ")
 
 
 @pytest.mark.parametrize("options", [(), ("--vehicles", "2")])

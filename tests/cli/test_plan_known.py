@@ -6,30 +6,19 @@ import json
 from pathlib import Path
 
 import pytest
+from cli_flight import SMALL, CliFlight
 from cli_runner import swarmctl
 
-SMALL = """\
-name: small
-area: {{origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: {rows}, cols: 8, cell_size_m: 50}}
-threats: {{count: 5}}
-simulate: {{count: 2, ready_s: 3.0}}
-"""
 
-
-@pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def flown(small_flight: CliFlight) -> Path:
     """A run folder."""
-    folder = tmp_path_factory.mktemp("known")
-    (folder / "small.yaml").write_text(SMALL.format(rows=8))
-    done = swarmctl("fly", "--clock", "virtual", "--config", folder / "small.yaml", "--out", folder / "runs")
-    assert done.exit_code == 0, done.output
-    (run,) = (folder / "runs").iterdir()
-    return run
+    return small_flight.run
 
 
 def exposures(folder: Path, *words: str | Path) -> list[float]:
     config = folder / "small.yaml"
-    config.write_text(SMALL.format(rows=8))
+    config.write_text(SMALL)
     done = swarmctl("plan", "--front", "--config", config, "--out", folder / "runs", *words)
     assert done.exit_code == 0, done.output
     (run,) = (folder / "runs").iterdir()
@@ -49,7 +38,7 @@ def test_earlier_observations_change_the_front(flown: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize("words", [(), ("--front",)])
 def test_a_run_over_another_area_is_refused(words: tuple[str, ...], flown: Path, tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
-    config.write_text(SMALL.format(rows=3))
+    config.write_text(SMALL.replace("rows: 8", "rows: 3"))
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown, *words)
     assert done.exit_code == 2
     assert "rows 8, here 3 [other-area]" in done.output
@@ -84,7 +73,7 @@ def test_differences_of_the_earlier_run_are_printed(
     old: str, new: str, code: int, says: str, flown: Path, tmp_path: Path
 ) -> None:
     config = tmp_path / "small.yaml"
-    config.write_text(SMALL.format(rows=8).replace(old, new, 1) if old else SMALL.format(rows=8))
+    config.write_text(SMALL.replace(old, new, 1))
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown)
     assert done.exit_code == code, done.output
     assert says in done.output

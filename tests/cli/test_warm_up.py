@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_runner import SHIPPED
+from cli_flight import CliFlight, fly
 from rich.console import Console
 from swarmctl_process import SWARMCTL
 
@@ -103,15 +103,13 @@ def test_warm_up_names_the_folder_and_does_its_work_once() -> None:
 
 
 @pytest.mark.virtual
-def test_the_shipped_flight_loads_no_compiler(tmp_path: Path) -> None:
-    words = ["fly", "--clock", "virtual", "--config", str(SHIPPED), "--out", str(tmp_path)]
-    program = (
-        "import sys\nfrom swarmctl.cli.main import cli\n"
-        f"try: cli({words!r})\nexcept SystemExit as ended: assert not ended.code\n"
-        "print([name for name in ('numba', 'llvmlite') if name in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "[]"
+def test_a_flight_over_a_small_area_loads_no_compiler(small_flight: CliFlight) -> None:
+    assert small_flight.compilers == []
+
+
+@pytest.mark.full
+@pytest.mark.virtual
+def test_the_shipped_example_flies_without_a_compiler(tmp_path: Path) -> None:
+    flown = fly(tmp_path, "--example", "swarm")
+    assert "5 of 5 arrived" in flown.output
+    assert flown.compilers == []
