@@ -319,7 +319,10 @@ class AgentState:
         away = math.ceil if self.late_s > arrival.within_s else math.floor
         rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
         over_s = away(10.0 * self.late_s - rounding) / 10.0
-        return f"no route keeps the time bound of {arrival}; predicted arrival over its goal: {over_s:.1f} s"
+        return (
+            f"no route keeps the time bound of {arrival}; predicted arrival over its goal: {over_s:.1f} s "
+            "[no-timely-route]"
+        )
 
     @property
     def ended(self) -> bool:

@@ -96,14 +96,17 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
     if state.phase not in ON_GROUND:
         # The vehicle's clock restarted at 0.
         placed = replace(state.last_position, time_boot_s=0.0)
-        return replace(state, last_position=placed, trouble="the vehicle has rebooted"), []
+        return replace(state, last_position=placed, trouble="the vehicle has rebooted [rebooted]"), []
     if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
         # The process orders a launch once; after a reboot that order would not come again.
         return cancel_launch(state, "the vehicle has rebooted while it waited for its launch")
     # Readiness and mission are to be established again.
     state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
     return replace(
-        state, launch_wait_since_boot_s=None, last_position=VehicleState(), trouble="the vehicle has rebooted"
+        state,
+        launch_wait_since_boot_s=None,
+        last_position=VehicleState(),
+        trouble="the vehicle has rebooted [rebooted]",
     ), []
 
 

@@ -47,7 +47,8 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"
-    reason = f"disarmed {where}, before its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
+    mode = state.vehicle.mode or "unknown"
+    reason = f"disarmed {where}, before its goal, in mode {mode}{rest} [disarmed-on-the-way]"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
 
 

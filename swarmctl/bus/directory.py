@@ -146,5 +146,5 @@ def _folder() -> Path:
         folder.mkdir(mode=0o700)
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
-        raise OSError(0, "expected a folder of this user that no other user can write to", str(folder))
+        raise OSError(0, "expected a folder that no other user can write to [open-folder]", str(folder))
     return folder

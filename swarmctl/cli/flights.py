@@ -144,9 +144,8 @@ def _print_results(report: Report, folder: Path) -> None:
         if recalled := companion.ended_by_operator(report):
             out.print(f"ended by the operator: {', '.join(recalled)}", highlight=False, soft_wrap=True)
         if late := _late(report):
-            err.print(
-                f"missed their time bounds: {', '.join(late)}", style="red", highlight=False, soft_wrap=True
-            )
+            text = f"missed their time bounds: {', '.join(late)} [time-bound-missed]"
+            err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
 
 

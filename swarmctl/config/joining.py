@@ -45,7 +45,9 @@ def as_agent(
         return zenoh_config.client(router, certified(router, keyring))
     mesh = _mesh(swarm, names)
     if not mesh:
-        raise NoNetwork("`communication` has neither router nor mesh, so agents cannot connect; add one")
+        raise NoNetwork(
+            "`communication` has neither router nor mesh, so agents cannot connect; add one [no-network]"
+        )
     if uav not in mesh:
         raise NoNetwork(f"communication.mesh has no endpoint for {names[uav]}; add it")
     here = mesh[uav]

@@ -162,8 +162,8 @@ def _decode(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
     if not data:
         raise BadMessage("empty payload, expected a version byte and MessagePack")
     if data[0] != VERSION:
-        raise BadMessage(f"message version {data[0]}, this program speaks version {VERSION}")
+        raise BadMessage(f"message version {data[0]}, this program speaks version {VERSION} [other-version]")
     try:
         return decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadMessage(f"not a message of version {VERSION}: {error}") from error
+        raise BadMessage(f"not a message of version {VERSION}: {error} [other-version]") from error

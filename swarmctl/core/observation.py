@@ -59,8 +59,8 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
     def two_contents(self) -> str:
         """The error text for a name that came with another content before."""
         return (
-            f"observation {self.seq} of vehicle {self.observer} came with two different contents; expected "
-            "one observer for each system id: look for a second process that flies this vehicle"
+            f"observation {self.seq} of vehicle {self.observer} came with two different contents; look "
+            "for a second process that flies this vehicle [two-contents]"
         )
 
 

@@ -35,14 +35,17 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
             raise ValueError(
                 f"{word} is the system id of one vehicle and the name of another: "
                 f"{_listed(f'{uav} ({names[uav]})' for uav in vehicles)}; select the vehicle by its other "
-                "identifier"
+                "identifier [ambiguous-vehicle]"
             )
         if not vehicles:
             unknown.append(word)
         found.update(vehicles)
     if unknown:
         known = _listed(f"{uav} ({name})" for uav, name in names.items())
-        raise ValueError(f"no vehicle has the system id or name {_listed(unknown)}; the vehicles are {known}")
+        raise ValueError(
+            f"no vehicle has the system id or name {_listed(unknown)}; the vehicles are {known} "
+            "[unknown-vehicle]"
+        )
     return [uav for uav in names if uav in found]
 
 

@@ -160,7 +160,9 @@ class _Run:
         states = {m.spec.sysid: m.state for m in self.members}
         gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in self.failures)
         final_states = tuple(
-            f"{m.name}: gone with the simulator" if gone and m.spec.simulated else describe_final_state(m)
+            f"{m.name}: ended with the simulator [simulator-ended]"
+            if gone and m.spec.simulated
+            else describe_final_state(m)
             for m in self.members
         )
         content = self._summary(states) if states else {}

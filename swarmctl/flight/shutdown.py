@@ -47,7 +47,10 @@ class Shutdown:
         returning = [m for m in in_flight if order is ev.FlightOrder.RETURN and _returns_already(m)]
         stopped = [m for m in in_flight if m not in returning]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
-            self._say(f"{names(released)}: released in the air, so they get no order; {HEARTBEATS_END}")
+            self._say(
+                f"{names(released)}: released in the air, so they get no order; {HEARTBEATS_END} "
+                "[released-in-air]"
+            )
         self._say(f"stopping: hold ordered of {names(stopped) or 'no vehicle'} [stopping]")
         self._order([m for m in self._members if m not in returning], ev.FlightOrder.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, stopped)
@@ -192,6 +195,7 @@ def return_delays_s(
     places = {m.spec.sysid: place_for_return(m.state) for m in called}
     turns = schedule_for({uav: place for uav, place in places.items() if place is not None})
     if any(turns.begins_s.values()) or turns.height_only:
-        say(f"returning: {describe_schedule(turns, {m.spec.sysid: m.name for m in called})}")
+        schedule = describe_schedule(turns, {m.spec.sysid: m.name for m in called})
+        say(f"returning: {schedule} [return-schedule]")
     # Vehicles without a known position return when all others are down.
     return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}

@@ -91,7 +91,7 @@ class Preflight:
         for result in self._results(vehicles):
             if result.waived:
                 text = f"found {result.finding.found}; wanted {result.finding.wanted}"
-                self._say(f"{result.vehicle}: {result.check} is waived: {text}")
+                self._say(f"{result.vehicle}: {result.check}: waived by the operator: {text} [waived]")
                 self._on_waived(result)
         return [str(result) for result in self._results(vehicles) if not result.passes]
 

@@ -31,7 +31,7 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
 def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack) -> Iterator[str]:
     if endpoint.kind == "serial":
         if not Path(endpoint.host).exists():
-            yield f"{name}: {endpoint}: there is no device {endpoint.host}; plug the radio in"
+            yield f"{name}: {endpoint}: there is no device {endpoint.host}; plug the radio in [no-device]"
     elif endpoint.listens:
         kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
         family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET

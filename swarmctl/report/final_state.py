@@ -77,7 +77,7 @@ def describe_final_state(member: Vehicle) -> str:
     if state.lost and not _is_over(state):
         where = _height(vehicle) if may_be_armed(state) else "on the ground, disarmed"
         text = f"{member.name}: lost, last telemetry {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
-        return f"{text}; the vehicle may still be in the air" if may_be_armed(state) else text
+        return f"{text}; the vehicle may still be in the air [lost-in-air]" if may_be_armed(state) else text
     if state.ended and not vehicle.armed and state.outcome:
         return f"{member.name}: {describe_outcome(state)}{_down(state)}"
     if not vehicle.armed:
@@ -88,7 +88,7 @@ def describe_final_state(member: Vehicle) -> str:
     mode = vehicle.mode or "?"
     if vehicle.landed is Landed.ON_GROUND:
         return f"{member.name}: armed on the ground, mode {mode} ({how})"
-    return f"{member.name}: in the air, {_height(vehicle)}, mode {mode} ({how}); {HEARTBEATS_END}"
+    return f"{member.name}: in the air, {_height(vehicle)}, mode {mode} ({how}); {HEARTBEATS_END} [in-air]"
 
 
 def _down(state: AgentState) -> str:

@@ -66,7 +66,10 @@ class UiObserver:
         if after.late and not before.late:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
-            self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "link restored"))
+            text = (
+                "no telemetry [telemetry-lost]" if after.lost else "telemetry arrives again [telemetry-back]"
+            )
+            self.ui.say(f"{after.task.name}: {text}")
         for effect in effects:
             if isinstance(effect, ev.Answer):
                 self._answered(event, effect.answer, (after.w, after.strength) != (before.w, before.strength))

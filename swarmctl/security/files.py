@@ -98,7 +98,7 @@ def check_validity(path: Path, certificate: x509.Certificate, now: dt.datetime) 
     if now > certificate.not_valid_after_utc:
         raise KeyringError(
             f"{path} was valid until {certificate.not_valid_after_utc:%Y-%m-%d %H:%M} UTC; remove the folder "
-            "and make it again with `swarmctl keys`"
+            "and make it again with `swarmctl keys` [certificate-expired]"
         )
     if now < certificate.not_valid_before_utc:
         raise KeyringError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from agent_stories import GRID, Story, orders, publications
@@ -11,7 +13,7 @@ from profiles import examples
 
 from swarmctl.agent.failsafes import ALWAYS_ON, low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.state import ARRIVED, AgentState, Phase
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
@@ -209,7 +211,7 @@ def test_other_trouble_stays_without_a_mission_change() -> None:
     for col in range(1, 7):
         story.over((4, col))
     assert story.tick() == []
-    assert story.state.trouble == "the vehicle has rebooted"
+    assert story.state.trouble.endswith("[rebooted]")
 
 
 def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
@@ -324,7 +326,8 @@ def test_an_aborted_launch_lands_whatever_is_ordered_afterwards(order: ev.Flight
     assert not story.state.ended
     story.over((4, 0), armed=True, mode_role="land")
     story.over((4, 0), armed=False, mode_role="land")
-    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch aborted; landed")
+    assert (story.state.phase, story.state.launch_aborted) == (Phase.DONE, True)
+    assert story.state.outcome != ARRIVED
 
 
 def test_a_launch_aborted_before_arming_ends_with_the_landing_mode() -> None:
@@ -412,15 +415,16 @@ def test_an_order_just_above_the_goal_still_ends_in_an_arrival(up_m: float, cell
     assert story.state.phase is (Phase.DONE if outcome == "arrived" else Phase.FAILED)
 
 
-@pytest.mark.parametrize(("cell", "where"), [((4, 0), ""), ((4, 8), " 400 m from home")])
-def test_a_recalled_vehicle_reports_a_landing_away_from_home(cell: Cell, where: str) -> None:
+@pytest.mark.parametrize(("cell", "away"), [((4, 0), []), ((4, 8), ["400 m"])])
+def test_a_recalled_vehicle_reports_a_landing_away_from_home(cell: Cell, away: list[str]) -> None:
     story = Story().flying()
     lat_deg, lon_deg = GRID.centre((4, 0))
     home = {"home_lat_deg": lat_deg, "home_lon_deg": lon_deg}
     story.over((4, 8), **home)  # it lands there
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story.over(cell, armed=False, landed=Landed.ON_GROUND, **home)
-    assert story.state.outcome == f"return ordered; landed{where}"
+    assert (story.state.phase, story.state.ordered) == (Phase.DONE, ev.FlightOrder.RETURN)
+    assert re.findall(r"\d+ m", story.state.outcome) == away
 
 
 def test_over_its_goal_it_gets_no_other_route() -> None:
@@ -561,7 +565,8 @@ def test_a_single_disarmed_heartbeat_in_the_air_ends_nothing() -> None:
     assert story.state.phase is Phase.FLYING
     story.over((4, 2), **up)
     assert story.state.phase is Phase.FAILED
-    assert story.state.outcome.startswith("disarmed in cell (4, 2)")
+    assert "(4, 2)" in story.state.outcome
+    assert story.state.outcome.endswith("[disarmed-on-the-way]")
 
 
 def test_failsafes_and_orders_work_without_a_position() -> None:

@@ -373,10 +373,10 @@ def test_a_question_is_answered_with_the_reason_of_a_refusal(both: Both) -> None
                 assert not answer.taken
                 assert why in answer.why
             assert vehicle.posted == []
-            assert vehicle.receiver.counts == ReportCounts(0, {"outside the area": 1, "oversize": 1})
-            assert vehicle.said[0].startswith(
-                "a payload's report was refused (1 so far): outside the area: cell"
+            assert vehicle.receiver.counts == ReportCounts(
+                0, {RejectReason.OUTSIDE: 1, RejectReason.OVERSIZE: 1}
             )
+            assert all(text in vehicle.said[0] for text in ("(1 ", RejectReason.OUTSIDE, "[99, 0]"))
 
     asyncio.run(scene())
 
@@ -475,7 +475,10 @@ def test_each_reason_is_reported_once_until_a_pause() -> None:
             await answered(bus, b"nonsense")
             await answered(bus, said(cells=[[99, 0, True]]))
             await asyncio.sleep(1.0)
-        assert [text.split(": ")[1] for text in vehicle.said] == ["malformed", "outside the area"]
+        assert [text.split(": ")[1] for text in vehicle.said] == [
+            RejectReason.MALFORMED,
+            RejectReason.OUTSIDE,
+        ]
         await asyncio.sleep(PAUSE_S)
         await answered(bus, b"nonsense")
         assert len(vehicle.said) == 3
@@ -572,7 +575,7 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
     assert ahead not in told.states[2].flown_cells
     assert told.all_arrived
     assert [vehicle["looks"] for vehicle in told.summary["vehicles"]] == [
-        {"taken": 0, "refused": {"outside the area": 1}},
+        {"taken": 0, "refused": {RejectReason.OUTSIDE: 1}},
         {"taken": 1, "refused": {}},
         {"taken": 1, "refused": {}},
     ]

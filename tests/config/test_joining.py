@@ -31,7 +31,7 @@ def test_an_agent_joins_a_mesh_keyed_by_name_or_by_system_id(mesh: dict[object, 
 
 
 def test_a_vehicle_without_an_endpoint_in_the_mesh_is_named() -> None:
-    with pytest.raises(NoNetwork, match=r"communication\.mesh .*uav2"):
+    with pytest.raises(NoNetwork, match=r"communication\.mesh.*\buav2\b"):
         joining.as_agent(meshed({1: str(AT[1])}), 2, NAMES, None, None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from trouble import Trouble, fly_with, inject, select_mode
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.state import Phase
+from swarmctl.agent.state import ARRIVED, Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
@@ -60,11 +61,13 @@ def waits(story: Story, time_boot_s: float, **changes: Any) -> list[FlightOrder]
 
 def test_a_vehicle_holds_until_its_turn_and_then_returns() -> None:
     story = queued()
-    assert "holds for 10 s first" in answer_of(story(ev.OperatorCommand(RETURN, 2, after_s=10.0))).note
+    note = answer_of(story(ev.OperatorCommand(RETURN, 2, after_s=10.0))).note
+    assert " 10 s " in note
+    assert note.endswith("[return-queue]")
     assert waits(story, 109.9) == []
     assert story.state.phase is Phase.HOLDING
     assert waits(story, 110.1) == [RETURN]
-    assert (story.state.phase, story.state.outcome) == (Phase.LEAVING, "return ordered")
+    assert (story.state.phase, story.state.ordered) == (Phase.LEAVING, RETURN)
 
 
 def test_a_later_turn_replaces_the_first_and_an_order_without_a_turn_begins_at_once() -> None:
@@ -74,10 +77,10 @@ def test_a_later_turn_replaces_the_first_and_an_order_without_a_turn_begins_at_o
     assert orders(story(ev.OperatorCommand(RETURN, 3))) == [RETURN]
 
 
-@pytest.mark.parametrize(("order", "told"), [(HOLD, []), (LAND, [LAND])])
-def test_another_order_ends_the_wait(order: FlightOrder, told: list[FlightOrder]) -> None:
+@pytest.mark.parametrize(("order", "sent"), [(HOLD, []), (LAND, [LAND])])
+def test_another_order_ends_the_wait(order: FlightOrder, sent: list[FlightOrder]) -> None:
     story = queued()
-    assert orders(story(ev.OperatorCommand(order, 2))) in (told, [HOLD])
+    assert orders(story(ev.OperatorCommand(order, 2))) in (sent, [HOLD])
     assert waits(story, 200.0, mode_role=order.value) == []
 
 
@@ -107,7 +110,9 @@ def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
 # --- whole swarms
 
 
-async def told_in_flight(tmp_path: Path, *commands: tuple[float, Request]) -> tuple[Report, Ui, list[Any]]:
+async def flown_with_commands(
+    tmp_path: Path, *commands: tuple[float, Request]
+) -> tuple[Report, Ui, list[Any]]:
     """Fly all vehicles in one process; an operator gives commands at these times."""
     bus, ui, answers = MemoryBus(), Ui(), []
     flight = asyncio.create_task(
@@ -127,24 +132,23 @@ def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: py
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
     back = GiveOrder(None, "return")
-    report, ui, answers = run_virtual(told_in_flight(tmp_path, (45.0, back), (60.0, back)))
+    report, ui, answers = run_virtual(flown_with_commands(tmp_path, (45.0, back), (60.0, back)))
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
     assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
     assert len(set(monitor.since_s.values())) > 1
     assert monitor.least_m > MIN_HORIZONTAL_M
-    assert [state.outcome for state in report.states.values()] == ["return ordered; landed"] * 3
-    assert any(text.startswith("returning: ") and "at once" in text for text in ui.said)
+    assert [(state.phase, state.ordered) for state in report.states.values()] == [(Phase.DONE, RETURN)] * 3
+    assert coded(ui.said, "returning", "return-schedule")
 
 
 def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> None:
     land = GiveOrder(("uav2",), "land")
-    report, _, (answer,) = run_virtual(told_in_flight(tmp_path, (35.0, land)))
+    report, _, (answer,) = run_virtual(flown_with_commands(tmp_path, (35.0, land)))
     assert outcomes(answer) == ["taken"]
-    assert [state.outcome for state in report.states.values()] == [
-        "arrived",
-        "land ordered; landed",
-        "arrived",
-    ]
+    first, landed, third = report.states.values()
+    assert first.outcome == third.outcome == ARRIVED
+    assert landed.outcome != ARRIVED
+    assert (landed.phase, landed.ordered) == (Phase.DONE, LAND)
 
 
 @pytest.mark.full
@@ -152,7 +156,7 @@ def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
     tmp_path: Path,
 ) -> None:
     back, launch = GiveOrder(None, "return"), GiveOrder(None, "launch")
-    report, _, answers = run_virtual(told_in_flight(tmp_path, (3.0, back), (60.0, launch)))
+    report, _, answers = run_virtual(flown_with_commands(tmp_path, (3.0, back), (60.0, launch)))
     assert "[stays-on-ground]" in answers[0].vehicles[0].note
     assert outcomes(answers[1]) == ["taken"] * 3
     assert report.all_arrived
@@ -208,7 +212,7 @@ def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch
     assert any(vehicle.note.endswith("[already-done]") for vehicle in second.vehicles)
     assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
     states = [state for report in reports for state in report.states.values()]
-    assert [state.outcome for state in states] == ["return ordered; landed"] * 3
+    assert [(state.phase, state.ordered) for state in states] == [(Phase.DONE, RETURN)] * 3
 
 
 @pytest.mark.full
@@ -218,8 +222,7 @@ def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytes
     assert report.ended == "stopped"
     assert monitor.least_m > MIN_HORIZONTAL_M
     assert len(set(monitor.since_s.values())) > 1
-    (told,) = (text for text in ui.said if text.startswith("returning: "))
-    assert told.endswith(" s")
+    assert len(coded(ui.said, "returning", "return-schedule")) == 1
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
@@ -283,7 +286,8 @@ def test_a_failed_flight_returns_the_vehicles_in_turns(
     report = fly(gathering(), tmp_path, ui=ui, broken=True)
     assert isinstance(report.bug, ExceptionGroup)
     assert any("uav1, uav2, uav3" in text and text.endswith("[emergency]") for text in ui.said)
-    assert any(text.startswith("returning: uav1, uav3 at once; uav2 after") for text in ui.said)
+    (schedule,) = coded(ui.said, "returning", "return-schedule")
+    assert re.match(r"returning: uav1, uav3 [^;]*; uav2 [^;]* \d", schedule)
     assert monitor.least_m > MIN_HORIZONTAL_M
     # The process ends when the last is sent home.
     assert trouble.modes == {1: ["AUTO", "RTL"], 2: ["AUTO", "GUIDED"], 3: ["AUTO", "RTL"]}

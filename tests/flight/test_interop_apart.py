@@ -15,6 +15,9 @@ from pathlib import Path
 import pytest
 from swarmctl_process import SWARMCTL, read_until
 
+from swarmctl.core.messages import VehicleAnswer
+from swarmctl.report.answers import order_line
+
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 
 APART = """\
@@ -103,9 +106,10 @@ def test_agents_launch_by_order_and_fly_on_without_the_router(place: Field) -> N
 
     assert eventually(both_stand_by)
     launched = place.run("order", "launch", "--all")
-    assert (launched.returncode, launched.stdout) == (0, "uav1: launch ordered\nuav2: launch ordered\n")
+    taken = [order_line("launch", VehicleAnswer(n, f"uav{n}", "taken")) for n in (1, 2)]
+    assert (launched.returncode, launched.stdout.splitlines()) == (0, taken)
     weighed = place.run("set", "--uav", "uav1", "--w", "0.9")
-    assert weighed.stdout.startswith("uav1: w = 0.9 from plan ")
+    assert re.match(r"uav1: w = 0\.9 .*\d", weighed.stdout)
     router.kill()
     for agent, name in ((one, "uav1"), (two, "uav2")):
         read_until(agent, "1 of 1 arrived")

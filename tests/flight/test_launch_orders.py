@@ -101,7 +101,7 @@ def test_checks_long_before_the_order_to_launch_are_repeated(waits_s: float, che
     assert ground.clearance.calls.count(("check", "uav1")) == checks
     is_launched = fit or checks == 1
     assert ("launch" in ground.links[0].calls) == is_launched
-    assert ("fence: found 0 corners" in trouble[0]) == (not is_launched)
+    assert (" 0 corners" in trouble[0]) == (not is_launched)
 
 
 def test_a_launch_waits_for_a_vehicle_that_comes_into_its_way_during_the_checks() -> None:

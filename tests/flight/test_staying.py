@@ -17,6 +17,7 @@ from rich.console import Console
 from trouble import Trouble, fly_with, inject, select_mode
 
 from sim_vehicle.fleet import Fleet
+from swarmctl.agent.state import Phase
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import FlightOptions
 from swarmctl.report.flight_table import flight_table
@@ -67,8 +68,8 @@ def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch
     assert report.ended == "stopped"
     assert trouble.modes[2] == ["AUTO", "GUIDED"]
     (final_state,) = (text for text in report.final_states if text.startswith("uav2"))
-    assert "in the air" in final_state
-    assert "failsafe" in final_state
+    assert final_state.endswith("[in-air]")
+    assert any("uav2" in text and text.endswith("[released-in-air]") for text in ui.said)
     assert not any("uav2" in text and text.endswith("[stopping]") for text in ui.said)
 
 
@@ -94,13 +95,15 @@ def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp
     (outcome,) = (v["outcome"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert outcome.startswith("lost")
     assert "flying" not in str(list(flight_table(report.summary).at().columns[-1].cells)[1])
-    assert "lost" in next(text for text in report.final_states if text.startswith("uav2"))
+    (final_state,) = (text for text in report.final_states if text.startswith("uav2"))
+    assert final_state.endswith("[lost-in-air]")
     (phase,) = (v["phase"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert phase == "lost"
-    lines = [plain_line(row) for view in ui.views for row in view.rows if row.name == "uav2"]
-    (at_first, *_), (*_, at_last) = (text for text in lines if "link lost" in text), lines
-    assert at_first.startswith("uav2: lost (was flying) AUTO, ")
-    assert at_last.startswith("uav2: given up (was flying) AUTO, ")
+    rows = [row for view in ui.views for row in view.rows if row.name == "uav2"]
+    (at_first, *_), (*_, at_last) = (row for row in rows if row.unheard), rows
+    for row, unheard in ((at_first, "lost"), (at_last, "given up")):
+        assert (row.unheard, row.phase, row.mode) == (unheard, Phase.FLYING, "AUTO")
+        assert all(text in plain_line(row) for text in (unheard, row.phase, row.mode))
     console = Console(width=120, file=(page := io.StringIO()))
     console.print(live_table(ui.views[-1], 120, 40))
     (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])
@@ -144,7 +147,8 @@ def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_grou
     assert report.ended == "ended"
     assert report.states[1].outcome == "arrived"
     assert (report.states[2].phase, report.states[2].armed_seen) == ("released", False)
-    assert any(line.startswith("uav2: standby → released (") and "GUIDED" in line for line in ui.said)
+    released = f"uav2: {Phase.STANDBY} → {Phase.RELEASED} "
+    assert any(line.startswith(released) and "GUIDED" in line for line in ui.said)
     assert any("uav2" in line and line.endswith("[ready]") for line in ui.said)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from functools import partial
 
@@ -102,13 +103,14 @@ def test_nothing_is_set_on_one_that_is_armed_while_it_is_asked(personality):
 def test_a_value_that_the_vehicle_does_not_keep_is_reported():
     bench = on_the_ground("ardupilot")
     failure = write(bench, FORMAT_VERSION=3)  # read-only there
-    assert failure == "FORMAT_VERSION is 120 instead of 3"
+    assert failure.startswith("FORMAT_VERSION ")
+    assert re.findall(r"\d+", failure) == ["120", "3"]
 
 
 def test_an_integer_parameter_of_px4_takes_no_fraction():
     bench = on_the_ground("px4")
     failure = write(bench, NAV_DLL_ACT=1.5)
-    assert failure.startswith("nothing was set: 1.5 is no value")
+    assert " 1.5 " in failure
     assert bench.of("PARAM_SET") == []
 
 

@@ -14,6 +14,7 @@ from wire_bench import Faults
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.dialects import Readiness, dialect_for
 from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.protocol.mission_upload import UploadOutcome
 
 PX4 = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
@@ -44,16 +45,18 @@ def test_a_mode_is_set_by_main_and_sub_mode(mode, params):
 
 
 @pytest.mark.parametrize(
-    ("readiness", "says"),
+    ("readiness", "reasons"),
     [
         (Readiness("AUTO.LOITER", True, None, ()), ()),
-        (Readiness("POSCTL", True, None, ()), ("mode is POSCTL, not AUTO.LOITER",)),
-        (Readiness("AUTO.LOITER", False, None, ()), ("pre-arm checks not passed",)),
+        (Readiness("POSCTL", True, None, ()), ("POSCTL",)),
+        (Readiness("AUTO.LOITER", False, None, ()), ("[pre-arm]",)),
         (Readiness("AUTO.LOITER", False, None, ("Preflight Fail: Compass",)), ("Preflight Fail: Compass",)),
     ],
 )
-def test_it_is_ready_by_its_pre_arm_bit_in_a_mode_that_needs_no_pilot(readiness, says):
-    assert PX4.not_ready(readiness) == says
+def test_it_is_ready_by_its_pre_arm_bit_in_a_mode_that_needs_no_pilot(readiness, reasons):
+    found = PX4.not_ready(readiness)
+    assert len(found) == len(reasons)
+    assert all(reason in text for reason, text in zip(reasons, found, strict=True))
 
 
 def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():
@@ -211,14 +214,15 @@ def test_a_lost_final_acknowledgement_is_settled_by_reading_back():
 
 
 @pytest.mark.autopilots("2 upload is atomic?", "2 abandoned upload", of="px4")
-def test_an_upload_that_dies_without_a_word_leaves_the_old_mission():
+def test_an_upload_that_ends_without_an_acknowledgement_leaves_the_old_mission():
     """PX4 gives a transfer up after five seconds and acknowledges nothing."""
     bench = FlyingBench("px4").flying(OLD)
     old = bench.session.items
     bench.block = lambda m: m.get_type() == ITEM and m.seq >= 3
     result = bench.swap(NEW)
     assert (result.flying, result.stood_still_s) == ("old", 0.0)
-    assert "upload incomplete: no request beyond item 3" in result.failure
+    assert UploadOutcome.INCOMPLETE.value in result.failure
+    assert "item 3" in result.failure
     assert bench.holds(old)
     bench.block = lambda m: False
     assert bench.swap(NEW).flying == "new"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -194,17 +196,19 @@ READY = Readiness("GUIDED", True, 16, ())
     [
         (READY, ()),
         (Readiness("AUTO", True, 0x3F, ()), ()),
-        (Readiness("STABILIZE", True, 16, ()), ("mode is STABILIZE, not GUIDED",)),
-        (Readiness("GUIDED", False, 16, ()), ("pre-arm checks not passed",)),
+        (Readiness("STABILIZE", True, 16, ()), ("STABILIZE",)),
+        (Readiness("GUIDED", False, 16, ()), ("[pre-arm]",)),
         (Readiness("GUIDED", False, 16, ("PreArm: Hello",)), ("PreArm: Hello",)),
-        (Readiness("GUIDED", True, 15, ()), ("no position estimate yet",)),
+        (Readiness("GUIDED", True, 15, ()), ("[no-position]",)),
     ],
 )
 def test_ready_is_guided_and_prearm_and_a_position_estimate(readiness, reasons):
-    assert COPTER.not_ready(readiness) == reasons
+    found = COPTER.not_ready(readiness)
+    assert len(found) == len(reasons)
+    assert all(reason in text for reason, text in zip(reasons, found, strict=True))
 
 
-def test_nothing_is_ready_before_everything_was_heard():
+def test_a_vehicle_is_ready_only_after_all_messages_arrived():
     telemetry = folded(heartbeat(4), sys_status(), position())
     (reason,) = telemetry.state.not_ready
     assert "EKF_STATUS_REPORT, EXTENDED_SYS_STATE, MISSION_CURRENT" in reason
@@ -296,7 +300,8 @@ def test_read_back_is_compared_modulo_arducopters_storage(sent, found, equal):
 
 
 def test_a_mission_of_another_length_is_another_mission():
-    assert COPTER.differences((WP, WP), (WP,)) == ("1 items instead of 2",)
+    (gap,) = COPTER.differences((WP, WP), (WP,))
+    assert re.findall(r"\d+", gap) == ["1", "2"]
 
 
 # Presence and streams

@@ -89,7 +89,7 @@ def test_the_cause_of_a_missing_route_is_in_the_table(tmp_path: Path) -> None:
     report = fly(scenario, tmp_path, options=NEVER)
     found = {c.check: c.finding.found for c in report.checked["uav1"] if not c.finding.ok}
     for check in ("battery", "route"):
-        assert "no position estimate" in found[check]
+        assert "[no-position]" in found[check]
 
 
 @pytest.mark.parametrize("check", [battery, route])
@@ -112,4 +112,4 @@ def test_ctrl_c_reports_the_results_so_far(tmp_path: Path) -> None:
     assert report.ended == "stopped"
     found = {c.check: c.finding for c in report.checked["uav1"]}
     assert found["identity"].ok
-    assert "no position estimate" in found["route"].found
+    assert "[no-position]" in found["route"].found

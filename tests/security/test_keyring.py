@@ -246,7 +246,7 @@ def test_broken_and_foreign_folders_are_not_extended(broken: Callable[[Path], No
 
 @pytest.mark.parametrize("name", ["", "ca", "uav0", "uav03", "../uav3", "uav3/", "station", "UAV3"])
 def test_only_participants_get_certificates(name: str, tmp_path: Path) -> None:
-    with pytest.raises(KeyringError, match="uav1 to uav254"):
+    with pytest.raises(KeyringError, match="uav254"):
         make_keys(tmp_path, [name], 30, NOW)
 
 
@@ -353,11 +353,11 @@ def test_making_again_names_the_folders_to_copy_again(config: Path, tmp_path: Pa
 def test_checking_a_configuration_looks_at_its_keys(config: Path, tmp_path: Path) -> None:
     words = ["check", "--config", str(config), "--out", str(tmp_path / "runs")]
     missing = CliRunner().invoke(commands(), words)
-    assert (missing.exit_code, "keys/uav1: no such folder" in missing.stderr) == (1, True)
+    assert (missing.exit_code, "keys/uav1: " in missing.stderr) == (1, True)
     names, now = ["uav1", "uav2", "operator", "router"], dt.datetime.now(dt.UTC)
     make_keys(tmp_path / "keys", names, 30, now)
     assert CliRunner().invoke(commands(), words).exit_code == 0
     shutil.rmtree(tmp_path / "keys")
     make_keys(tmp_path / "keys", names, 1, now - dt.timedelta(days=2))
     expired = CliRunner().invoke(commands(), words)
-    assert (expired.exit_code, expired.stderr.count("was valid until")) == (1, 4)
+    assert (expired.exit_code, expired.stderr.count("[certificate-expired]")) == (1, 4)

@@ -55,9 +55,9 @@ def test_the_only_flight_need_not_be_named(nobody_flies: Path) -> None:
 
 def test_several_flights_need_a_name(nobody_flies: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
-        with pytest.raises(client.Unclear, match=r"one at tcp/127.0.0.1:4001 .*two at .*which-swarm"):
+        with pytest.raises(client.Unclear, match=r"one .*tcp/127.0.0.1:4001 .*two .*\[which-swarm\]"):
             client.find(None, None, None)
-        with pytest.raises(BusError, match=r"three.*one at .*two at .*no-swarm"):
+        with pytest.raises(BusError, match=r"three.*one .*two .*\[no-swarm\]"):
             client.find("three", None, None)
 
 
@@ -161,7 +161,7 @@ def test_a_valid_swarm_name_is_found(name: str, nobody_flies: Path) -> None:
 def test_a_folder_that_other_users_can_write_to_is_refused(nobody_flies: Path) -> None:
     nobody_flies.mkdir(mode=0o700)
     nobody_flies.chmod(0o777)
-    with pytest.raises(BusError, match="folder of this user"):
+    with pytest.raises(BusError, match=r"swarmctl-\d+.*\[open-folder\]"):
         directory.running_swarms()
 
 

@@ -66,9 +66,9 @@ def test_states_are_shown_in_rows() -> None:
         flagged=(1, 9),
     )
     seen.take(key(3), frame(late, sender=3), 93.0, UNIX_S)
-    shown = text(seen.view("tcp/127.0.0.1:7447: reached", 100.4))
+    shown = text(seen.view("tcp/127.0.0.1:7447", 100.4))
     lines = [" ".join(row.split()) for row in shown.splitlines()]
-    assert "test tcp/127.0.0.1:7447: reached" in lines
+    assert "test tcp/127.0.0.1:7447" in lines
     assert "uav1 flying AUTO 4,3 40 0 31 3 5 0" in lines
     assert "uav2 – – – – never – – – –" in lines
     assert "scout holding GUIDED 0,0 40 7 31 3 5 2 151 uav1, 9" in lines
@@ -92,7 +92,8 @@ def test_a_line_has_the_age_and_the_mode() -> None:
     seen = board()
     seen.take(key(1), frame(state(phase="done")), 0.0, UNIX_S)
     (row, *_) = seen.view("", 7.0).rows
-    assert line(row).startswith("uav1: done, last state 7 s old, mode AUTO, cell 4,3, ")
+    assert line(row).startswith("uav1: done, ")
+    assert all(f" {value}, " in line(row) for value in ("7 s old", "AUTO", "4,3"))
 
 
 def test_a_vehicle_outside_the_area_has_no_cell() -> None:
@@ -100,7 +101,7 @@ def test_a_vehicle_outside_the_area_has_no_cell() -> None:
     seen.take(key(1), frame(state(lat_deg=45.0)), 0.0, UNIX_S)
     (row, *_) = seen.view("", 0.0).rows
     assert row.cell is None
-    assert "outside the area" in line(row)
+    assert " cell " not in line(row)
 
 
 def test_the_newest_state_counts_in_any_order() -> None:
@@ -241,12 +242,11 @@ def test_plain_lines_show_changes_and_all_vehicles_in_intervals() -> None:
             seen.take(key(1), frame(state(phase="standby")), n * 0.5, UNIX_S)
         if n == 6:
             seen.take(key(1), frame(state(), n=2), n * 0.5, UNIX_S)
-        lines.show(seen.view("reached" if n > 1 else "not reached", n * 0.5))
-    assert [text.split(",")[0] for text in said] == [
-        "test: not reached", "uav1: not received", "uav2: not received", "scout: not received",
-        "test: reached",
-        "uav1: standby", "uav1: flying",
-    ]  # fmt: skip
+        lines.show(seen.view("up" if n > 1 else "down", n * 0.5))
+    shown = [text.split(",")[0].split(": ") for text in said]
+    assert [name for name, _ in shown] == ["test", "uav1", "uav2", "scout", "test", "uav1", "uav1"]
+    received = {n: shown[n][1] for n in (0, 4, 5, 6)}
+    assert received == {0: "down", 4: "up", 5: "standby", 6: "flying"}
 
 
 def test_a_single_view_waits_for_all_vehicles_with_a_time_out() -> None:

@@ -100,9 +100,9 @@ class ArduPilot:
         if readiness.mode not in (self.hold_mode, self.mission_mode):
             yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
         if readiness.prearm_ok is False:
-            yield "; ".join(readiness.complaints) or "pre-arm checks not passed"
+            yield "; ".join(readiness.complaints) or "pre-arm checks not passed [pre-arm]"
         if readiness.ekf_flags is not None and not readiness.ekf_flags & mavlink.EKF_POS_HORIZ_ABS:
-            yield "no position estimate yet"
+            yield "no position estimate yet [no-position]"
 
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0

@@ -109,7 +109,7 @@ class Px4:
         if readiness.mode not in (self.hold_mode, self.mission_mode):
             yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
         if readiness.prearm_ok is False:
-            yield "; ".join(readiness.complaints) or "pre-arm checks not passed"
+            yield "; ".join(readiness.complaints) or "pre-arm checks not passed [pre-arm]"
 
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
