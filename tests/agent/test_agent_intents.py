@@ -21,9 +21,9 @@ from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
 from swarmctl.agent.step import wants_tick
 from swarmctl.agent.traffic.intents import EVERY_S, LAST_POSITION_S, MAX_AGE_S, MAX_UNCERTAINTY_M, STANDS_S
-from swarmctl.agent.traffic.route_deconfliction import AGAIN_S
+from swarmctl.agent.traffic.route_deconfliction import AGAIN_S, clashes_of
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
-from swarmctl.agent.traffic.separation.trajectory import until_landing
+from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
@@ -198,6 +198,25 @@ def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAc
     swap = story.swap()
     assert swap.plan.landing.alt_rel_m == 30.0
     assert codes(story.effects) == ["resumes"]
+
+
+@pytest.mark.parametrize(("present_m", "clashes"), [(0.0, 0), (6.0, 1), (None, 1)])
+def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_one(
+    present_m: float | None, clashes: int
+) -> None:
+    """Vehicle 1 stands 15 m ahead; the limit is 10 m. The new plan passes it at 6.3 m, the present one as given."""
+    story = Flier()
+    east_m, north_m = 75.0, MID_M[1]
+    story.other(1, (0.0, east_m + 15.0, north_m), (60.0, east_m + 15.0, north_m))
+    begin_s = story.state.vehicle.time_boot_s
+
+    def passing(beside_m: float) -> Trajectory:
+        path = [(0.0, 0.0), (15.0, beside_m), (100.0, beside_m)]
+        points = tuple((east_m + e, north_m + n, AMSL_M) for e, n in path)
+        return Trajectory((begin_s, begin_s + 1.5, begin_s + 10.0), points)
+
+    present = None if present_m is None else passing(present_m)
+    assert len(clashes_of(story.state, passing(7.0), present)) == clashes
 
 
 def test_an_old_intent_is_ignored() -> None:

@@ -304,6 +304,7 @@ def test_priors_over_the_number_are_the_distributions_they_are_named_for() -> No
     poisson = HostileCount.poisson(3.0, 400)
     assert poisson.mean == pytest.approx(3.0, rel=1e-12)
     assert poisson.pmf[2] == pytest.approx(math.exp(-3.0) * 4.5, rel=1e-12)
+    assert HostileCount.poisson(3.0, 4).n.tolist() == [0, 1, 2, 3, 4]
     binomial = HostileCount.binomial(10, 0.3)
     assert binomial.mean == pytest.approx(3.0, rel=1e-12)
     assert binomial.pmf[4] == pytest.approx(math.comb(10, 4) * 0.3**4 * 0.7**6, rel=1e-12)

@@ -135,16 +135,19 @@ POSTERIORS = [
     ("both", HostileCount.weighted({1: 1.0, 4: 2.0}), ERRING),
     ("no false alarms", HostileCount.known(3), SensorModel(0.2, 0.0)),
 ]
+LOOKS = [
+    Observation(1, 1, 0.0, ((1, 1, True), (0, 1, False), (3, 3, False))),
+    Observation(2, 1, 0.0, ((2, 2, False), (3, 0, False))),
+]
 
 
+@pytest.mark.parametrize("looks", [[], LOOKS], ids=["nothing seen", "five cells seen"])
 @pytest.mark.parametrize(("count", "sensor"), [p[1:] for p in POSTERIORS], ids=[p[0] for p in POSTERIORS])
-def test_worlds_are_drawn_from_the_posterior(count: HostileCount, sensor: SensorModel) -> None:
-    looks = [
-        Observation(1, 1, 0.0, ((1, 1, True), (0, 1, False), (3, 3, False))),
-        Observation(2, 1, 0.0, ((2, 2, False), (3, 0, False))),
-    ]
-    if not sensor.is_perfect:
-        looks.append(Observation(2, 2, 0.0, ((2, 2, True), (0, 1, False))))
+def test_worlds_are_drawn_from_the_posterior(
+    count: HostileCount, sensor: SensorModel, looks: list[Observation]
+) -> None:
+    if looks and not sensor.is_perfect:
+        looks = [*looks, Observation(2, 2, 0.0, ((2, 2, True), (0, 1, False)))]
     belief = Belief.prior(4, 4, count, sensor).merge(looks)
     cells = [(r, c) for r in range(4) for c in range(4)]
     survived = weight = 0.0
