@@ -8,6 +8,7 @@ from inspect import getdoc
 
 import numpy as np
 import pytest
+from profiles import examples
 
 from swarmctl import planners
 from swarmctl.planners import PLANNERS, Problem, Replanner, cost_to_go, dijkstra, plan, warm_up
@@ -115,13 +116,14 @@ def test_threads_that_plan_at_once_find_what_each_would_find_alone(
         for w in (0.5, 0.9)
     ]
     alone = [plan(problem) for problem in problems]
+    n_times = examples(60, 20)
 
     def work(thread: int) -> list[bool]:
-        order = np.random.default_rng(thread).permutation(len(problems) * 60) % len(problems)
+        order = np.random.default_rng(thread).permutation(len(problems) * n_times) % len(problems)
         return [plan(problems[i]) == alone[i] for i in order]
 
     answers = in_threads(work)
-    assert len(answers) == 4 * 60 * len(problems)
+    assert len(answers) == 4 * n_times * len(problems)
     assert all(answers)
 
 

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.image import imread
 from matplotlib.text import Text
 from numpy.typing import NDArray
+from profiles import full_only
 
 from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN
 from swarmctl.core.grid import Cell, Grid
@@ -108,7 +109,12 @@ def test_equal_pictures_give_equal_bytes(tmp_path: Path) -> None:
     assert one != (tmp_path / "other.png").read_bytes()
 
 
-SIZES = [(1, 20, 20), (5, 20, 20), (20, 20, 20), (40, 20, 20), (3, 2, 40), (3, 40, 2), (20, 100, 100)]
+SIZES = [
+    (40, 20, 20),
+    (3, 2, 40),
+    (3, 40, 2),
+    *full_only((1, 20, 20), (5, 20, 20), (20, 20, 20), (20, 100, 100)),
+]
 
 
 def texts_of(axes: Axes) -> list[Text]:
