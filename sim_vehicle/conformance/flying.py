@@ -1,4 +1,4 @@
-"""Preparing a vehicle, take-off, moving and landing."""
+"""Arming, take-off, movement and landing of the vehicle under test."""
 
 import math
 from collections.abc import Callable
@@ -19,7 +19,7 @@ FLIGHT_RATES_HZ = {"GLOBAL_POSITION_INT": 5.0, "EXTENDED_SYS_STATE": 5.0, "MISSI
 
 
 def mode_number(vehicle: VehicleUnderTest, role: str) -> int:
-    """Return the mode number for a purpose; Skip if it is unknown."""
+    """Return the autopilot's mode number for a role, such as "hold". Raises Skip for an unknown role."""
     if role not in vehicle.dialect.modes:
         raise Skip(f"this autopilot has no known mode for {role!r}")
     return vehicle.dialect.modes[role]
@@ -48,7 +48,7 @@ def in_mode(vehicle: VehicleUnderTest, role: str) -> Callable[[], bool]:
 
 
 def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
-    """Set a mode; CheckFailed unless it is accepted and appears in the heartbeat."""
+    """Set a mode. Raises CheckFailed unless it is accepted and appears in the heartbeat."""
     number = mode_number(vehicle, role)
     # PX4 refuses its mission mode for a moment after an upload.
     for _ in range(5):
@@ -63,7 +63,7 @@ def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
 
 
 def ready_mode(vehicle: VehicleUnderTest) -> None:
-    """Set the mode for arming."""
+    """Set the mode that the autopilot needs for arming, if any."""
     if vehicle.dialect.ready_mode is not None:
         set_mode(vehicle, vehicle.dialect.ready_mode)
 
@@ -94,13 +94,13 @@ def wait_ready(vehicle: VehicleUnderTest) -> float:
 
 
 def last_texts(vehicle: VehicleUnderTest, count: int = 3) -> str:
-    """Return the latest texts of the vehicle for a report."""
+    """Return the latest STATUSTEXTs of the vehicle, for a failure's message."""
     texts = [text for _, _, text in vehicle.texts[-count:]]
     return "last texts: " + " | ".join(texts) if texts else "no texts"
 
 
 def arm(vehicle: VehicleUnderTest) -> None:
-    """Wait until ready, arm, and wait for the heartbeat to show it."""
+    """Wait until the vehicle is ready, arm it, and wait until its heartbeat shows it armed."""
     wait_ready(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     if result != mavlink.MAV_RESULT_ACCEPTED:
@@ -109,7 +109,7 @@ def arm(vehicle: VehicleUnderTest) -> None:
 
 
 def disarm(vehicle: VehicleUnderTest) -> None:
-    """Disarm on the ground and wait for the heartbeat to show it."""
+    """Disarm the vehicle on the ground, and wait until its heartbeat shows it disarmed."""
     if vehicle.armed:
         vehicle.accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
         vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
@@ -200,7 +200,7 @@ def _launch_plane(vehicle: VehicleUnderTest) -> None:
 
 
 def hold(vehicle: VehicleUnderTest) -> None:
-    """Stop in the hold mode, then set the mode for commands."""
+    """Stop the vehicle in its hold mode, then set the mode that accepts position commands."""
     if vehicle.dialect.hold_mode is not None and vehicle.mode != mode_number(
         vehicle, vehicle.dialect.hold_mode
     ):
@@ -245,7 +245,7 @@ def _land_by_mission(vehicle: VehicleUnderTest) -> None:
     set_mode(vehicle, "mission")
 
 
-# -- going somewhere -------------------------------------------------------------------------------------
+# -- movement to a position ------------------------------------------------------------------------------
 
 
 def base_amsl_m(vehicle: VehicleUnderTest) -> float:
@@ -259,7 +259,7 @@ def reposition(
 ) -> int:
     """Send DO_REPOSITION as COMMAND_INT: height above home [m], speed [m/s]; return the MAV_RESULT."""
     x, y = target
-    amsl_m = base_amsl_m(vehicle) + height  # both autopilots interpret it above sea level in this frame
+    amsl_m = base_amsl_m(vehicle) + height  # both autopilots read z above sea level in this frame
     command = vehicle.command_int(
         mavlink.MAV_CMD_DO_REPOSITION, speed, REPOSITION_CHANGES_MODE, 0, math.nan, x=x, y=y, z=amsl_m
     )
@@ -271,5 +271,5 @@ def wait_until_near(
 ) -> float:
     """Wait until the vehicle is near a position; return the time taken [s]."""
     return vehicle.wait_until(
-        lambda: distance_to_m(vehicle, target) < near_m, f"less than {near_m:g} m to the place", within_s
+        lambda: distance_to_m(vehicle, target) < near_m, f"less than {near_m:g} m to the target", within_s
     )

@@ -20,7 +20,7 @@ MAX_BYTES = 4_000_000
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """One payload from the vehicle."""
+    """One FILE_TRANSFER_PROTOCOL payload from the vehicle."""
 
     seq: int
     session: int
@@ -36,12 +36,12 @@ class Reply:
 
     @property
     def error(self) -> int:
-        """Return the error code of a NAK."""
+        """The error code of a NAK."""
         return self.data[0] if self.data else FAIL
 
 
 class FtpClient:
-    """One client with its own sequence numbers."""
+    """A client of MAVLink FTP with its own sequence numbers."""
 
     def __init__(self, vehicle: VehicleUnderTest) -> None:
         self.vehicle = vehicle
@@ -67,7 +67,7 @@ class FtpClient:
         self.vehicle.send(message)
 
     def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
-        """Return the next payload after a mark, and the mark after it."""
+        """Return the first payload after a mark, and the mark after that payload; None after `within_s`."""
         place = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
         return (
             None
@@ -78,7 +78,7 @@ class FtpClient:
     def ask(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> Reply:
-        """Send a request and return its answer; repeat it with the same number without one."""
+        """Send a request and return its answer; without an answer, repeat it with the same number."""
         mark = self.vehicle.mark()
         self.send(opcode, data, session=session, offset=offset, size=size)
         for _ in range(ATTEMPTS):
@@ -134,7 +134,7 @@ class FtpClient:
         return b"".join(parts[o] for o in sorted(parts))[:offset]
 
     def list(self, path: str) -> list[str]:
-        """Return the entries of a directory in the protocol's form: `Fname\\tsize`, `Dname`, `S`."""
+        """Return the entries of a directory: file `Fname\\tsize`, directory `Dname`, skipped entry `S`."""
         entries: list[str] = []
         while True:
             answer = self.ask(LIST, path.encode(), offset=len(entries))
@@ -154,7 +154,7 @@ def _reply(payload: bytes) -> Reply:
 
 
 def _contiguous(parts: dict[int, bytes]) -> int:
-    """Return the number of bytes from the start without a gap."""
+    """Return the number of bytes from the start of the file up to the first gap."""
     end = 0
     while parts.get(end):
         end += len(parts[end])

@@ -1,4 +1,4 @@
-"""The identity of the vehicle under test, and one frame of it."""
+"""The identity of the vehicle under test, and a frame received from it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,12 +8,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.dialects import PLANE_TYPES
 
 SIMULATOR_MARK = b"sim_vehicle"
-SIGNED = 0x01  # incompatibility flag of a signed frame
+SIGNED = 0x01  # MAVLink 2 incompatibility flag of a signed frame
 
 
 @dataclass(frozen=True, slots=True)
 class ReceivedFrame:
-    """One frame of the vehicle, with its arrival time [s], message and header."""
+    """A frame from the vehicle: arrival time [s], decoded message and header."""
 
     at_s: float
     kind: str

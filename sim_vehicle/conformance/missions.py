@@ -20,7 +20,7 @@ def items(vehicle: VehicleUnderTest, *, landing: bool = True) -> list[PlanItem]:
 
 
 def rewind(vehicle: VehicleUnderTest) -> None:
-    """Make the first item current, because the index of an earlier mission may persist."""
+    """Make the first item current. The current item of an earlier mission may persist."""
     first = int(vehicle.dialect.home_item)
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, first))
 
@@ -38,7 +38,7 @@ def start(vehicle: VehicleUnderTest) -> None:
 
 
 def resume(vehicle: VehicleUnderTest, seq: int) -> None:
-    """Fly the stored mission in the air, from an item on."""
+    """Fly the stored mission from item `seq` on; the vehicle is in the air."""
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
     flying.set_mode(vehicle, "mission")
 
@@ -59,7 +59,7 @@ def until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 120.0) 
 
 
 def under_way(vehicle: VehicleUnderTest) -> int:
-    """Fly between the first and the second waypoint; return the number of the second."""
+    """Fly until 10 m past the first waypoint; return the sequence number of the second."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(vehicle, items(vehicle, landing=False))
     seq = first_waypoint(vehicle) + 1
@@ -67,6 +67,6 @@ def under_way(vehicle: VehicleUnderTest) -> int:
     until_current(vehicle, seq)
     passed = plans.offset(place, *CORNERS[0])
     vehicle.wait_until(
-        lambda: flying.distance_to_m(vehicle, passed) > 10.0, "it to leave the first waypoint", 20.0
+        lambda: flying.distance_to_m(vehicle, passed) > 10.0, "10 m from the first waypoint", 20.0
     )
     return seq

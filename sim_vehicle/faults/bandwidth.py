@@ -12,13 +12,13 @@ from sim_vehicle.wire.channel import TimedFrames
 class Params(FaultParams):
     rate_bytes_s: Annotated[float, Field(ge=10)] = Field(default=5000.0, description="rate of each direction")
     buffer_bytes: Annotated[int, Field(ge=300)] = Field(
-        default=2048, description="buffer size; frames that find it full are lost"
+        default=2048, description="buffer size; a frame that does not fit into the buffer is lost"
     )
     direction: LinkDirections = DIRECTION
 
 
 class Bandwidth:
-    """Limiter that sends frames at a rate and drops those that find the buffer full."""
+    """Limiter of the byte rate. A frame that does not fit into the buffer is dropped."""
 
     in_order = True
 

@@ -2,8 +2,8 @@
 
 A command from a network moves aircraft. So the service executes a command completely or refuses it, and
 counts and shows each refusal. The operator gets an answer for each vehicle. The rate limit fits commands
-typed by hand; only commands with a valid signature count. New weights cost a plan, so an agent gets new
-weights only after it has handled the previous ones.
+typed by hand, and counts only commands with a valid signature. New weights cause a new plan, so an agent gets
+new weights only after it has handled the previous weights.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ TOO_FAST = encode(
 KINDS: dict[type[Request], keys.RequestKind] = {SetWeights: "weights", GiveOrder: "order"}
 """kind of each command, for its key"""
 BUSY = (
-    "has not handled its previous weights yet; nothing was changed, repeat the command later [vehicle-busy]"
+    "the vehicle has not handled its previous weights yet; nothing was changed, repeat the command later "
+    "[vehicle-busy]"
 )
 
 
@@ -118,9 +119,9 @@ UNSIGNED: CommandSigning = _Unsigned()
 
 
 class OperatorService:
-    """The operator service of a process. Its agents `join`, and report with `answered`.
+    """The operator service of a process, for the agents that `join` it.
 
-    It serves the keys of vehicle `uav`, or those of the station if one process flies the whole swarm.
+    `uav`: the vehicle whose keys are served; None: the station's keys, if one process flies the whole swarm.
     """
 
     def __init__(
@@ -145,7 +146,7 @@ class OperatorService:
         self._open: dict[int, _PendingCommand] = {}
         self._busy: dict[int, int] = {}
         """vehicle -> number of the command with weights that the vehicle has not handled yet"""
-        # One limit a key: a flood of weights must not block an order to hold.
+        # One limit for each key: a flood of weights must not block an order to hold.
         self._limits = {key: _RateLimit() for key in self._keys}
         self._wildcard_limit = _RateLimit()
         self._signature_checks = {key: TokenBucket(CHECKED_PER_S, CHECKED_BURST) for key in self._keys}
@@ -154,7 +155,7 @@ class OperatorService:
             transport.serve(key, self._receive)
 
     def join(self, uav: int, name: str, post: Callable[[AgentCommand], None]) -> None:
-        """Add an agent. `post` passes an event to the agent; the agent's effect is the answer."""
+        """Add an agent. `post` passes an event to the agent; pass the agent's answer to `answered`."""
         self._agents[uav] = (name, post)
 
     def answered(self, command: int, answer: VehicleAnswer) -> None:
@@ -210,12 +211,12 @@ class OperatorService:
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
             return
-        # Each change of weights costs a plan; an order does not wait for it.
+        # Each change of weights causes a plan; an order does not wait for that plan.
         busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
         if len(busy) < len(uavs):
             self._pass_on(command, uavs, ignored, busy, reply)
         else:
-            self._refuse(f"each vehicle of the command {BUSY}", reply)
+            self._refuse(f"no vehicle of the command is free: {BUSY}", reply)
 
     def _command(self, key: str, verified: bytes) -> Request:
         """Decode a command. Raises BadMessage."""
@@ -282,7 +283,7 @@ class OperatorService:
         return False
 
     def _close(self, number: int) -> None:
-        """Answer with the vehicles' answers so far."""
+        """Reply with the vehicles' answers so far; the others are unconfirmed."""
         waiting = self._open.pop(number, None)
         if waiting is None:
             return
@@ -290,7 +291,10 @@ class OperatorService:
         waiting.reply(encode(OperatorAnswer(vehicles=tuple(answers))))
 
     def _unconfirmed(self, uav: int) -> VehicleAnswer:
-        note = f"received the command, and has not handled it within {ANSWER_WITHIN_S:g} s [not-handled-yet]"
+        note = (
+            f"the agent received the command, and has not handled it within {ANSWER_WITHIN_S:g} s; watch the "
+            "vehicle, or repeat the command [not-handled-yet]"
+        )
         return VehicleAnswer(uav, self._agents[uav][0], "unconfirmed", note=note)
 
     def _busy_answer(self, uav: int) -> VehicleAnswer:

@@ -41,7 +41,7 @@ def show(
     once: Annotated[
         bool,
         typer.Option(
-            "--once", help="Show the table once, after all vehicles were received or after 5 s, and exit."
+            "--once", help="Show the table once and exit: when all vehicles have reported, or after 5 s."
         ),
     ] = False,
 ) -> None:
@@ -69,8 +69,8 @@ def show(
     if not board.any_heard:
         fail(
             [
-                "no vehicle was received; check that their agents run, with a connection to the same "
-                "router or mesh [no-vehicle]"
+                "no message of any vehicle was received; check that the agents run, and connect to the "
+                "same router or mesh [no-vehicle]"
             ],
             EXPECTED,
         )

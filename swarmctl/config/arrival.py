@@ -29,8 +29,7 @@ class ArrivalSection(Section):
         0.0,
         ge=0.0,
         description="Lowest commanded speed over ground, for vehicles that arrive too early "
-        "[m/s]. It is never less than "
-        "1 m/s, or a fifth of the vehicle's speed.",
+        "[m/s]. The speed is also at least 1 m/s and at least a fifth of the vehicle's full speed.",
     )
 
     def model_post_init(self, _context: object) -> None:

@@ -45,13 +45,13 @@ def _require_order(from_s: float, until_s: float | None) -> None:
 
 Endpoint = Annotated[str, AfterValidator(_connect_endpoint)]
 VehicleRef = int | str
-"""a system id, or a vehicle's name"""
+"""a vehicle by its system id or its name"""
 
 
 class PartitionSection(Section):
-    """A time in which UAVs hear only UAVs of their own group.
+    """A period in which UAVs hear only UAVs of their own group.
 
-    A UAV in no group hears no other. Of partitions at one time, all have to let a message pass.
+    A UAV in no group hears no other UAV. Where periods overlap, a message has to pass every partition.
     """
 
     from_s: float = Field(
@@ -73,7 +73,7 @@ class PartitionSection(Section):
 
 
 class QuietSection(Section):
-    """A time in which UAVs send nothing. They still hear."""
+    """A period in which UAVs send nothing. They still receive."""
 
     uavs: tuple[VehicleRef, ...] = Field(min_length=1, description="The silent UAVs, by name or system id.")
     from_s: float = Field(0.0, ge=0.0, description="Begin, in simulated seconds since the start [s].")
@@ -88,10 +88,10 @@ class QuietSection(Section):
 
 
 class Communication(Section):
-    """How UAVs exchange messages: the transport, its endpoints, and a model of the radio.
+    """The exchange of messages between UAVs: transport, endpoints, and a model of the radio.
 
-    The model limits the reach in simulated time, over every transport alike. It adds to the delays and
-    losses of the real network.
+    The model works in simulated time and is the same over every transport. It adds to the delays and losses
+    of the real network.
     """
 
     bus: Literal["zenoh", "memory"] = Field(
@@ -110,17 +110,17 @@ class Communication(Section):
     mesh: Annotated[dict[str, Endpoint], BeforeValidator(_keys_as_text)] = Field(
         {},
         description="Ad-hoc mesh, instead of a router: the endpoint of each vehicle's `swarmctl agent`, by "
-        "name or system id. Of each pair the agent with the higher system id connects.",
+        "name or system id. In each pair the agent with the higher system id opens the connection.",
     )
     keys: str | None = Field(
         None,
-        description="Folder made by `swarmctl keys`: mutual TLS and signed messages with router or mesh, and "
-        "signed evidence. Default: no keys.",
+        description="Folder made by `swarmctl keys`. With keys, router and mesh use mutual TLS, and messages "
+        "and evidence are signed. Default: no keys.",
     )
     clock_tolerance_s: float = Field(
         5.0,
         gt=0.0,
-        description="Greatest lead of another machine's clock [s]. Messages from further ahead are refused.",
+        description="Greatest lead of another machine's clock [s]. A message with a later time is refused.",
     )
     range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
         "all",
@@ -130,7 +130,7 @@ class Communication(Section):
     max_distance_m: float | None = Field(
         None,
         gt=0.0,
-        description="Radio range [m]: UAVs farther apart do not hear each other. Default: no limit.",
+        description="Radio range [m]. UAVs farther apart do not hear each other. Default: no limit.",
     )
     min_distance_m: float = Field(
         0.0,

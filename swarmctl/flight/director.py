@@ -1,7 +1,7 @@
 """The course of a flight: all vehicles answer, become ready, hold a verified mission, then launch.
 
-Before the launch one failed vehicle stops all of them: nothing is lost by that. After the launch a failed
-vehicle is reported and the others fly on.
+Before the launch one failed vehicle stops the whole flight, while all vehicles are on the ground. After the
+launch a failed vehicle is reported, and the others fly on.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from swarmctl.links.base import LinkError
 from swarmctl.report.final_state import FlightEnd, describe_final_state, is_released_in_air
 
 START_TOLERANCE_M = 100.0
-"""greatest distance between a vehicle and its configured start: farther away it is another vehicle"""
+"""greatest distance between a vehicle and its configured start; a vehicle farther away is a wrong vehicle"""
 NOT_READY_S = 20.0
-"""time between two lines about a vehicle that does not become ready. Estimators of healthy vehicles need up
-to about this long after power-up"""
+"""time between two messages about a vehicle that does not become ready. The estimator of a healthy vehicle
+takes up to about this long after power-up"""
 PARTIAL_CHECKS_S = 10.0
 """time limit for the checks of the vehicles that have answered, when preflight is stopped"""
 EARLY_CHECKS_S = 3.0
 """time between two early checks of vehicles that are ready before the others"""
 RETRY_S = 5.0
-"""time until a vehicle that waits for its order is made ready again, after a failure"""
+"""time between a failed preparation of a waiting vehicle and the next attempt"""
 
 Launch = Literal["when-ready", "ordered", "never"]
-"""ordered: an operator orders the launch, and the director keeps the vehicle ready for it. never: preflight
-checks only; no vehicle gets the permission to arm"""
+"""ordered: the director keeps the vehicle ready until an operator orders the launch. never: preflight checks
+only; no vehicle gets the permission to arm"""
 
 
 class PreflightFailed(Exception):
@@ -80,7 +80,7 @@ class Director:
         launch: Launch = "when-ready",
         return_queue: ReturnQueue | None = None,
     ) -> None:
-        """`return_queue`: for a process that flies one vehicle of a swarm; None: it flies all of them."""
+        """`return_queue`: given if this process flies one vehicle of a swarm; None: it flies them all."""
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay
@@ -96,7 +96,7 @@ class Director:
     def on_ctrl_c(self) -> str:
         """The effect of Ctrl-C now, as text."""
         if self.stop.is_set():
-            return "leave at once"
+            return "end the program at once"
         if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
             order = self._flight.on_exit
             return "hold, and leave them there" if order == "hold" else f"hold, then {order}"
@@ -121,7 +121,7 @@ class Director:
         return "stopped"
 
     async def _check_answered(self) -> None:
-        """Run the checks of the vehicles that have answered, in whatever state they are."""
+        """Check the vehicles that have answered, ready or not."""
         answered = [m for m in self._members if m.identity is not None]
         for member in answered:
             member.not_ready_because = member.not_ready_because or "; ".join(member.waiting_for)
@@ -170,16 +170,16 @@ class Director:
             await self._clear(unreleased)
         except PreflightFailed as failed:
             failures += failed.lines
-        # A vehicle may have been ready and taken over since.
+        # A pilot or another station may have taken over a vehicle that was ready.
         failures += [f"{m.name}: {m.state.outcome}" for m in unreleased if m.state.ended]
         failures += [describe_final_state(m) for m in unreleased if m.state.lost]
         if failures:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 
     def _is_released(self, member: Member) -> bool:
-        """Return whether another station or a pilot has armed it: the others fly without it.
+        """Return whether another station or a pilot has armed the vehicle, so that the others fly without it.
 
-        Its link and heartbeats go on. When only checks are run, such a vehicle fails them.
+        The link and the heartbeats to the vehicle continue. In a run of checks only, the vehicle fails them.
         """
         return not self._checks_only and member.state.phase is Phase.RELEASED
 
@@ -192,7 +192,7 @@ class Director:
             member.runner.clear()
 
     async def _prepare_again(self, member: Member) -> None:
-        """Repeat after a reboot the whole preparation, and repeat checks that are too old."""
+        """Repeat the whole preparation after a reboot; otherwise repeat only checks that are too old."""
         if not member.runner.cleared.is_set():
             await self._clearance.set_up(member)
         await self._make_ready(member)
@@ -216,7 +216,8 @@ class Director:
         """
         doubled = [m for m in self._members if m.runner.conflict]
         if doubled:
-            raise PreflightFailed([f"{m.name}: {m.runner.conflict}; give each its own" for m in doubled])
+            advice = "give each vehicle its own system id"
+            raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in doubled])
         external = [m for m in self._members if m.identity is None or not m.identity.simulated]
         unexpected = [m for m in external if m.spec.simulated]
         if unexpected:
@@ -224,7 +225,7 @@ class Director:
         return external
 
     async def _all_reported(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
-        """Do as `_all`; report each failure at once, while other vehicles take longer."""
+        """Run one preflight step as `_all`, and report each failure while other vehicles are still busy."""
         under_way = {m.name for m in self._members if not self._is_released(m)}
 
         async def reported(member: Member) -> None:
@@ -244,7 +245,7 @@ class Director:
             await cancelled(early)
 
     async def _report_early(self) -> None:
-        """Check each vehicle once when it is ready before the others. All are checked again at the end."""
+        """Check each vehicle once, as soon as it is ready. All vehicles are checked again at the end."""
         unchecked = {m.name: m for m in self._members}
         while unchecked:
             await asyncio.sleep(EARLY_CHECKS_S)
@@ -256,7 +257,7 @@ class Director:
     async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """Run one preflight step on all vehicles at once. Raises PreflightFailed with all failures.
 
-        A vehicle that is taken over meanwhile is no failure.
+        A vehicle that another station or a pilot takes over during the step is no failure.
         """
         members = [m for m in self._members if not self._is_released(m)]
         outcomes: list[BaseException | None]
@@ -286,7 +287,7 @@ class Director:
             raise PreflightFailed([f"{member.name}: {text} [already-armed]"])
 
     async def _make_ready(self, member: Member) -> None:
-        """Wait until the vehicle holds a verified mission; begin again where it reboots meanwhile."""
+        """Wait until the vehicle has a verified mission; begin again after each reboot."""
         while not (member.state.phase is Phase.STANDBY or member.state.ended):
             await self._prepare(member)
             member.runner.post(ev.Ready())
@@ -306,7 +307,7 @@ class Director:
         def waiting(reasons: tuple[str, ...]) -> None:
             nonlocal reported_s
             member.waiting_for = reasons
-            # A healthy vehicle waits for its estimator, too: only a long wait is worth a line.
+            # A healthy vehicle waits for its estimator too, so only a long wait is reported.
             if reasons and clock() - reported_s >= NOT_READY_S * self._seconds_per_delay:
                 reported_s = clock()
                 member.is_overdue = True
@@ -332,7 +333,10 @@ class Director:
         await self._stand_by(member)
 
     async def _launch_when_ready(self, member: Member) -> None:
-        """Launch after the configured delay, unless the vehicle cannot be made ready again by then."""
+        """Launch after the configured delay. A vehicle that is no longer ready is made ready first.
+
+        If this fails, the vehicle stays on the ground.
+        """
         await asyncio.sleep(member.spec.delay_s * self._seconds_per_delay)
         try:
             await self._prepare_again(member)
@@ -369,8 +373,8 @@ def _wants_preparing(member: Member) -> bool:
 def _unexpected(member: Member) -> str:
     found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
     return (
-        f"{member.name}: found {found} at {member.spec.url}, system {member.spec.sysid}, expected a vehicle "
-        "of the built-in simulator; another autopilot sends to this port: stop it, or list it under "
+        f"{member.name}: found {found} at {member.spec.url}, system id {member.spec.sysid}, expected a "
+        "vehicle of the built-in simulator; stop the autopilot that sends to this port, or list it under "
         "`vehicles` and fly with --real [not-simulated]"
     )
 

@@ -49,14 +49,14 @@ class CostToGo:
 
         Raises BadProblem if the start is outside the area, Unreachable if no route leads to a goal.
         """
-        return self._field.run_down(self._checked(start))
+        return self._field.route_from(self._checked(start))
 
     def paths_from(self, starts: Sequence[Cell]) -> list[NDArray[np.int64]]:
         """Return the routes of a whole swarm: for each start the (row, col) of its cells, shape (n, 2).
 
         Raises as `cells_from` does.
         """
-        return self._field.run_down_all([self._checked(start) for start in starts])
+        return self._field.routes_from([self._checked(start) for start in starts])
 
     def _checked(self, start: Cell) -> Cell:
         cell = checked_cell("start", start, self.cost)
@@ -93,19 +93,19 @@ _replanners: Pool[Replanner] = Pool()
 
 
 def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
-    """Search the whole area, or run down the last field if it answers the problem.
+    """Search the whole area, or descend in the last field if it matches the problem.
 
     Vehicles with one goal and one belief ask for the same field one after the other.
     """
     asked = exposure, problem.goals, problem.w
     taken = _fields.take_all()
     field = taken[-1] if taken else None
-    if field is None or not field.answers(*asked, problem.psi_per_cell):
+    if field is None or not field.matches(*asked, problem.psi_per_cell):
         field = kernels.spread(*asked, problem.psi_per_cell, into=field)
     try:
         if math.isinf(field.cost_of(problem.start)):
             raise problem.unreachable()
-        return field.run_down(problem.start)
+        return field.route_from(problem.start)
     finally:
         _fields.put([field], lambda _: 1, most=1)
 

@@ -87,7 +87,7 @@ class Sweep:
         field = kernels.spread(self.passable, self.problem.goals, w, psi)
         if math.isinf(field.cost_of(self.problem.start)):
             raise self.problem.unreachable()
-        found = self.summed(field.run_down(self.problem.start))
+        found = self.summed(field.route_from(self.problem.start))
         self.searched.append(Searched(self.weight(price), found.length_cells, found.exposure_sum))
         return found, field
 

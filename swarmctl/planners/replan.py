@@ -171,7 +171,7 @@ class Replanner:
         self._search_all()
         if math.isinf(self._old.cost_of(start)):
             raise Unreachable(f"no route leads from {start} to a goal: walls lie between")
-        return self._old.run_down(start)
+        return self._old.route_from(start)
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
         """Lower the old field's labels of `cells`, because a straight step into them costs less now."""
@@ -206,7 +206,7 @@ class Replanner:
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
         self._lowered = old.lower(waiting, float(old.label[m]) * SURE).tolist()
         most = 4 * (old.rows + old.cols)
-        path, arrived = compiled(bounds.run_down_roughly)(old.label, old.extra, old.width, old.goals, m, most)
+        path, arrived = compiled(bounds.descend_roughly)(old.label, old.extra, old.width, old.goals, m, most)
         return path if arrived else path[:0]
 
     def _box(self, guess: NDArray[np.int64], margin: int) -> tuple[int, int, int, int]:
@@ -236,7 +236,7 @@ class Replanner:
         )  # fmt: skip
         if not way_out > cost * SURE:
             return ()
-        return tuple((r + top, c + left) for r, c in field.run_down(inside))
+        return tuple((r + top, c + left) for r, c in field.route_from(inside))
 
     def _unsure(self) -> float:
         """Return the least label that may be no lower bound; all smaller old labels are lower bounds."""

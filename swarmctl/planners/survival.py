@@ -39,7 +39,7 @@ def plan(problem: Problem, _params: Params) -> Route:
     field = kernels.spread(_losses(problem.passable), problem.goals, 1.0, 0.0)
     if math.isinf(field.cost_of(problem.start)):
         raise problem.unreachable()
-    cells = field.run_down(problem.start)
+    cells = field.route_from(problem.start)
     return route_of(problem, cells, _sum(problem, cells))
 
 

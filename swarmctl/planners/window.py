@@ -76,15 +76,15 @@ class _Detours:
 
     def over_one(self) -> Iterator[tuple[Cell, ...]]:
         for over in self._cells(N_DETOURS):
-            yield from _simple((*reversed(self._back.run_down(over)), *self._on.run_down(over)[1:]))
+            yield from _simple((*reversed(self._back.route_from(over)), *self._on.route_from(over)[1:]))
 
     def over_two(self) -> Iterator[tuple[Cell, ...]]:
         cells = list(self._cells(N_PAIRED))
         for second in cells:
-            to_second, on = self._to((second,)), self._on.run_down(second)
+            to_second, on = self._to((second,)), self._on.route_from(second)
             for first in cells:
                 if first != second and not math.isinf(to_second.cost_of(first)):
-                    there = (*reversed(self._back.run_down(first)), *to_second.run_down(first)[1:])
+                    there = (*reversed(self._back.route_from(first)), *to_second.route_from(first)[1:])
                     yield from _simple((*there, *on[1:]))
 
     def _to(self, goals: Sequence[Cell]) -> kernels.Field:

@@ -1,4 +1,4 @@
-"""Simultaneous arrival, as statistics for the summary."""
+"""Statistics of a simultaneous or staggered arrival, for the summary."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from swarmctl.agent.state import AgentState
 
 
 class Arrivals:
-    """The times at which this process's vehicles were first over their goals, by the run's clock."""
+    """The time at which each vehicle of this process first reached its goal, by the run's clock."""
 
     def __init__(self) -> None:
         self._at_s: dict[int, float] = {}
@@ -19,10 +19,10 @@ class Arrivals:
             self._at_s.setdefault(after.task.uav, now)
 
     def summary(self, states: Mapping[int, AgentState], seconds: float) -> dict[str, Any] | None:
-        """Return the spread of the arrivals; None where vehicles arrive independently.
+        """Return the spread of the arrivals; None if vehicles arrive independently.
 
         `seconds`: simulated seconds in one second of the run's clock. The spread is the time between the
-        first and the last arrival, less the configured spacing: 0 is exactly as configured.
+        first and the last arrival, after the configured spacing is subtracted. 0: exactly as configured.
         """
         groups = [s.task.arrival_group for s in states.values() if s.task.arrival_group is not None]
         if not groups:

@@ -84,15 +84,15 @@ def test_the_fields_are_equal_and_so_is_every_route(problem: Problem) -> None:
     assert isinstance(large, LargeField)
     assert small.label.tobytes() == large.label.tobytes()
     assert small.cost().tobytes() == large.cost().tobytes()
-    assert small.answers(*asked)
-    assert large.answers(*asked)
+    assert small.matches(*asked)
+    assert large.matches(*asked)
     cells = list(np.ndindex(*problem.exposure.shape))
     assert [small.cost_of(cell) for cell in cells] == [large.cost_of(cell) for cell in cells]
     starts = [cell for cell in cells if math.isfinite(small.cost_of(cell))]
-    for of_small, of_large in zip(small.run_down_all(starts), large.run_down_all(starts), strict=True):
+    for of_small, of_large in zip(small.routes_from(starts), large.routes_from(starts), strict=True):
         np.testing.assert_array_equal(of_small, of_large)
     for start in starts[:5]:
-        assert small.run_down(start) == large.run_down(start)
+        assert small.route_from(start) == large.route_from(start)
 
 
 def by(name: str) -> Callable[[Problem], Route]:

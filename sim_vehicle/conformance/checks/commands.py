@@ -79,7 +79,7 @@ def int_same_as_long(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.repeated.confirmation")
 def repeated_confirmation(vehicle: VehicleUnderTest) -> str:
-    """A repetition with a higher confirmation is acknowledged like the first."""
+    """A repeated command with a higher confirmation number is acknowledged like the first."""
     results = []
     for confirmation in range(3):
         message = vehicle.command_long(REQUEST, VERSION, confirmation=confirmation)
@@ -95,7 +95,7 @@ def repeated_mode(vehicle: VehicleUnderTest) -> str:
     equal(
         result_name(vehicle.result(flying.mode_command(vehicle, vehicle.mode))),
         "ACCEPTED",
-        "the mode it is in",
+        "the present mode",
     )
     return "ACCEPTED"
 
@@ -124,7 +124,7 @@ def _unanswered(vehicle: VehicleUnderTest, message: Any) -> str:
 
 @check("commands.target.everybody")
 def all_systems(vehicle: VehicleUnderTest) -> str:
-    """A command to system 0 reaches every system; PX4 accepts only a few of them."""
+    """A command to system 0 reaches every system; PX4 accepts only a few such commands."""
     command = known_behaviour(vehicle, ardupilot=REQUEST, px4=mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES)
     params = (VERSION,) if command == REQUEST else (1,)
     mark = vehicle.mark()
@@ -204,11 +204,11 @@ def ends_in_a_result(vehicle: VehicleUnderTest) -> str:
     """A gyroscope calibration is acknowledged, at once or after IN_PROGRESS, within a minute."""
     mark = vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1)
-    ways = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK")]
+    results = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK")]
     if result == mavlink.MAV_RESULT_UNSUPPORTED:
-        raise Skip("does not calibrate on command")
+        raise Skip("the vehicle does not calibrate on command")
     holds(result != mavlink.MAV_RESULT_IN_PROGRESS, "IN_PROGRESS was never followed by a result")
-    return " then ".join(ways)
+    return " then ".join(results)
 
 
 @check("commands.progress.can_be_cancelled", needs=[ALTER], limit_s=120)
@@ -243,5 +243,5 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.target.everybody_is_not_px4", dialects=("px4",))
 def px4_ignores_others(vehicle: VehicleUnderTest) -> str:
-    """PX4 ignores any other command to system 0, so that one frame cannot arm a fleet."""
+    """PX4 ignores most commands to system 0, so that one frame cannot arm a fleet."""
     return _unanswered(vehicle, vehicle.command_long(REQUEST, VERSION, to=(0, 0)))

@@ -1,4 +1,4 @@
-"""The file transfer protocol."""
+"""Checks of the MAVLink file transfer protocol (MAVLink FTP)."""
 
 import zlib
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ def _client(vehicle: VehicleUnderTest) -> Iterator[FtpClient]:
 
 
 def _some_file(client: FtpClient) -> tuple[str, bytes]:
-    """Return the path and content of a file on the vehicle; Skip without one."""
+    """Return the path and content of a file on the vehicle. Raises Skip if no file is known."""
     for path in CANDIDATES:
         answer = client.ask(ftp.OPEN_READ, path.encode())
         if answer.ok:
@@ -69,7 +69,7 @@ def addressed(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.lists_a_directory", claims=CLAIMS)
 def lists(vehicle: VehicleUnderTest) -> str:
-    """The root can be listed, each entry a file, a directory or a blank."""
+    """The root can be listed; each entry is a file, a directory or a skipped entry."""
     with _client(vehicle) as client:
         entries = client.list("/")
     bad = [entry for entry in entries if entry[0] not in "FDS"]
@@ -98,7 +98,7 @@ def missing_file(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.unknown_operation", claims=CLAIMS)
 def unknown_operation(vehicle: VehicleUnderTest) -> str:
-    """An unknown operation is refused: as unknown, or on ArduPilot without a reason."""
+    """An unknown operation is refused with UnknownCommand; ArduPilot refuses it with Fail."""
     with _client(vehicle) as client:
         answer = client.ask(99)
     holds(not answer.ok, "expected NAK, saw ACK")
@@ -132,7 +132,7 @@ def read_again(vehicle: VehicleUnderTest) -> str:
         session, _ = client.open(path)
         for offset in (0, len(data) // 3, max(0, len(data) - 20)):
             answer = client.ask(ftp.READ, session=session, offset=offset, size=20)
-            # PX4 fills the message, whatever size is requested.
+            # PX4 fills the message and ignores the requested size.
             holds(answer.ok and len(answer.data) > 0, f"nothing at {offset}")
             if path != PACKED:
                 equal(answer.data, data[offset : offset + len(answer.data)], f"bytes at {offset}")
@@ -181,11 +181,11 @@ def repeated(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.checksum", claims=CLAIMS, limit_s=200)
 def checksum(vehicle: VehicleUnderTest) -> str:
-    """CalcFileCRC32, where supported, is the checksum of the bytes."""
+    """CalcFileCRC32 returns the checksum of the file; an unsupported operation is skipped."""
     with _client(vehicle) as client:
         path, data = _some_file(client)
         if path == PACKED:
-            raise Skip("the packed parameters are made anew each time")
+            raise Skip("the vehicle makes the packed parameters anew for each read")
         answer = client.ask(ftp.CALC_CRC, path.encode())
         if not answer.ok:
             raise Skip(f"CalcFileCRC32 is refused (error {answer.error})")

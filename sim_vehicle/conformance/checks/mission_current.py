@@ -1,4 +1,4 @@
-"""The current item of a mission."""
+"""Checks of the current mission item."""
 
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ def _current(vehicle: VehicleUnderTest) -> Any:
 
 
 def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
-    """Return True if MISSION_CURRENT reported the item after the mark."""
+    """Return whether MISSION_CURRENT has reported item `seq` since the mark."""
     return any(message.seq == seq for message in vehicle.since(mark, "MISSION_CURRENT"))
 
 

@@ -1,4 +1,4 @@
-"""A bus inside one event loop, for virtual time and tests. Delivers in the order of sending."""
+"""A bus inside one event loop, for virtual time and tests. Messages arrive in the order of sending."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 
 
 class MemoryBus:
-    """A transport without sockets; keys match as in Zenoh for the expressions in use."""
+    """A transport without sockets. Key expressions match as in Zenoh, as far as this program uses them."""
 
     def __init__(self, on_failure: Failure = report_to_loop) -> None:
         self.dropped = 0

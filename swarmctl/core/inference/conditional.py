@@ -1,16 +1,19 @@
-"""The conditional Bernoulli distribution: independent cells, conditioned on the number of hostiles in all.
+"""The conditional Bernoulli distribution: independent cells, conditioned on the total number of hostiles.
 
-Hostiles lie without replacement, and every set S of |S| = n cells is equally likely a priori. The looks at a
-cell multiply its odds by a ratio λ: P(S) ∝ ∏_{i in S} λ_i. Cells of one λ are exchangeable, so the number of
-hostiles in each group of such cells is sufficient. There are few groups, however large the area.
+A cell holds at most one hostile, and every set S of |S| = n cells is equally likely a priori. The looks at a
+cell multiply its odds by a ratio λ: P(S) ∝ ∏_{i in S} λ_i. Cells with the same λ are exchangeable and form a
+group. The number of hostiles in each group is a sufficient statistic. Even a large area has few groups.
 
 Method (Chen and Liu, "Statistical applications of the Poisson-binomial and conditional Bernoulli
-distributions", 1997): the conditional distribution does not change if all odds are multiplied by a common
-factor e^t. With the t that makes the given total the expected one, the numbers of the groups are binomial.
-Their sum is built by convolution (forward pass), then conditioned on the total (backward pass). All terms are
-positive, so nothing cancels, and near the total nothing underflows. The tails of each distribution below TAIL
-are left out. An uncertain total is split into stretches with one t each; a saddle point bound selects the
-totals that matter.
+distributions", 1997):
+
+1. Multiply all odds by a common factor e^t. The conditional distribution stays the same.
+2. Choose t so that the expected total equals the given total. The number in each group is then binomial.
+3. Convolve the groups (forward pass), then condition on the total (backward pass).
+
+All terms are positive, so there is no cancellation, and near the given total there is no underflow. The tails
+of each distribution below TAIL are left out. An uncertain total is split into ranges with one t each. A
+saddle point bound selects the totals that matter.
 """
 
 from __future__ import annotations
@@ -26,16 +29,16 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TAIL = 1e-40
-"""threshold for terms that are left out of a distribution, as a share of its largest term"""
+"""terms below this share of the largest term are left out of a distribution"""
 NEGLIGIBLE = 60.0
-"""totals less likely than the likeliest by e to this power are left out"""
+"""difference of log probability from the likeliest total; totals below it are left out"""
 REACH_SIGMA = 6.0
-"""half width of a stretch of totals [standard deviations]; tails keep their precision within it"""
+"""half width of a range of totals [standard deviations]; tails keep their precision within it"""
 KNOT_SIGMA = 3.0
 """distance between knots of the saddle point bound [standard deviations]"""
 MAX_KNOTS = 257
 STEPS = 32
-"""number of bisections for t, which need not be exact"""
+"""number of bisections for t; t need not be exact"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,44 +62,44 @@ class _Window:
 
 
 class HostileGroups:
-    """The numbers of hostiles in groups of alike cells, given the weight of each total.
+    """The numbers of hostiles in groups of exchangeable cells, given the weight of each total.
 
     Parameters
     ----------
     log_ratio: (g,) finite, log λ of the cells of each group.
     n_cells: (g,) cells in each group, at least 1.
-    totals: (k,) ascending, from 0 to the number of cells: possible numbers of hostiles in all.
-    log_weight: (k,) log of the weight of *one* set with that number of cells, up to a common constant.
+    totals: (k,) possible totals of hostiles, ascending, from 0 to the number of cells.
+    log_weight: (k,) for each total n, log weight of *one* set of n cells, up to a common constant.
     """
 
     def __init__(self, log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> None:
         self.n_groups = int(n_cells.size)
         kept = _relevant_totals(log_ratio, n_cells, totals, log_weight)
-        self._stretches = [
-            _Stretch(log_ratio, n_cells, t, totals[part], log_weight[part])
-            for t, part in _stretches(log_ratio, n_cells, totals, kept)
+        self._ranges = [
+            _TotalRange(log_ratio, n_cells, t, totals[part], log_weight[part])
+            for t, part in _ranges(log_ratio, n_cells, totals, kept)
         ]
-        log_evidence = np.array([s.log_evidence for s in self._stretches])
+        log_evidence = np.array([part.log_evidence for part in self._ranges])
         weight = np.exp(log_evidence - log_evidence.max())
         self._weight = weight / weight.sum()
 
     def means(self) -> Floats:
         """Return (g,) expected numbers of hostiles in each group."""
-        parts = zip(self._weight.tolist(), self._stretches, strict=True)
+        parts = zip(self._weight.tolist(), self._ranges, strict=True)
         means = np.zeros(self.n_groups)
-        for weight, stretch in parts:
-            means += weight * stretch.means()
+        for weight, total_range in parts:
+            means += weight * total_range.means()
         return means
 
     def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
         """Return (size, n_groups) independent draws of the numbers in the first `n_groups` groups."""
         shares = rng.multinomial(size, self._weight).tolist()
-        parts = zip(shares, self._stretches, strict=True)
-        return np.concatenate([stretch.draw(rng, n, n_groups) for n, stretch in parts if n])
+        parts = zip(shares, self._ranges, strict=True)
+        return np.concatenate([total_range.draw(rng, n, n_groups) for n, total_range in parts if n])
 
 
-class _Stretch:
-    """Adjacent totals that share one t."""
+class _TotalRange:
+    """A range of adjacent totals with one t."""
 
     def __init__(self, log_ratio: Floats, n_cells: Ints, t: float, totals: Ints, log_weight: Floats) -> None:
         odds = np.clip(log_ratio + t, -700.0, 700.0)
@@ -145,7 +148,7 @@ class _Stretch:
         return numbers
 
     def _draw_group(self, rng: np.random.Generator, g: int, left: Ints) -> Ints:
-        """Return draws of the number in group g, given `left` hostiles in the groups up to g."""
+        """Return draws of the number in group g, given `left` hostiles in the groups 0 .. g."""
         before, group = self._forward[g], self._groups[g]
         possible, which = np.unique(left, return_inverse=True)
         rest = possible[:, None] - np.arange(group.lo, group.end)[None, :] - before.lo
@@ -157,7 +160,10 @@ class _Stretch:
 
 
 def _binomial(n: int, log_odds: float) -> _Window:
-    """Return binomial probabilities without tails, by ratios of neighbours, outwards from the likeliest."""
+    """Return binomial probabilities without tails.
+
+    The ratios of neighbouring terms are multiplied outwards from the likeliest number.
+    """
     p, q = float(expit(log_odds)), float(expit(-log_odds))
     # Bernstein's inequality: a tail of e^-l begins no farther than this from the mean.
     log_tail = -math.log(TAIL) + 5.0
@@ -183,7 +189,7 @@ def _trimmed(window: _Window) -> _Window:
 
 
 def _tilt(log_ratio: Floats, n_cells: Ints, expected: Floats) -> Floats:
-    """Return t at which the groups hold `expected` hostiles in all; it is inside 0 .. number of cells."""
+    """Return t at which the expected total is `expected`, a number between 0 and the number of cells."""
     margin = math.log(2.0 * float(n_cells.sum())) + 1.0
     low = np.full(expected.shape, -float(log_ratio.max()) - margin)
     high = np.full(expected.shape, -float(log_ratio.min()) + margin)
@@ -194,16 +200,16 @@ def _tilt(log_ratio: Floats, n_cells: Ints, expected: Floats) -> Floats:
     return np.asarray(0.5 * (low + high))
 
 
-def _inside(expected: Floats, n_cells: Ints) -> Floats:
+def _clipped(expected: Floats, n_cells: Ints) -> Floats:
     return np.clip(expected, 0.5, float(n_cells.sum()) - 0.5)
 
 
 def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
-    """Return the indices of the totals that are not negligible, and possibly of some that are.
+    """Return the indices of all totals that matter; some negligible totals may be among them.
 
-    e_J(λ), the weight of all sets of J cells, is less than e^U(J), U(J) = min over t of Σ m log(1 + λ e^t) −
-    J t, and less by no more than some powers of J. U is concave: between knots its chord is a lower bound,
-    its tangents are upper bounds.
+    Let e_J(λ) be the weight of all sets of J cells, and U(J) = min over t of Σ m log(1 + λ e^t) − J t. Then
+    e_J(λ) < e^U(J), and the ratio of both is bounded by a power of J. U is concave. Between knots its chord
+    is a lower bound, and its tangents are upper bounds.
     """
     if totals.size <= 2:
         return np.arange(totals.size)
@@ -211,7 +217,7 @@ def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight:
     # Equal steps of the angle are equal shares of a binomial's standard deviation; an angle of 1 is 2 √cells.
     first, last = np.arcsin(np.sqrt(np.array([totals[0], totals[-1]]) / cells)).tolist()
     n_knots = min(2 + math.ceil((last - first) * 2.0 * math.sqrt(cells) / KNOT_SIGMA), MAX_KNOTS)
-    at = np.unique(_inside(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))
+    at = np.unique(_clipped(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))
     t = _tilt(log_ratio, n_cells, at)
     top = np.logaddexp(0.0, log_ratio + t[:, None]) @ n_cells
     least = log_weight + np.interp(totals, at, top - at * t)
@@ -221,21 +227,21 @@ def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight:
     return np.flatnonzero(most >= least.max() - NEGLIGIBLE)
 
 
-def _stretches(log_ratio: Floats, n_cells: Ints, totals: Ints, kept: Ints) -> list[tuple[float, Ints]]:
-    """Return (t, indices of totals) of each stretch."""
-    stretches: list[tuple[float, Ints]] = []
+def _ranges(log_ratio: Floats, n_cells: Ints, totals: Ints, kept: Ints) -> list[tuple[float, Ints]]:
+    """Return (t, indices of totals) of each range."""
+    ranges: list[tuple[float, Ints]] = []
     while kept.size:
         first = totals[kept[:1]].astype(np.float64)
         t, sigma = _tilt_and_sigma(log_ratio, n_cells, first)
         middle = np.minimum(first + REACH_SIGMA * sigma, 0.5 * (first + totals[kept[-1]]))
         t, sigma = _tilt_and_sigma(log_ratio, n_cells, middle)
         served = totals[kept] <= max(first[0], middle[0] + REACH_SIGMA * sigma)
-        stretches.append((t, kept[served]))
+        ranges.append((t, kept[served]))
         kept = kept[~served]
-    return stretches
+    return ranges
 
 
 def _tilt_and_sigma(log_ratio: Floats, n_cells: Ints, expected: Floats) -> tuple[float, float]:
-    t = float(_tilt(log_ratio, n_cells, _inside(expected, n_cells))[0])
+    t = float(_tilt(log_ratio, n_cells, _clipped(expected, n_cells))[0])
     p = expit(log_ratio + t)
     return t, math.sqrt(float((p * expit(-log_ratio - t)) @ n_cells))

@@ -1,7 +1,7 @@
 """Bytes on the wire: UDP, TCP, serial, and memory for a virtual clock.
 
-A transport fits `base.Transport`. A new one is a module here, a line in `TRANSPORTS`, and its form of a URL
-in `swarmctl.links.url`.
+Each transport implements `base.Transport`. A new transport needs three things: a module here, an entry in
+`TRANSPORTS`, and the form of its URL in `swarmctl.links.url`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from swarmctl.links.url import Endpoint, Kind
 
 @dataclass(frozen=True, slots=True)
 class TransportKind:
-    """The transport of a kind of endpoint."""
+    """The transport for one kind of endpoint."""
 
     transport: Callable[[Endpoint], Transport] | None
-    """None: the front end has the wires"""
+    """constructor; None: the front end carries the frames itself"""
     check: str
-    """question to the operator if no vehicle answers"""
+    """question to the operator if the vehicle does not answer; "it" is the vehicle"""
 
 
 TRANSPORTS: dict[Kind, TransportKind] = {
@@ -31,7 +31,9 @@ TRANSPORTS: dict[Kind, TransportKind] = {
         Udp, "does the vehicle (or simulator) send to this machine and port, and is it switched on?"
     ),
     "udpout": TransportKind(
-        Udp, "does it listen at that host and port? PX4 answers only its first peer since its boot: udpin://"
+        Udp,
+        "does it listen at that host and port? PX4 answers only the first program that it hears after its "
+        "boot; use udpin:// and boot it again",
     ),
     "tcpin": TransportKind(TcpServer, "does it connect to this machine and port?"),
     "tcpout": TransportKind(TcpClient, "does it listen at that host and port?"),

@@ -19,10 +19,10 @@ class DownloadOutcome(Enum):
     REFUSED = "refused"
     """error answer of the vehicle; DENIED while it is still in an upload"""
     NO_ANSWER = "no answer"
-    """no number of items came"""
+    """MISSION_COUNT did not arrive"""
     BROKEN_OFF = "broken off"
-    """The number of items came, then no further item. PX4 ends a transfer without a request for 5 s; the
-    download has to begin again then."""
+    """MISSION_COUNT arrived, but not all items. PX4 ends a transfer after 5 s without a request; then the
+    download has to begin again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +38,16 @@ class DownloadResult:
 class Download(Conversation[DownloadResult]):
     """One attempt to read the items from `first` on.
 
-    window: items requested at a time; with 1 each item would take a round trip of a slow link
-    copies: requests sent for each item
-    in_order: PX4 serves items in order only, and ends a transfer after any request but the next or the last
-        again. A lost item in a window cannot be requested again, so the download fails and is restarted.
+    window: number of items requested at a time; with 1 each item takes a round trip
+    copies: number of times that each request is sent
+    in_order: True for PX4. It accepts a request for the next item, or again for the last one, and ends the
+        transfer after any other request. With a window, a lost item cannot be requested again: the download
+        fails and is restarted.
     """
 
     REPEAT_S, MAX_REPEAT_S = 1.0, 4.0
     TRIES = 12
-    """With 30 % loss, half of all lists of 50 items have six losses of a request or its answer in a row."""
+    """With 30 % loss, half of all transfers of 50 items lose a request or its answer six times in a row."""
 
     def __init__(
         self,
@@ -90,7 +91,7 @@ class Download(Conversation[DownloadResult]):
         return self._ask_for_items()
 
     def _ask_for_items(self) -> list[Message]:
-        """Return requests for the items in the window that have neither come nor been requested."""
+        """Return requests for the items in the window that are not stored and not requested yet."""
         end = min(self._next + self._window, self._count)
         wanted = [seq for seq in range(self._requested_to, end) if seq not in self._items]
         self._requested_to = max(self._requested_to, end)
@@ -132,8 +133,8 @@ class Download(Conversation[DownloadResult]):
         return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
 
     def _on_ack(self, code: int) -> None:
-        # Acceptance, cancellation and refusals of duplicates belong to an earlier upload. So does ArduPilot's
-        # ERROR after a repeated last item: it never answers a request for the number of items that way.
+        # Acceptance, cancellation and refusals of duplicates belong to an earlier upload. ArduPilot's ERROR
+        # after a repeated last item does too: ArduPilot never answers MISSION_REQUEST_LIST with ERROR.
         stale = (
             mavlink.MAV_MISSION_ACCEPTED,
             mavlink.MAV_MISSION_OPERATION_CANCELLED,
@@ -150,9 +151,7 @@ class Download(Conversation[DownloadResult]):
             return self._ask(now)
         closing = self._closing_messages(now)
         if self.state is ConversationState.WAITING:
-            self._end(
-                DownloadOutcome.NO_ANSWER, f"no answer to {self._tries} requests for the number of items"
-            )
+            self._end(DownloadOutcome.NO_ANSWER, f"no MISSION_COUNT after {self._tries} requests")
         else:
             requests = "1 request" if self._tries == 1 else f"{self._tries} requests"
             self._end(DownloadOutcome.BROKEN_OFF, f"no answer to {requests} for item {self._next}")

@@ -48,7 +48,7 @@ def compare(
     return rate, fallen[:size], costs[:size]
 
 
-def run_down_roughly(
+def descend_roughly(
     label: Floats, extra: float, width: int, goals: Ints, m: int, most: int
 ) -> tuple[Ints, bool]:
     """Return a route from m to one of the sorted `goals` along falling labels, without regard to ties.

@@ -52,7 +52,7 @@ def costs(
     return cost
 
 
-def run_down(
+def descend(
     label: Floats,
     step: float,
     extra: float,

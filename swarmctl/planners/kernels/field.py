@@ -1,13 +1,12 @@
-"""The field of the cost to go: from every cell to the nearest goal.
+"""The cost to go from every cell to the nearest goal, and the routes that follow from it.
 
-A cell's label is the cost from it to a goal plus the cost of entering it. A neighbour's cost is then the
-label and the length of the step between. Labels are the least fixed point of
+The label of a cell is its cost to go plus the cost of entering the cell. Labels are the least fixed point of
 
-    label[m] = min over n (label[n], + extra if diagonal) + straight[m]
+    label[m] = min over neighbours n of (label[n] + extra, if the step is diagonal) + straight[m]
 
 with `straight` the cost of a straight step into a cell, and `extra` the additional cost of a diagonal step.
 Rounded additions are monotone, so every search finds the same fixed point, bit for bit. The methods for small
-areas (`small_field`) and for large ones (`large_field`) therefore give equal fields.
+areas (`small_field`) and for large areas (`large_field`) therefore give equal fields.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints
 
 SMALL_CELLS = 64 * 64
-"""Areas of at most this size are searched without machine code. At this size one field takes some 3 ms, and a
-planner with bounds some 30 ms: too little to wait 20 s for a compiler."""
+"""Largest area that is searched without machine code. One field of this size takes about 3 ms, and a planner
+with bounds takes about 30 ms. The compiler would take 20 s."""
 MAX_FLOAT = np.finfo(np.float64).max
 
 
@@ -32,11 +31,11 @@ def is_small(n_cells: int) -> bool:
 
 
 class Field(abc.ABC):
-    """The labels of an area of `rows` × `cols` cells, as padded flat arrays, and how to read them."""
+    """The labels of `rows` × `cols` cells as padded flat arrays, and the costs and routes that follow."""
 
     w: float
     step: float
-    """cost of a straight step, without what it enters: (1 − w)·ψ"""
+    """cost of a straight step without the exposure of the entered cell: (1 − w)·ψ"""
     goals: Ints
     """flat indices, sorted"""
     straight: Floats
@@ -62,38 +61,38 @@ class Field(abc.ABC):
 
     @abc.abstractmethod
     def cost(self) -> Floats:
-        """Return the least cost from every cell, (rows, cols), read-only."""
+        """Return (rows, cols) least cost from every cell to a goal; read-only."""
 
     @abc.abstractmethod
     def cost_of(self, cell: Cell) -> float:
-        """Return the least cost from a cell; infinite if no route leads to a goal."""
+        """Return the least cost from a cell to a goal; infinite without a route."""
 
     @abc.abstractmethod
-    def run_down_all(self, starts: Sequence[Cell]) -> list[Ints]:
+    def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
         """Return, for each start of finite cost, the cells to a goal: rows and columns, (n, 2)."""
 
-    def run_down(self, start: Cell) -> tuple[Cell, ...]:
+    def route_from(self, start: Cell) -> tuple[Cell, ...]:
         """Return the cells from a start of finite cost to a goal."""
-        (path,) = self.run_down_all([start])
+        (path,) = self.routes_from([start])
         rows, cols = path.T.tolist()
         return tuple(zip(rows, cols, strict=True))
 
-    def answers(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> bool:
-        """Return whether `spread` would find this field for these arguments."""
+    def matches(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> bool:
+        """Return whether a new search with these arguments would give this field."""
         return (
             self.w == w
             and self.step == (1.0 - w) * psi_per_cell
             and exposure.shape == (self.rows, self.cols)
             and np.array_equal(self.goals, self._flat(goals))
-            and self._is_of(exposure)
+            and self._has_exposure(exposure)
         )
 
     @abc.abstractmethod
-    def _is_of(self, exposure: Floats) -> bool:
-        """Return whether `straight` follows from this P_s of the field's shape."""
+    def _has_exposure(self, exposure: Floats) -> bool:
+        """Return whether `straight` was computed from this P_s; its shape is the field's."""
 
-    def _ask(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> Floats:
-        """Store goals and weights; return the labels of the goals before the search."""
+    def _begin_search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> Floats:
+        """Store goals and weights; return the initial labels of the goals."""
         self.w, self.step, self.goals = w, (1.0 - w) * psi_per_cell, self._flat(goals)
         at_goals = exposure[self.goals // self.width - 1, self.goals % self.width - 1]
         return np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, MAX_FLOAT))

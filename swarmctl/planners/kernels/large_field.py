@@ -29,7 +29,7 @@ class LargeField(Field):
         self.least, self.greatest, self.walls = 0.0, 0.0, False
         """least and greatest finite cost of a straight step, and True if there are walls"""
         self._lengths: list[Floats] = []
-        """lengths of routes known so far. `run_down_all` takes them out while it works, because threads may
+        """lengths of routes known so far. `routes_from` takes them out while it works, because threads may
         share a field."""
         self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
 
@@ -48,14 +48,14 @@ class LargeField(Field):
         offsets = offsets_of(self.width)
         return compiled(descent.cost_of)(self.label, self.step, self.extra, self.straight, offsets, m)
 
-    def run_down_all(self, starts: Sequence[Cell]) -> list[Ints]:
+    def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
         if not starts:
             return []
         try:
             length = self._lengths.pop()
         except IndexError:
             length = NONE
-        path, ends, length = compiled(descent.run_down)(
+        path, ends, length = compiled(descent.descend)(
             self.label, self.step, self.extra, self.straight, self.walls, self.width, self.goals,
             np.array([self.index(start) for start in starts], dtype=np.int64), length,
         )  # fmt: skip
@@ -64,7 +64,7 @@ class LargeField(Field):
 
     def search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
         """Become the field for P_s of shape (rows, cols); without checks."""
-        seeds = self._ask(exposure, goals, w, psi_per_cell)
+        seeds = self._begin_search(exposure, goals, w, psi_per_cell)
         prepare = compiled(sweep.prepare)
         self.least, self.greatest, self.walls = prepare(exposure, w, self.step, self.straight)
         self._lengths.clear()
@@ -84,7 +84,7 @@ class LargeField(Field):
         """Pass on the lowered labels of `cells`, least first, up to `until`; return the cells that remain."""
         return self._correct(self.label, cells, until)
 
-    def _is_of(self, exposure: Floats) -> bool:
+    def _has_exposure(self, exposure: Floats) -> bool:
         return compiled(sweep.is_prepared)(compilable(exposure), self.w, self.step, self.straight)
 
     def _settle(self, label: Floats, seeds: Ints) -> None:

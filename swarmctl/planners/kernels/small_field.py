@@ -24,7 +24,7 @@ class SmallField(Field):
 
     def __init__(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
         super().__init__(*exposure.shape)
-        seeds = self._ask(exposure, goals, w, psi_per_cell)
+        seeds = self._begin_search(exposure, goals, w, psi_per_cell)
         self.straight = self._straight(exposure)
         self._graph = _graph(self.rows, self.cols)
         walls = np.isinf(self.straight[self._graph.beside])
@@ -43,7 +43,7 @@ class SmallField(Field):
             return 0.0
         return float(self._costs[cell[0] * self.cols + cell[1]])
 
-    def run_down_all(self, starts: Sequence[Cell]) -> list[Ints]:
+    def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
         goals = set(self.goals.tolist())
         onward = self._onward
         paths = []
@@ -54,7 +54,7 @@ class SmallField(Field):
             paths.append(np.stack(np.divmod(path, self.width), axis=1) - 1)
         return paths
 
-    def _is_of(self, exposure: Floats) -> bool:
+    def _has_exposure(self, exposure: Floats) -> bool:
         return np.array_equal(self.straight, self._straight(exposure))
 
     def _straight(self, exposure: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Parameters of an ArduCopter's flight, return and landing, with the values that plans assume. Pure.
 
-They hold from every change into AUTO: no speed commanded earlier outlasts it (`ModeAuto::init`). Until 4.6
-speeds and heights are in centimetres; from 4.7 on they are in metres, with other names
+Each change into AUTO applies them again; a speed commanded earlier ends there (`ModeAuto::init`). Up to
+version 4.6 speeds and heights are in centimetres. From 4.7 on they are in metres, with other names
 (https://ardupilot.org/copter/docs/common-param-name-changes.html).
 """
 
@@ -18,7 +18,7 @@ from swarmctl.agent.traffic.return_schedule import FASTER
 from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, cruise_speed
 from swarmctl.preflight.policy.required import RequiredParameter, Version, exactly
 
-_SINCE: Version = (4, 7)
+_METRES_SINCE: Version = (4, 7)
 _BEFORE = {
     "LAND_ALT_LOW_M": "LAND_ALT_LOW",
     "LAND_SPD_HIGH_MS": "LAND_SPEED_HIGH",
@@ -33,7 +33,7 @@ _BEFORE = {
     "WP_SPD_DN": "WPNAV_SPEED_DN",
     "WP_SPD_UP": "WPNAV_SPEED_UP",
 }
-"""name since 4.7 -> name before"""
+"""name since 4.7 -> name up to 4.6"""
 _CM = 100.0
 
 
@@ -46,13 +46,13 @@ def flight(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
 def returns(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     """Return the parameters of the return to launch."""
     own = (_for_version(parameter, version) for parameter in _returns(behaviour))
-    lands = RequiredParameter("RTL_LOIT_TIME", _LANDS, _WAITS_MS, least=0.0, most=_MOST_WAIT_MS)
-    return (*own, lands)
+    hover = RequiredParameter("RTL_LOIT_TIME", _LANDS, _DEFAULT_HOVER_MS, least=0.0, most=_LONGEST_HOVER_MS)
+    return (*own, hover)
 
 
 def _for_version(parameter: RequiredParameter, version: Version) -> RequiredParameter:
-    """Return a parameter of 4.7 with the name and unit of `version`."""
-    if version >= _SINCE:
+    """Return a parameter of version 4.7 with the name and unit of `version`."""
+    if version >= _METRES_SINCE:
         return parameter
     return replace(
         parameter,
@@ -78,48 +78,48 @@ def _mission_flight(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]
     yield RequiredParameter("WP_RADIUS_M", corners, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M)
 
 
-_AS_DESCENTS = 0.0  # of LAND_SPD_HIGH_MS: WP_SPD_DN
+_USE_WP_SPD_DN = 0.0  # LAND_SPD_HIGH_MS 0: the copter descends at WP_SPD_DN
 
 
 def _landing(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
     landing = f"a landing at {LAND_M_S:g} m/s below {LOW_M:g} m"
     high = f"a descent at {DESCENT_M_S:g} m/s to {LOW_M:g} m"
     yield _rate("LAND_SPD_MS", landing, LAND_M_S, behaviour)
-    yield replace(_rate("LAND_SPD_HIGH_MS", high, DESCENT_M_S, behaviour), values=(_AS_DESCENTS,))
+    yield replace(_rate("LAND_SPD_HIGH_MS", high, DESCENT_M_S, behaviour), values=(_USE_WP_SPD_DN,))
     low = _rate("LAND_ALT_LOW_M", landing, LOW_M, behaviour)
-    # A vehicle that slows down lower lands sooner.
-    yield replace(low, least=low.least if behaviour.among_others else 0.0, most=(1.0 + _OFF) * LOW_M)
+    # A lower value is safe: the vehicle slows down later and lands sooner.
+    yield replace(low, least=low.least if behaviour.among_others else 0.0, most=(1.0 + _TOLERANCE) * LOW_M)
 
 
-_OFF = 0.1
-"""accepted deviation of a rate from the assumed one, as a share"""
+_TOLERANCE = 0.1
+"""accepted deviation of a rate from the assumed rate, as a share"""
 
 
 def _rate(name: str, declared: str, rate: float, behaviour: DeclaredBehaviour) -> RequiredParameter:
-    """Return the parameter of a rate, which only the owner sets.
+    """Return the requirement on a rate. Only the owner sets it, never this program.
 
-    A slower vehicle is late and needs more charge. A faster one leaves the positions that others assume.
+    A slower vehicle is late and needs more charge. A faster vehicle is not where the others expect it.
     """
-    most = (1.0 + _OFF) * rate if behaviour.among_others else math.inf
-    return RequiredParameter(name, declared, least=(1.0 - _OFF) * rate, most=most)
+    most = (1.0 + _TOLERANCE) * rate if behaviour.among_others else math.inf
+    return RequiredParameter(name, declared, least=(1.0 - _TOLERANCE) * rate, most=most)
 
 
 _LANDS = "a return that ends in a landing"
-_LANDS_FROM_ANY_HEIGHT = 0.0  # of RTL_ALT_FINAL_M; above 0 the copter hovers at that height
-_AS_IT_CRUISES = 0.0  # of RTL_SPEED_MS: WP_SPD
-_RETURNS_AT_M = 15.0  # default of RTL_ALT
-_WAITS_MS = 5000.0  # default of RTL_LOIT_TIME
-_MOST_WAIT_MS = 20_000.0  # what turns leave room for (`core.returns.SINK_M_S`)
+_LAND_AT_HOME = 0.0  # RTL_ALT_FINAL_M 0: the copter lands; above 0 it hovers at that height
+_USE_WP_SPD = 0.0  # RTL_SPEED_MS 0: the copter returns at WP_SPD
+_DEFAULT_RETURN_ALT_M = 15.0  # of RTL_ALT
+_DEFAULT_HOVER_MS = 5000.0  # of RTL_LOIT_TIME
+_LONGEST_HOVER_MS = 20_000.0  # the return schedule allows this long (`return_schedule.SINK_M_S`)
 
 
 def _returns(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
     """Yield the parameters of a return: a climb to RTL_ALT, home at cruise speed, and a landing."""
     most_m = behaviour.returns_at_most_m
     yield RequiredParameter(
-        "RTL_ALT_M", behaviour.returns, min(_RETURNS_AT_M, most_m), least=0.0, most=most_m
+        "RTL_ALT_M", behaviour.returns, min(_DEFAULT_RETURN_ALT_M, most_m), least=0.0, most=most_m
     )
     yield exactly("RTL_CLIMB_MIN_M", behaviour.returns, 0.0)
-    yield exactly("RTL_ALT_FINAL_M", _LANDS, _LANDS_FROM_ANY_HEIGHT)
+    yield exactly("RTL_ALT_FINAL_M", _LANDS, _LAND_AT_HOME)
     speed = cruise_speed("RTL_SPEED_MS", behaviour)
     fastest_m_s = FASTER * behaviour.speed_m_s
-    yield replace(speed, set_to=_AS_IT_CRUISES, values=(_AS_IT_CRUISES,), most=fastest_m_s)
+    yield replace(speed, set_to=_USE_WP_SPD, values=(_USE_WP_SPD,), most=fastest_m_s)
