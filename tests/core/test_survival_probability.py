@@ -165,6 +165,16 @@ def test_worlds_are_drawn_from_the_posterior(
     assert abs(estimate.estimate - survived / weight) < 4.0 / 1.96 * (estimate.high - estimate.low) / 2.0
 
 
+def test_one_uncertain_cell_in_reach() -> None:
+    there, elsewhere = (1, 2), (9, 9)
+    clear = tuple((r, c, False) for r in range(10) for c in range(10) if (r, c) not in (there, elsewhere))
+    belief = Belief.prior(10, 10, 1).merge([Observation(1, 1, 0.0, clear)])
+    route = [(1, 1), (1, 2), (1, 3)]
+    exact = 0.5 + 0.5 * survival_among([there], STRENGTH, route, (10, 10))
+    chance = survival_probability(belief, STRENGTH, route, np.random.default_rng(3), 20_000)
+    assert chance.low < exact < chance.high
+
+
 def test_a_certain_outcome_has_no_interval() -> None:
     everything = tuple((r, c, (r, c) in {(1, 2), (3, 3)}) for r in range(4) for c in range(4))
     belief = Belief.prior(4, 4, 2).merge([Observation(1, 1, 0.0, everything)])
