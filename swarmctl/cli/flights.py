@@ -133,7 +133,9 @@ def _print_results(report: Report, folder: Path) -> None:
     if report.ended != "ended" or not report.all_arrived:
         if report.ended == "abandoned":
             out.print(
-                "the flight ended at once, without waiting for the vehicles:", style="yellow", highlight=False
+                "the program did not wait for the vehicles; their last known states:",
+                style="yellow",
+                highlight=False,
             )
         for text in report.final_states:
             out.print(text, highlight=False, markup=False, soft_wrap=True)
@@ -194,7 +196,10 @@ def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
     typed = [name.strip() for name in confirm.split(",") if name.strip()]
     if sorted(typed) != sorted(names):
         fail(
-            [f"not confirmed: expected {','.join(names)}, found {','.join(typed)}; no flight was started"],
+            [
+                f"--confirm: expected {','.join(names)}, found {','.join(typed)}; no flight was started "
+                "[not-confirmed]"
+            ],
             USAGE,
         )
     return frozenset(names)

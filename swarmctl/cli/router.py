@@ -79,7 +79,8 @@ def _credentials(
         return None
     folder = keys if keys is not None else None if communication.keys is None else Path(communication.keys)
     if folder is None:
-        fail([f"{where} needs certificates: give --keys with a folder of `swarmctl keys`"], USAGE)
+        text = f"{where} needs certificates: give --keys with a folder of `swarmctl keys` [no-certificates]"
+        fail([text], USAGE)
     try:
         return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:

@@ -53,7 +53,7 @@ def show(
     except KeyringError as error:
         fail(keys_problem_lines(config, [str(error)]), EXPECTED)
     except joining.NoNetwork as error:
-        advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT"
+        advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT [no-network]"
         fail([f"{error}{advice}"], USAGE)
     verify = None if keyring is None else keyring.verify
     board = Board(swarm.name, swarm.names, swarm.grid, FrameCodec(swarm.name, None, verify))

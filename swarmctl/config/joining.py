@@ -46,7 +46,7 @@ def as_agent(
     mesh = _mesh(swarm, names)
     if not mesh:
         raise NoNetwork(
-            "`communication` has neither router nor mesh, so agents cannot connect; add one [no-network]"
+            "`communication` has neither router nor mesh, so agents cannot connect; add a router or a mesh"
         )
     if uav not in mesh:
         raise NoNetwork(f"communication.mesh has no endpoint for {names[uav]}; add it")
@@ -67,7 +67,7 @@ def as_watcher(
         return zenoh_config.client(router, certified(router, keyring))
     nodes = [*_mesh(swarm, names).values()]
     if not nodes:
-        raise NoNetwork("`communication` has neither router nor mesh; add one")
+        raise NoNetwork("`communication` has neither router nor mesh; add a router or a mesh")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
     return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], certified(here, keyring))
 
@@ -90,7 +90,10 @@ def certified(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | N
     if not endpoint.is_certified:
         return None
     if keyring is None:
-        raise NoNetwork(f"{endpoint} needs certificates: set communication.keys (`swarmctl keys` makes them)")
+        raise NoNetwork(
+            f"{endpoint} needs certificates: set communication.keys (`swarmctl keys` makes them) "
+            "[no-certificates]"
+        )
     return keyring.credentials
 
 

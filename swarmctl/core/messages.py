@@ -39,7 +39,7 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
         if self.uavs is not None:
             _check_named(self.uavs)
         if self.w is None and self.firing_strength is None:
-            raise ValueError("nothing to change: expected w, firing strengths, or both")
+            raise ValueError("nothing to change: expected w, firing strengths, or both [nothing-to-change]")
         if self.w is not None and not 0.0 <= self.w <= 1.0:
             raise ValueError(f"w = {self.w:g}: expected 0 (the shortest route) to 1 (the least exposed)")
         _ = self.strength
@@ -81,7 +81,7 @@ Request = SetWeights | GiveOrder
 
 def _check_named(uavs: tuple[int | str, ...]) -> None:
     if not uavs:
-        raise ValueError("no vehicle named: expected system ids or names, or all")
+        raise ValueError("no vehicle named: expected system ids or names, or all [which-vehicles]")
     if len(uavs) > MAX_SYSTEM_ID:
         raise ValueError(f"{len(uavs)} vehicles named: expected at most {MAX_SYSTEM_ID}, or all")
     for uav in uavs:
@@ -160,10 +160,10 @@ def decode_answer(data: bytes) -> OperatorAnswer:
 
 def _decode(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
     if not data:
-        raise BadMessage("empty payload, expected a version byte and MessagePack")
+        raise BadMessage("the payload is empty, expected a version byte and MessagePack [invalid-message]")
     if data[0] != VERSION:
-        raise BadMessage(f"message version {data[0]}, this program speaks version {VERSION} [other-version]")
+        raise BadMessage(f"the message has version {data[0]}, expected {VERSION} [other-version]")
     try:
         return decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadMessage(f"not a message of version {VERSION}: {error} [other-version]") from error
+        raise BadMessage(f"not a valid message of version {VERSION}: {error} [invalid-message]") from error

@@ -52,21 +52,21 @@ class BadUrl(ValueError):
     """An invalid URL of a link; the text names the fault and lists the forms."""
 
     def __init__(self, url: str, problem: str) -> None:
-        super().__init__(f"{url!r} is no link URL: {problem}; write one of: {FORMS}")
+        super().__init__(f"{url!r} is not a URL of a link: {problem}; write one of: {FORMS}")
 
 
 def parse_url(url: str) -> Endpoint:
     """Return the endpoint of a URL. Raises BadUrl."""
     text = url.strip()
     if not text:
-        raise BadUrl(url, "it is empty")
+        raise BadUrl(url, f"expected a URL, found {text!r}")
     if text.startswith("/dev/"):
         device, _, baud = text.partition(",")
         return _serial(url, device, baud)
     scheme, colon, rest = text.partition(":")
     scheme = scheme.lower()
     if not colon:
-        raise BadUrl(url, "it has no scheme such as udpin://")
+        raise BadUrl(url, f"expected a scheme such as udpin://, found {text!r}")
     rest = rest.removeprefix("//")
     if scheme == "serial":
         separator = "," if "," in rest else ":"
@@ -74,10 +74,10 @@ def parse_url(url: str) -> Endpoint:
         return _serial(url, device, baud)
     if scheme == "memory":
         if not rest:
-            raise BadUrl(url, "the name after memory: is missing")
+            raise BadUrl(url, f"expected a name after memory:, found {rest!r}")
         return Endpoint("memory", rest)
     if scheme not in _NETWORK:
-        raise BadUrl(url, f"the scheme {scheme!r} is unknown")
+        raise BadUrl(url, f"expected a known scheme, found {scheme!r}")
     return _network(url, _NETWORK[scheme], rest)
 
 
@@ -105,6 +105,6 @@ def _network(url: str, kind: Kind, rest: str) -> Endpoint:
         raise BadUrl(url, f"expected a port between {lowest} and 65535, found {port!r}")
     if not host:
         if kind not in ("udpin", "tcpin"):
-            raise BadUrl(url, "the host to connect to is missing")
+            raise BadUrl(url, f"expected HOST:PORT to connect to, found {rest!r}")
         host = "0.0.0.0"
     return Endpoint(kind, host, int(port))

@@ -42,29 +42,29 @@ def packed(**fields: object) -> bytes:
 
 
 WRONG: dict[str, tuple[bytes, str]] = {
-    "empty": (b"", "empty payload"),
-    "no MessagePack": (b"\x01nonsense", "not a message of version 1"),
-    "another version": (b"\x02" + packed(uavs=[1], w=0.5)[1:], "message version 2"),
+    "empty": (b"", "[invalid-message]"),
+    "no MessagePack": (b"\x01nonsense", "[invalid-message]"),
+    "another version": (b"\x02" + packed(uavs=[1], w=0.5)[1:], "[other-version]"),
     "a message of UAVs": (b"\x01" + msgspec.msgpack.encode({"type": "state", "sender": 1}), "Invalid value"),
-    "w above 1": (packed(uavs=[1], w=1.5), "w = 1.5: expected 0"),
-    "w below 0": (packed(uavs=[1], w=-0.1), "w = -0.1: expected 0"),
-    "w not a number": (packed(uavs=[1], w=math.nan), "w = nan: expected 0"),
+    "w above 1": (packed(uavs=[1], w=1.5), "w = 1.5: "),
+    "w below 0": (packed(uavs=[1], w=-0.1), "w = -0.1: "),
+    "w not a number": (packed(uavs=[1], w=math.nan), "w = nan: "),
     "w a truth value": (packed(uavs=[1], w=True), "Expected `float | null`, got `bool`"),
     "strengths that grow": (packed(uavs=[1], firing_strength=[0.1, 0.3, 0.6]), "decrease strictly"),
     "strengths above 1": (packed(uavs=[1], firing_strength=[1.1, 0.3, 0.1]), "probabilities in [0, 1]"),
     "two strengths": (packed(uavs=[1], firing_strength=[0.6, 0.3]), "length 3, got 2"),
-    "nothing to change": (packed(uavs=[1]), "nothing to change"),
-    "nobody named": (packed(uavs=[], w=0.5), "no vehicle named"),
-    "silent about whom": (packed(w=0.5), "missing required field `uavs`"),
-    "more than is known": (packed(uavs=[1], w=0.5, psi=3.0), "unknown field `psi`"),
-    "more vehicles than there can be": (
+    "nothing to change": (packed(uavs=[1]), "[nothing-to-change]"),
+    "no vehicle named": (packed(uavs=[], w=0.5), "[which-vehicles]"),
+    "no vehicles": (packed(w=0.5), "missing required field `uavs`"),
+    "an unknown field": (packed(uavs=[1], w=0.5, psi=3.0), "unknown field `psi`"),
+    "too many vehicles": (
         packed(uavs=[1] * 255, w=0.5),
-        "255 vehicles named: expected at most",
+        "255 vehicles",
     ),
-    "no system id": (packed(uavs=[0], w=0.5), "system id 0: expected 1 to 254"),
-    "a system id too high": (packed(uavs=[255], w=0.5), "system id 255: expected 1 to 254"),
-    "an empty name": (packed(uavs=[""], w=0.5), "name of 0 characters"),
-    "a name too long": (packed(uavs=["x" * 33], w=0.5), "name of 33 characters"),
+    "no system id": (packed(uavs=[0], w=0.5), "system id 0: "),
+    "a system id too high": (packed(uavs=[255], w=0.5), "system id 255: "),
+    "an empty name": (packed(uavs=[""], w=0.5), " 0 characters"),
+    "a name too long": (packed(uavs=["x" * 33], w=0.5), " 33 characters"),
 }
 FOREIGN: dict[str, tuple[bytes, str]] = {
     "a vehicle of another swarm": (
@@ -78,11 +78,11 @@ FOREIGN: dict[str, tuple[bytes, str]] = {
     ),
     "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUESTION_BYTES), "16384 bytes"),
 }
-"""what the desk alone can refuse"""
+"""commands that only the operator service can refuse"""
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_nonsense_is_refused_as_a_command(name: str) -> None:
+def test_an_invalid_command_is_refused_with_its_reason(name: str) -> None:
     payload, why = WRONG[name]
     with pytest.raises(BadMessage) as refused:
         decode_command(payload)

@@ -1,4 +1,4 @@
-"""`swarmctl abort` as a person in a hurry meets it: what it refuses, gives and says, and the exit code."""
+"""`swarmctl abort`: its orders, refusals, output and exit codes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,22 @@ from typer.testing import CliRunner, Result
 from swarmctl.cli.main import cli
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
+from swarmctl.core.messages import VehicleAnswer
+from swarmctl.report.answers import order_line
 
 
 @pytest.fixture(autouse=True)
-def _nobody_else_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_other_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
 def abort(words: str) -> Result:
     return CliRunner().invoke(cli, ["abort", *words.split()])
+
+
+def ordered(order: str, uav: int) -> str:
+    """Return the line about a vehicle that takes an order."""
+    return order_line(order, VehicleAnswer(uav, f"uav{uav}", "taken"))
 
 
 @pytest.mark.parametrize(
@@ -56,14 +63,14 @@ def test_all_vehicles_get_the_order_and_their_answers_are_printed(how: str, orde
     with station_in_a_thread() as station:
         result = abort(f"{how} --all")
     assert result.exit_code == 0
-    assert result.stdout.splitlines() == [f"uav1: {how} ordered", f"uav2: {how} ordered"]
+    assert result.stdout.splitlines() == [ordered(how, uav) for uav in (1, 2)]
     assert station.posted == [(uav, ev.OperatorCommand(order, 1)) for uav in (1, 2)]
 
 
 def test_an_abort_by_name_leaves_the_other_vehicle_flying() -> None:
     with station_in_a_thread() as station:
         result = abort("land --uav uav2 --swarm test")
-    assert (result.exit_code, result.stdout) == (0, "uav2: land ordered\n")
+    assert (result.exit_code, result.stdout.splitlines()) == (0, [ordered("land", 2)])
     assert [uav for uav, _ in station.posted] == [2]
 
 
@@ -80,18 +87,18 @@ def test_a_misspelt_name_does_not_keep_the_others_in_the_air() -> None:
         result = abort("land --uav nosuch --uav uav1")
     assert result.exit_code == 1
     assert [uav for uav, _ in station.posted] == [1]
-    assert "uav1: land ordered" in result.stdout
-    assert "nosuch: land not ordered: " in result.stderr
+    assert ordered("land", 1) in result.stdout.splitlines()
+    assert re.search(r"^nosuch: .*\[unknown-vehicle\]$", result.stderr, re.MULTILINE)
 
 
-def test_an_abort_without_a_name_shows_the_flight_found_and_leaves_stale_records(tmp_path: Path) -> None:
+def test_an_abort_without_a_name_shows_the_flight_and_keeps_stale_records(tmp_path: Path) -> None:
     folder = tmp_path / f"swarmctl-{os.getuid()}"
     with station_in_a_thread() as station:
         stale = folder / "killed.1.json"
         stale.write_text('{"swarm": "killed", "endpoint": "tcp/127.0.0.1:4003", "pid": 1}')
         result = abort("hold --all")
     assert result.exit_code == 0
-    assert re.search(r"found test at tcp/127\.0\.0\.1:\d+ \(flying for \d+ s, process \d+\)", result.stderr)
+    assert re.search(rf"\btest .*tcp/127\.0\.0\.1:\d+ .* \d+ s, .*\b{os.getpid()}\b", result.stderr)
     assert "killed" not in result.stderr
     assert stale.exists()
     assert len(station.posted) == 2

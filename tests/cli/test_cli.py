@@ -44,7 +44,7 @@ def test_help_names_every_command_and_where_to_start() -> None:
 def test_a_valid_configuration_passes_the_check(tmp_path: Path) -> None:
     result = swarmctl("check", "--config", SHIPPED, "--out", tmp_path)
     assert result.exit_code == 0
-    assert "5 vehicles, 20 × 20 cells of 50 m, 24 hostiles announced" in result.output
+    assert re.search(r"\b5 .*\b20 × 20 .*\b50 m, 24 ", result.output)
 
 
 def test_an_invalid_configuration_is_refused_with_every_line(tmp_path: Path) -> None:
@@ -172,9 +172,9 @@ def test_fly_on_the_virtual_clock_tells_how_it_went(small_flight: CliFlight) -> 
 
 
 REFUSED = [
-    ("confirming nobody without a terminal", ["--real"], "--confirm alpha,beta"),
-    ("confirming some only", ["--real", "--confirm", "alpha"], "expected alpha,beta, found alpha"),
-    ("confirming others", ["--real", "--confirm", "alpha,gamma"], "expected alpha,beta, found alpha,gamma"),
+    ("no names and no terminal", ["--real"], "--confirm alpha,beta"),
+    ("one of two names", ["--real", "--confirm", "alpha"], "[not-confirmed]"),
+    ("a wrong name", ["--real", "--confirm", "alpha,gamma"], "alpha,gamma;"),
 ]
 
 

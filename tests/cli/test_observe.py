@@ -1,10 +1,11 @@
-"""`swarmctl observe`: a person tells a vehicle's agent what they see."""
+"""`swarmctl observe`: reports of a person to the agent of a vehicle."""
 
 from __future__ import annotations
 
 import asyncio
 import datetime as dt
 import json
+import re
 import socket
 import tempfile
 import threading
@@ -48,7 +49,7 @@ def ran(*words: str) -> Result:
 
 
 @pytest.fixture
-def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A machine on which no swarm is found."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     return tmp_path
@@ -95,41 +96,46 @@ def through(
     return beside(bus_of)
 
 
-def test_a_persons_observation_is_accepted_and_printed(nobody_flies: Path) -> None:
+def accepted(result: Result) -> list[tuple[str, str, str]]:
+    """Return row, column and content of each cell in the output."""
+    return re.findall(r"\((\d+), (\d+)\) (occupied|clear)", result.stdout)
+
+
+def test_a_persons_observation_is_accepted_and_printed(no_flight: Path) -> None:
     with flying() as taken:
         result = ran("--uav", "3", "--cell", "4,7", "--cell", "4,6", "--occupied")
     assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout == "vehicle 3 of test accepted: (4, 7) occupied, (4, 6) occupied\n"
+    assert accepted(result) == [("4", "7", "occupied"), ("4", "6", "occupied")]
     assert taken == [(((4, 7, True), (4, 6, True)), "operator")]
 
 
-def test_an_observation_by_position_and_by_vehicle_name_is_accepted(nobody_flies: Path) -> None:
-    path = nobody_flies / "test.yaml"
+def test_an_observation_by_position_and_by_vehicle_name_is_accepted(no_flight: Path) -> None:
+    path = no_flight / "test.yaml"
     path.write_text(CONFIGURATION)
     lat_deg, lon_deg = GRID.centre((2, 5))
     with flying() as taken:
         result = ran("--config", str(path), "--uav", "uav3", "--at", f"{lat_deg},{lon_deg}", "--clear")
     assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout == "vehicle uav3 of test accepted: (2, 5) clear\n"
+    assert accepted(result) == [("2", "5", "clear")]
     assert taken == [(((2, 5, False),), "operator")]
 
 
-def test_a_negative_position_is_not_an_option(nobody_flies: Path) -> None:
+def test_a_negative_position_is_not_an_option(no_flight: Path) -> None:
     with flying():
         result = ran("--uav", "3", "--at", "-33.9,-70.6", "--clear")
     assert result.exit_code == 1
     assert "point -33.9000000, -70.6000000" in result.stderr
 
 
-def test_a_refused_report_is_an_error_with_the_reason(nobody_flies: Path) -> None:
+def test_a_refused_report_is_an_error_with_the_reason(no_flight: Path) -> None:
     with flying() as taken:
         result = ran("--uav", "3", "--cell", "99,0", "--occupied")
     assert result.exit_code == 1
-    assert "outside the area: cell [99, 0]" in result.stderr
+    assert "cell [99, 0]" in result.stderr
     assert taken == []
 
 
-def test_a_vehicle_without_a_report_receiver_is_an_error_with_advice(nobody_flies: Path) -> None:
+def test_a_vehicle_without_a_report_receiver_is_an_error_with_advice(no_flight: Path) -> None:
     with flying():
         result = ran("--uav", "2", "--cell", "4,7", "--clear")
     assert result.exit_code == 1
@@ -138,18 +144,18 @@ def test_a_vehicle_without_a_report_receiver_is_an_error_with_advice(nobody_flie
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
-def test_a_report_reaches_an_agent_through_the_router(protocol: str, nobody_flies: Path) -> None:
+def test_a_report_reaches_an_agent_through_the_router(protocol: str, no_flight: Path) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         at = parse_endpoint(f"{protocol}/127.0.0.1:{probe.getsockname()[1]}")
     communication = f"router: {at}"
     shown: dict[str, Credentials | None] = {"router": None, "uav3": None}
     if protocol == "tls":
-        communication += f", keys: {nobody_flies / 'keys'}"
+        communication += f", keys: {no_flight / 'keys'}"
         now = dt.datetime.now(dt.UTC)
-        make_keys(nobody_flies / "keys", ["router", "uav3", "operator"], 5, now)
-        shown = {name: load_keyring(nobody_flies / "keys", name, now).credentials for name in shown}
-    path = nobody_flies / "test.yaml"
+        make_keys(no_flight / "keys", ["router", "uav3", "operator"], 5, now)
+        shown = {name: load_keyring(no_flight / "keys", name, now).credentials for name in shown}
+    path = no_flight / "test.yaml"
     path.write_text(f"{CONFIGURATION}communication: {{{communication}}}\n")
     router = zenoh_config.router(at, "test", [1, 2, 3], shown["router"])
     with through(router, zenoh_config.client(at, shown["uav3"])) as taken:
@@ -162,13 +168,13 @@ def test_a_report_reaches_an_agent_through_the_router(protocol: str, nobody_flie
     assert taken == [(((4, 7, True),), "operator")]
 
 
-def test_a_report_without_a_running_swarm_is_an_error(nobody_flies: Path) -> None:
+def test_a_report_without_a_running_swarm_is_an_error(no_flight: Path) -> None:
     result = ran("--uav", "3", "--cell", "4,7", "--clear")
     assert result.exit_code == 1
     assert "[no-swarm]" in result.stderr
 
 
-def test_a_report_to_a_flight_that_has_ended_says_so(nobody_flies: Path) -> None:
+def test_a_report_to_a_flight_that_has_ended_is_an_error(no_flight: Path) -> None:
     with flying():
         pass
     result = ran("--swarm", "test", "--uav", "3", "--cell", "4,7", "--clear")
@@ -180,33 +186,33 @@ def test_a_report_to_a_flight_that_has_ended_says_so(nobody_flies: Path) -> None
     ("words", "why"),
     [
         ("--cell 4,7 --clear", "[which-vehicle]"),
-        ("--uav uav3 --cell 4,7 --clear", "--uav 'uav3': expected a system id from 1 to 254"),
-        ("--uav 255 --cell 4,7 --clear", "--uav '255': expected a system id"),
+        ("--uav uav3 --cell 4,7 --clear", "--uav 'uav3': "),
+        ("--uav 255 --cell 4,7 --clear", "--uav '255': "),
         ("--uav uav9 --cell 4,7 --clear --config F", "uav9"),
         ("--uav 3 --clear", "[which-cell]"),
         ("--uav 3 --cell 4,7 --at 46,14 --clear", "[which-cell]"),
         ("--uav 3 --cell 4,7", "[occupied-or-clear]"),
-        ("--uav 3 --cell 4 --clear", "--cell '4': expected two numbers, such as 4,7"),
-        ("--uav 3 --cell 4,7,1 --clear", "expected two numbers"),
-        ("--uav 3 --cell 4,x --clear", "expected two numbers"),
-        ("--uav 3 --cell 4.5,7 --clear", "--cell '4.5,7': expected whole numbers"),
-        ("--uav 3 --cell inf,7 --clear", "expected whole numbers"),
-        ("--uav 3 --cell 1e30,7 --clear", "expected whole numbers"),
-        ("--uav 3 --at 91,14 --clear", "--at '91,14': expected a latitude and a longitude"),
-        ("--uav 3 --at nan,14 --clear", "expected a latitude and a longitude"),
+        ("--uav 3 --cell 4 --clear", "--cell '4': "),
+        ("--uav 3 --cell 4,7,1 --clear", "--cell '4,7,1': "),
+        ("--uav 3 --cell 4,x --clear", "--cell '4,x': "),
+        ("--uav 3 --cell 4.5,7 --clear", "--cell '4.5,7': "),
+        ("--uav 3 --cell inf,7 --clear", "--cell 'inf,7': "),
+        ("--uav 3 --cell 1e30,7 --clear", "--cell '1e30,7': "),
+        ("--uav 3 --at 91,14 --clear", "--at '91,14': "),
+        ("--uav 3 --at nan,14 --clear", "--at 'nan,14': "),
         ("--uav 3 --cell 4,7 --clear --connect tcp/127.0.0.1:7447", "[which-swarm]"),
         ("--uav 3 --cell 4,7 --clear --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_an_unclear_report_is_a_usage_error(words: str, why: str, nobody_flies: Path) -> None:
-    path = nobody_flies / "test.yaml"
+def test_an_unclear_report_is_a_usage_error(words: str, why: str, no_flight: Path) -> None:
+    path = no_flight / "test.yaml"
     path.write_text(CONFIGURATION)
     result = ran(*(str(path) if word == "F" else word for word in words.split()))
     assert result.exit_code == 2
     assert why in result.stderr
 
 
-def test_the_schema_of_reports_is_printed(nobody_flies: Path) -> None:
+def test_the_schema_of_reports_is_printed(no_flight: Path) -> None:
     result = ran("--schema")
     assert result.exit_code == 0
     assert json.loads(result.stdout) == json.loads(json.dumps(report_schema()))

@@ -41,7 +41,7 @@ def test_a_run_over_another_area_is_refused(words: tuple[str, ...], flown: Path,
     config.write_text(SMALL.replace("rows: 8", "rows: 3"))
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown, *words)
     assert done.exit_code == 2
-    assert "rows 8, here 3 [other-area]" in done.output
+    assert "[other-area]" in done.output
     assert not (tmp_path / "runs").exists()
 
 
@@ -57,7 +57,7 @@ def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -
     [
         ("", "", 0, "prior: "),
         ("14.4", "14.5", 2, "[other-area]"),
-        ("cell_size_m: 50", "cell_size_m: 40", 2, "cell_size_m 50, here 40"),
+        ("cell_size_m: 50", "cell_size_m: 40", 2, "cell_size_m 50"),
         ("name: small", "name: small\nseed: 9", 0, "[other-hostiles]"),
         ("name: small", "name: small\nsensor: {p_miss: 0.1}", 0, "[other-sensor]"),
         ("count: 5", "count: 1", 0, "[count-too-low]"),

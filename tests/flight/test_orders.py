@@ -539,7 +539,7 @@ def test_an_unknown_order_is_refused(order: object) -> None:
         bus = MemoryBus()
         ground = Ground(bus)
         strange: GiveOrder = GiveOrder(None, order)  # type: ignore[arg-type]
-        assert (await asked(bus, ORDER, strange)).refused.endswith("[other-version]")
+        assert (await asked(bus, ORDER, strange)).refused.endswith("[invalid-message]")
         assert ground.posted == []
 
     run_virtual(scene())

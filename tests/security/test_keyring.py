@@ -112,8 +112,8 @@ FOLDER_CASES: list[tuple[Callable[[Path], None], int, list[str]]] = [
     # what was done, days later, what is said
     (nothing, 0, []),
     (copied_to_a_companion, 0, []),
-    (all_gone, 0, ["keys/uav1: no such folder"]),
-    (one_lost_where_they_were_made, 0, ["keys/uav3: no such folder"]),
+    (all_gone, 0, ["keys/uav1: "]),
+    (one_lost_where_they_were_made, 0, ["keys/uav3: "]),
     (one_of_another_swarm, 0, ["keys/uav1/ca.pem"]),
     (nothing, 31, [f"keys/{name}/cert.pem was valid until 2030-05-31 12:00 UTC" for name in NAMES]),
 ]
@@ -205,7 +205,7 @@ BROKEN: dict[Callable[[Path], None], str] = {
     cut_off: r"uav3/cert.pem .*PEM",
     no_key: r"uav3/key.pem .*PEM",
     no_table: r"uav3/signers.json ",
-    not_there: r"uav3: no such folder; .*`swarmctl keys --out ",
+    not_there: r"uav3: .*`swarmctl keys --out ",
 }
 
 
@@ -322,7 +322,7 @@ def test_a_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "why"),
     [
-        ([], 1, "router: no such folder"),
+        ([], 1, "/router: "),
         (["--listen", "nowhere"], 2, "tcp/HOST:PORT"),
         (["--listen", "tcp/127.0.0.1:0", "--keys", "keys"], 2, "--keys"),
     ],

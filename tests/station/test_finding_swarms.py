@@ -33,7 +33,7 @@ from swarmctl.station import client
 
 
 @pytest.fixture
-def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     return tmp_path / f"swarmctl-{os.getuid()}"
 
@@ -41,19 +41,19 @@ def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 HERE, THERE = BusEndpoint("127.0.0.1", 4001), BusEndpoint("127.0.0.1", 4002)
 
 
-def test_a_flight_is_found_by_its_name_as_long_as_it_lasts(nobody_flies: Path) -> None:
+def test_a_flight_is_found_by_its_name_as_long_as_it_lasts(no_flight: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
         assert client.find("two", None, None) == client.Station("two", THERE)
-        assert stat.S_IMODE(nobody_flies.stat().st_mode) == 0o700
+        assert stat.S_IMODE(no_flight.stat().st_mode) == 0o700
     assert directory.running_swarms() == []
 
 
-def test_the_only_flight_need_not_be_named(nobody_flies: Path) -> None:
+def test_the_only_flight_need_not_be_named(no_flight: Path) -> None:
     with directory.registered("one", HERE):
         assert client.find(None, None, None) == client.Station("one", HERE)
 
 
-def test_several_flights_need_a_name(nobody_flies: Path) -> None:
+def test_several_flights_need_a_name(no_flight: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
         with pytest.raises(client.Unclear, match=r"one .*tcp/127.0.0.1:4001 .*two .*\[which-swarm\]"):
             client.find(None, None, None)
@@ -71,21 +71,21 @@ with directory.registered("killed", BusEndpoint("127.0.0.1", 4003)):
 """
 
 
-def test_a_killed_flights_record_is_ignored_and_removed_by_the_next_flight(nobody_flies: Path) -> None:
+def test_a_killed_flights_record_is_ignored_and_removed_by_the_next_flight(no_flight: Path) -> None:
     command = [sys.executable, "-c", LISTED_FOR_EVER]
-    environment = {**os.environ, "TMPDIR": str(nobody_flies.parent)}
+    environment = {**os.environ, "TMPDIR": str(no_flight.parent)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "listed\n"
         (entry,) = directory.running_swarms()
         assert (entry.swarm, entry.pid) == ("killed", process.pid)
         process.kill()
-    assert len(list(nobody_flies.iterdir())) == 1
+    assert len(list(no_flight.iterdir())) == 1
     assert directory.running_swarms() == []
-    assert len(list(nobody_flies.iterdir())) == 1, "readers leave a stale record alone"
+    assert len(list(no_flight.iterdir())) == 1, "readers leave a stale record alone"
     with directory.registered("next", HERE):
         assert [entry.swarm for entry in directory.running_swarms()] == ["next"]
-    assert list(nobody_flies.glob("killed*")) == []
+    assert list(no_flight.glob("killed*")) == []
 
 
 KILLED_BEFORE_IT_WAS_LISTED = """\
@@ -99,19 +99,19 @@ with directory.registered("killed", BusEndpoint("127.0.0.1", 4003)):
 
 
 def test_the_draft_record_of_a_killed_flight_is_ignored_and_removed_by_the_next_flight(
-    nobody_flies: Path,
+    no_flight: Path,
 ) -> None:
     command = [sys.executable, "-c", KILLED_BEFORE_IT_WAS_LISTED]
-    subprocess.run(command, env={**os.environ, "TMPDIR": str(nobody_flies.parent)}, check=False)
-    assert [path.name[:8] for path in nobody_flies.iterdir()] == [".killed."]
+    subprocess.run(command, env={**os.environ, "TMPDIR": str(no_flight.parent)}, check=False)
+    assert [path.name[:8] for path in no_flight.iterdir()] == [".killed."]
     assert directory.running_swarms() == []
     with directory.registered("next", HERE):
         pass
-    assert list(nobody_flies.glob(".killed*")) == []
+    assert list(no_flight.glob(".killed*")) == []
 
 
 def test_a_flight_that_is_being_registered_is_neither_removed_nor_found(
-    nobody_flies: Path, monkeypatch: pytest.MonkeyPatch
+    no_flight: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another process reads the directory just before the lock, and just before the file has its name."""
     lock, rename, looks = fcntl.flock, Path.rename, []
@@ -130,11 +130,11 @@ def test_a_flight_that_is_being_registered_is_neither_removed_nor_found(
     with directory.registered("one", HERE):
         assert looks == [[], []]
         assert [entry.swarm for entry in directory.running_swarms()] == ["one"]
-    assert list(nobody_flies.glob("*.json")) == []
+    assert list(no_flight.glob("*.json")) == []
 
 
 def test_a_full_disk_is_an_error_and_leaves_no_record(
-    nobody_flies: Path, monkeypatch: pytest.MonkeyPatch
+    no_flight: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -142,7 +142,7 @@ def test_a_full_disk_is_an_error_and_leaves_no_record(
     monkeypatch.setattr(json, "dump", full)
     with pytest.raises(BusError, match="No space left"), directory.registered("one", HERE):
         pass
-    assert list(nobody_flies.iterdir()) == []
+    assert list(no_flight.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", [".", "..", ".dot", "-x", "_x", "", "a/b", "a*", "x" * 65])
@@ -152,21 +152,21 @@ def test_an_invalid_swarm_name_is_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a", "7", "a.b", "x" * 64])
-def test_a_valid_swarm_name_is_found(name: str, nobody_flies: Path) -> None:
+def test_a_valid_swarm_name_is_found(name: str, no_flight: Path) -> None:
     assert small(name=name).config.name == name
     with directory.registered(name, HERE):
         assert client.find(name, None, None) == client.Station(name, HERE)
 
 
-def test_a_folder_that_other_users_can_write_to_is_refused(nobody_flies: Path) -> None:
-    nobody_flies.mkdir(mode=0o700)
-    nobody_flies.chmod(0o777)
+def test_a_folder_that_other_users_can_write_to_is_refused(no_flight: Path) -> None:
+    no_flight.mkdir(mode=0o700)
+    no_flight.chmod(0o777)
     with pytest.raises(BusError, match=r"swarmctl-\d+.*\[open-folder\]"):
         directory.running_swarms()
 
 
-def test_a_flight_that_cannot_be_registered_shows_its_endpoint(nobody_flies: Path) -> None:
-    nobody_flies.write_text("in the way")
+def test_a_flight_that_cannot_be_registered_shows_its_endpoint(no_flight: Path) -> None:
+    no_flight.write_text("in the way")
     said: list[str] = []
 
     async def scene() -> None:
@@ -181,9 +181,7 @@ def test_a_flight_that_cannot_be_registered_shows_its_endpoint(nobody_flies: Pat
     ("listen", "warned"),
     [("tcp/127.0.0.1:0", False), ("tcp/localhost:0", False), ("none", False), ("tcp/0.0.0.0:0", True)],
 )
-def test_an_endpoint_open_to_other_machines_is_a_warning(
-    listen: str, warned: bool, nobody_flies: Path
-) -> None:
+def test_an_endpoint_open_to_other_machines_is_a_warning(listen: str, warned: bool, no_flight: Path) -> None:
     said: list[str] = []
 
     async def scene() -> None:
@@ -208,7 +206,7 @@ def listening(**communication: object) -> Any:
     ],
 )
 def test_a_given_endpoint_needs_no_search(
-    nobody_flies: Path, swarm: str | None, config: Any, connect: str | None, expected: tuple[str, BusEndpoint]
+    no_flight: Path, swarm: str | None, config: Any, connect: str | None, expected: tuple[str, BusEndpoint]
 ) -> None:
     assert client.find(swarm, config, connect) == client.Station(*expected)
 
@@ -228,7 +226,7 @@ def test_a_given_endpoint_needs_no_search(
     ],
 )
 def test_options_that_name_no_swarm_are_refused(
-    nobody_flies: Path, swarm: str | None, config: Any, connect: str | None, why: str
+    no_flight: Path, swarm: str | None, config: Any, connect: str | None, why: str
 ) -> None:
     with pytest.raises(client.Unclear, match=why):
         client.find(swarm, config, connect)
@@ -240,7 +238,7 @@ def test_the_configuration_refuses_an_invalid_endpoint() -> None:
     assert json.loads(listening().model_dump_json())["communication"]["listen"] == "tcp/127.0.0.1:0"
 
 
-def test_a_flight_that_has_ended_is_reported_as_ended(nobody_flies: Path) -> None:
+def test_a_flight_that_has_ended_is_reported_as_ended(no_flight: Path) -> None:
     with directory.registered("one", HERE):
         assert directory.ended_unix_s("one") is None
     with pytest.raises(BusError, match="flight-ended"):
@@ -250,7 +248,7 @@ def test_a_flight_that_has_ended_is_reported_as_ended(nobody_flies: Path) -> Non
 
 
 @pytest.mark.parametrize("ended", [True, False])
-def test_agents_that_have_landed_are_reported_as_ended(ended: bool, nobody_flies: Path) -> None:
+def test_agents_that_have_landed_are_reported_as_ended(ended: bool, no_flight: Path) -> None:
     if ended:
         directory.record_end("s", 1)
     station = client.Station("s", HERE, agents={1: "a", 2: "b"})
@@ -280,32 +278,32 @@ def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
     [
         ("--w 0.5", "[which-vehicles]"),
         ("--all --uav 1 --w 0.5", "[which-vehicles]"),
-        ("--all", "nothing to change"),
-        ("--all --w 1.5", "w = 1.5: expected 0"),
-        ("--all --w nan", "w = nan: expected 0"),
+        ("--all", "[nothing-to-change]"),
+        ("--all --w 1.5", "w = 1.5: "),
+        ("--all --w nan", "w = nan: "),
         ("--all --w a", "Invalid value for '--w'"),
-        ("--all --direct 0.7", "found 1, expected three"),
-        ("--all --firing-strength 0.7,0.3", "found 2, expected three"),
-        ("--all --firing-strength a,b,c", "expected three numbers"),
+        ("--all --direct 0.7", "found 1, "),
+        ("--all --firing-strength 0.7,0.3", "found 2, "),
+        ("--all --firing-strength a,b,c", "--firing-strength 'a,b,c': "),
         ("--all --firing-strength 0.1,0.3,0.7", "decrease strictly"),
         ("--all --firing-strength 0.7,0.3,0.1 --direct 0.7", "[strengths-twice]"),
         ("--all --w 0.5 --connect tcp/127.0.0.1:7447", "[which-swarm]"),
         ("--all --w 0.5 --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_an_unclear_command_is_a_usage_error(words: str, why: str, nobody_flies: Path) -> None:
+def test_an_unclear_command_is_a_usage_error(words: str, why: str, no_flight: Path) -> None:
     result = CliRunner().invoke(cli, ["set", *words.split()])
     assert result.exit_code == 2
     assert why in result.stderr
 
 
-def test_a_command_without_a_running_swarm_is_an_error(nobody_flies: Path) -> None:
+def test_a_command_without_a_running_swarm_is_an_error(no_flight: Path) -> None:
     result = CliRunner().invoke(cli, ["set", "--uav", "3", "--w", "0.2"])
     assert result.exit_code == 1
     assert "[no-swarm]" in result.stderr
 
 
-def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:
+def test_a_command_is_given_and_answered(no_flight: Path) -> None:
     with station_in_a_thread() as station:
         words = "set --all --w 0.2 --direct 0.7 --first-neighbour 0.3 --second-neighbour 0.1"
         result = CliRunner().invoke(cli, words.split())
@@ -316,14 +314,14 @@ def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:
     assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
 
 
-def test_a_command_for_an_unknown_vehicle_is_refused_with_the_vehicles_there(nobody_flies: Path) -> None:
+def test_a_command_for_an_unknown_vehicle_is_refused_with_the_vehicles_there(no_flight: Path) -> None:
     with station_in_a_thread():
         result = CliRunner().invoke(cli, ["set", "--uav", "1", "--uav", "9", "--w", "0.2"])
     assert result.exit_code == 1
     assert "1 (uav1), 2 (uav2)" in result.stderr
 
 
-def test_a_command_names_vehicles_by_name_or_system_id(nobody_flies: Path) -> None:
+def test_a_command_names_vehicles_by_name_or_system_id(no_flight: Path) -> None:
     with station_in_a_thread() as station:
         result = CliRunner().invoke(cli, ["set", "--uav", "uav2", "--uav", "1", "--w", "0.2"])
     assert result.exit_code == 0
