@@ -371,7 +371,7 @@ class Mission:
         self.paused = False
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:
-            if self._pending:  # behind the last navigation command only the first one runs
+            if self._pending:  # after the last navigation command only the first DO command runs
                 pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
                 pilot.do(self.items[self._pending[0]])
                 self._pending.clear()

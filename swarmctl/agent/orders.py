@@ -63,12 +63,12 @@ def place_for_return(state: AgentState) -> VehiclePosition | None:
 
 
 def holding_radius_m(task: Task) -> float:
-    """Return the radius of its holding circle; 0 for a copter."""
+    """Return the radius of the vehicle's holding circle [m]; 0 for a copter."""
     return 0.0 if task.wings is None else task.wings.loiter_radius_m
 
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
-    """Return whether the vehicle follows this order in flight, and not only for a while."""
+    """Return whether the vehicle follows this order in flight, until another order."""
     for_a_while = state.return_turn_boot_s is not None or state.interrupted_plan is not None
     return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not for_a_while
 
@@ -89,7 +89,7 @@ def _is_let_land(state: AgentState, event: ev.OperatorCommand) -> bool:
     return called_back and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
-def _is_theirs(state: AgentState) -> bool:
+def _is_released_in_air(state: AgentState) -> bool:
     """Return whether the vehicle was released in flight and may still be in the air."""
     return state.phase is Phase.RELEASED and state.vehicle.armed
 
@@ -97,7 +97,7 @@ def _is_theirs(state: AgentState) -> bool:
 def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[CommandOutcome, str]:
     """Return the outcome of an order and its reason."""
     order = event.order
-    if _is_theirs(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
+    if _is_released_in_air(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
         return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
     if state.ended:
         return "over", f"the flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
@@ -106,22 +106,23 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     if order is ev.FlightOrder.LAUNCH:
         return _launch_answer(state)
     if state.phase in ON_GROUND:
-        return "taken", "stays on the ground until it is ordered to launch [stays-on-ground]"
+        return "taken", "the vehicle stays on the ground until an order to launch [stays-on-ground]"
     if state.phase is Phase.LAUNCHING:
-        return "taken", "aborts its launch and lands [launch-aborted]"
+        return "taken", "the vehicle aborts its launch and lands [launch-aborted]"
     if _follows(state, order):
         return "taken", "the vehicle already follows this order [already-done]"
     if _is_let_land(state, event):
-        return "refused", f"a failsafe lands it: {_demanded(state, DemandKind.LAND)} [failsafe-landing]"
+        reason = _demanded(state, DemandKind.LAND)
+        return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
     notes = (
         ["the link is lost; the order is sent when the link is back [waits-for-link]"] if state.lost else []
     )
     if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
         notes += [f"the order cancels the return of a failsafe: {state.outcome} [return-cancelled]"]
     if event.after_s and urgent_return_reason(state):
-        notes.append(f"returns at once: {urgent_return_reason(state)} [urgent-return]")
+        notes.append(f"the vehicle returns at once: {urgent_return_reason(state)} [urgent-return]")
     elif event.after_s:
-        notes.append(f"holds for {event.after_s:g} s first, while others return [return-queue]")
+        notes.append(f"the vehicle first holds for {event.after_s:g} s, while others return [return-queue]")
     return "taken", "; ".join(notes)
 
 
@@ -132,20 +133,22 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
             f"the vehicle cannot resume its route after: {state.outcome or state.phase} [not-resumed]",
         )
     if state.phase is Phase.LAUNCHING:
-        return "taken", "is about to take off [launching]"
+        return "taken", "the vehicle is about to take off [launching]"
     if state.phase not in ON_GROUND:
-        return "taken", "has launched already [launched-already]"
+        return "taken", "the vehicle has launched already [launched-already]"
     # A vehicle must not arm at a later time, when the operator no longer watches it.
     if state.lost:
-        return "refused", "the link is lost [launch-without-link]"
+        return "refused", "the link is lost; repeat the order when the link is back [launch-without-link]"
     if state.phase is not Phase.STANDBY:
-        return "refused", f"is not ready yet: {state.trouble or state.phase} [not-ready]"
-    return "taken", "" if state.pending is None else "launches after its new plan is uploaded [after-upload]"
+        return "refused", f"the vehicle is not ready yet: {state.trouble or state.phase} [not-ready]"
+    if state.pending is not None:
+        return "taken", "the vehicle launches after its new plan is uploaded [after-upload]"
+    return "taken", ""
 
 
 def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:
     order = event.order
-    if _is_theirs(state) and remote and order is not ev.FlightOrder.LAUNCH:
+    if _is_released_in_air(state) and remote and order is not ev.FlightOrder.LAUNCH:
         return command(state, order, by_person=True)
     if state.ended or state.launch_aborted or _follows(state, order):
         return state, []
@@ -188,7 +191,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:
     """Use new weights (the paper's sliders) from the next plan on; a plan being uploaded stays."""
     if state.phase in PLANS_NO_MORE:
-        why = f"makes no more plans: {state.phase}"
+        why = f"the vehicle does not plan routes in this phase: {state.phase}"
         why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
         return state, [ev.Answer(event.command, over)]
@@ -201,9 +204,9 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    note = "the link is lost; plans when the link is back [waits-for-link]" if state.lost else ""
+    note = "the link is lost; the vehicle plans when it is back [waits-for-link]" if state.lost else ""
     if not changed:
-        note = "already has these weights; does not plan again [unchanged]"
+        note = "the vehicle already has these weights and keeps its plan [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)
     return state, [ev.Answer(event.command, taken)]
 
@@ -213,7 +216,7 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order, which cancels a mission change in progress. `changes` are further fields.
 
-    `by_person`: a person has given the order just now; it is sent whatever the vehicle does.
+    `by_person`: a person has just given the order; it is sent in every mode of the vehicle.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})

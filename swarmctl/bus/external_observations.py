@@ -109,7 +109,7 @@ class ReportReceiver:
         before_s = self._refused_at_s.get(reason)
         self._refused_at_s[reason] = now_s
         if before_s is None or now_s - before_s > PAUSE_S:
-            self._say(f"a payload's report was refused ({sum(refused.values())} so far): {why}")
+            self._say(f"a report of observations was refused ({sum(refused.values())} so far): {why}")
         return ReportAnswer(taken=False, why=why)
 
 

@@ -177,7 +177,9 @@ def _network(
         names = {other.sysid: other.name for other in scenario.swarm}
         return joining.as_agent(scenario.config, spec.sysid, names, connect, keyring)
     except joining.NoNetwork as error:
-        advice = f"; or --connect tcp/HOST:PORT, or --launch {Launch.WHEN_READY} to fly by itself"
+        advice = (
+            f", or give --connect tcp/HOST:PORT, or fly alone with --launch {Launch.WHEN_READY} [no-network]"
+        )
         fail([f"{error}{advice if nowhere and connect is None else ''}"], USAGE)
 
 

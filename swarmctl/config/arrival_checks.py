@@ -77,7 +77,7 @@ def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Conf
     through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
     lost_s = takes_s - climb_s - lead_s - through_s
     parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
-    parts += f"{lost_s:.1f} s for speeding up and turns"
+    parts += f"{lost_s:.1f} s for acceleration and turns"
     if takes_s > arrival.within_s:
         needed_s = math.ceil(10.0 * takes_s) / 10.0
         text = f"{arrival.within_s:g} s is too short for {task.name}: the fastest route found takes "

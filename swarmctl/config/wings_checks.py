@@ -76,8 +76,8 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
         )
     sharing = [other.name for other in scenario.swarm if _shares(spec, other)]
     if sharing:
-        text = f"{spec.name} shares a goal with {', '.join(sharing)} and would land in its way; a fixed wing"
-        yield ConfigProblem((*here, "goal"), f"{text} needs goals of its own: give each vehicle another")
+        text = f"{spec.name} shares a goal with {', '.join(sharing)}, so their landings would meet"
+        yield ConfigProblem((*here, "goal"), f"{text}; give each fixed wing a goal of its own")
     try:
         home_approach(task)
     except Unreachable as error:

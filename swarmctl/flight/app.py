@@ -56,7 +56,7 @@ EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
 
 @dataclass(frozen=True, slots=True)
 class FlightOptions:
-    """How a process flies its vehicles."""
+    """Options of a process that flies vehicles."""
 
     launch: Launch = "when-ready"
     operator_service_of: int | None = None
@@ -275,7 +275,7 @@ async def _run_flight(run: _Run, director: Director, network: Network, resources
         raise
     if run.ended == "abandoned":
         reachable = _reachable(run.members, resources.simulator_task)
-        await emergency.at_once("the operator leaves at once", reachable, order, say)
+        await emergency.at_once("the operator ends the program at once", reachable, order, say)
 
 
 def _recorded(permission: Permission, evidence: Evidence) -> Permission:

@@ -1,4 +1,4 @@
-"""Emergency return or landing, after the agents have crashed or the operator leaves at once."""
+"""Emergency return or landing, after the agents have crashed or an operator has ended the program at once."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ ORDER_TIMEOUT_S = 10.0
 async def at_once(
     why: str, members: Sequence[Member], order: FlightOrder, say: Callable[[str], None]
 ) -> None:
-    """Order all armed vehicles at the same time, because the operator waits no longer."""
+    """Order all armed vehicles at the same time, because the operator does not wait."""
     armed = _to_bring(members)
     if armed:
-        say(f"{why}: {order} ordered of {names(armed)} at the same time [emergency]")
+        say(f"{why}; {names(armed)} ordered to {order} at the same time; watch them [emergency]")
         await asyncio.gather(*(_tell(member, order, check_mode_first=False) for member in armed))
 
 
@@ -44,7 +44,8 @@ async def in_turns(
     if not armed:
         return
     called = [member.spec.sysid for member in armed] if order is FlightOrder.RETURN else []
-    say(f"{why}: {order} ordered of {names(armed)}{', in turns' if len(called) > 1 else ''} [emergency]")
+    turns_note = ", one after the other" if len(called) > 1 else ""
+    say(f"{why}; {names(armed)} ordered to {order}{turns_note}; watch them [emergency]")
     turns = return_delays_s(armed, say, called)
 
     async def bring(member: Member) -> None:
@@ -54,7 +55,7 @@ async def in_turns(
             holds = await _tell(member, FlightOrder.HOLD, check_mode_first=True)
             await asyncio.sleep(max(began_s + after_s - _now_s(), 0.0))
             if holds and member.runner.link.state().mode_role != "hold":
-                return  # a pilot or another station has chosen another mode meanwhile
+                return  # a pilot or another station has chosen another mode during the wait
         await _tell(member, order, check_mode_first=True)
 
     await asyncio.gather(*map(bring, armed))

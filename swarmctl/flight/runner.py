@@ -154,19 +154,24 @@ class Runner:
             case VehicleRebooted():
                 self.cleared.clear()
                 self.post(ev.Rebooted())
-                self.note("has rebooted; on the ground it is made ready again [rebooted]", to_operator=True)
+                self.note(
+                    "the vehicle has rebooted; on the ground the program makes it ready again [rebooted]",
+                    to_operator=True,
+                )
             case SystemIdConflict(address):
                 self.conflict = f"a second sender, at {address}, uses system id {self.state.task.uav} too"
                 self.note(f"{self.conflict}; the frames of that sender are dropped", to_operator=True)
             case FramesRefused(text):
                 self.note(text, to_operator=True)
             case AddressChanged(address):
-                self.note(f"now sends from {address}", to_operator=True)
+                self.note(f"the vehicle now sends from {address}", to_operator=True)
             case StatusText(_, text):
                 self.note(text)
             case ProcedureDone(name, failure, stood_still_s):
-                stood = "" if stood_still_s is None else f"; stood still for {stood_still_s:.1f} s"
-                self.note(f"{name}: {failure or 'done'}{stood}")
+                stood = (
+                    "" if stood_still_s is None else f"; the vehicle stood still for {stood_still_s:.1f} s"
+                )
+                self.note(f"{name.replace('_', ' ')}: {failure or 'done'}{stood}")
             case FirstHeartbeat():
                 self.note("first heartbeat")
 

@@ -51,13 +51,13 @@ class Shutdown:
                 f"{names(released)}: released in the air, so they get no order; {HEARTBEATS_END} "
                 "[released-in-air]"
             )
-        self._say(f"stopping: hold ordered of {names(stopped) or 'no vehicle'} [stopping]")
+        self._say(f"stopping: {names(stopped) or 'no vehicle'} ordered to hold [stopping]")
         self._order([m for m in self._members if m not in returning], ev.FlightOrder.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, stopped)
         if order is ev.FlightOrder.HOLD:
             return
         flying = [m for m in in_flight if not m.state.ended]
-        self._say(f"{order} ordered of {names(flying) or 'no vehicle'}")
+        self._say(f"{names(flying) or 'no vehicle'} ordered to {order}")
         if order is ev.FlightOrder.LAND:
             await self._land(flying)
             return

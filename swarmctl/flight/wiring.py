@@ -209,7 +209,7 @@ def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
 
 
 def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: str) -> None:
-    text = f"{source or 'a payload'} reports {len(cells)} cells"
+    text = f"{source or 'a payload'} reports {'1 cell' if len(cells) == 1 else f'{len(cells)} cells'}"
     runner.note(text)
     if source == BY_HAND:
         evidence.operator("observe", runner.state.task.name, cells=cells)

@@ -379,20 +379,21 @@ class DirectLink:
 
     def _no_answer(self, tried_s: float) -> NoAnswer:
         if self._heartbeat_received.is_set():
-            problem = "its heartbeats come, but no AUTOPILOT_VERSION"
+            problem, code = "heartbeats arrive, but no AUTOPILOT_VERSION", ""
             check = "do requests reach the vehicle (one-way link, wrong port, signing)?"
         else:
-            problem = "no heartbeat [no-heartbeat]"
+            problem, code = "no heartbeat", " [no-heartbeat]"
             check = TRANSPORTS[self.endpoint.kind].check
             if refused := self._front_end.refused_on(self.endpoint, self.sysid):
-                problem = f"its frames are refused: {refused} [frames-refused]"
+                problem, code = f"the vehicle's frames are refused: {refused}", " [frames-refused]"
                 check = REMEDIES.get(refused, "do the clocks of vehicle and this machine agree?")
             others = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
             if others and not refused:
-                check = f"received there: system {', '.join(map(str, others))}; is the system id right?"
+                ids = ", ".join(map(str, others))
+                check = f"this endpoint receives only system ids {ids}; is the configured system id right?"
         trouble = self._front_end.trouble_on(self.endpoint)
         because = f" ({trouble})" if trouble else ""
-        text = f"{self._label}: {problem}{because}; tried for {tried_s:g} s; {check}"
+        text = f"{self._label}: {problem}{because}; tried for {tried_s:g} s; {check}{code}"
         return NoAnswer(text, url=str(self.endpoint), sysid=self.sysid, tried_s=tried_s)
 
     def _not_ready(self, tried_s: float) -> NotReady:

@@ -96,7 +96,7 @@ def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
     """Return found, wanted and cure of a check that needs the first route, if the vehicle has none."""
     found = "no verified route on the vehicle"
     if facts.no_route_because:
-        return f"{found}: {facts.no_route_because}", wanted, "correct that first"
+        return f"{found} ({facts.no_route_because})", wanted, "first remove the cause in parentheses"
     return found, wanted, "upload its mission"
 
 

@@ -112,7 +112,7 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
     front = pareto_front(unbounded, max_labels=max_labels)
     chosen = _offer(scenario, task, problem, route_within_bounds(task, problem))
     at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
-    # Where several routes are one point of the front, it stands for the configured one.
+    # A point of the front may have several routes; the configured route is preferred.
     offers = tuple(
         chosen if i == at else _offer(scenario, task, problem, route) for i, route in enumerate(front.routes)
     )

@@ -67,7 +67,9 @@ class UiObserver:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             text = (
-                "no telemetry [telemetry-lost]" if after.lost else "telemetry arrives again [telemetry-back]"
+                "telemetry has stopped; orders wait until it is back [telemetry-lost]"
+                if after.lost
+                else "telemetry arrives again; waiting orders are sent [telemetry-back]"
             )
             self.ui.say(f"{after.task.name}: {text}")
         for effect in effects:

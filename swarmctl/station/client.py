@@ -152,9 +152,9 @@ def find(
         raise BusError(f"{ended}; no command was sent [flight-ended]")
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
     raise BusError(
-        f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}. Flights with "
-        "--clock virtual, bus: memory or listen: none take no commands. For agents on other machines, give "
-        "--config [no-swarm]"
+        f"this user has no flight {f'of swarm {swarm} ' if swarm else ''}on this machine that takes "
+        f"commands{others}. A flight with --clock virtual, bus: memory or listen: none takes none. For agents"
+        " on other machines, give --config [no-swarm]"
     )
 
 
@@ -237,7 +237,8 @@ def connected(station: Station, credentials: Credentials | None = None) -> Itera
             yield bus
         return
     if ended := ended_text(station.swarm):
-        failures = [f"{ended} on this machine", *failures, "[flight-ended]"]
+        tried = "; ".join(failures)
+        raise BusError(f"{ended} on this machine [flight-ended]. No command was sent: {tried}")
     raise BusError("; ".join(failures))
 
 

@@ -56,7 +56,7 @@ def test_wrong_parameters_fail_if_fly_does_not_set_them(
 ) -> None:
     inject(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
     report = fly(one(), tmp_path, options=NEVER)
-    assert any("parameters: found FENCE_ENABLE 0" in text for text in report.trouble)
+    assert any(": parameters: " in text and "FENCE_ENABLE 0" in text for text in report.trouble)
     assert "`fly` sets" not in shown(report)
 
 
@@ -97,7 +97,7 @@ def test_a_missing_route_is_reported_with_its_cause(check: object) -> None:
     far = "812 m from its configured start"
     facts = replace(FIT, plan=None, trajectory=None, no_route_because=far)
     finding = check.check(facts)  # type: ignore[attr-defined]
-    assert finding.found.endswith(f": {far}")
+    assert far in finding.found
 
 
 def test_a_route_beyond_a_full_battery_is_not_cured_by_charging() -> None:

@@ -277,7 +277,7 @@ def partial_appends(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.partial.bad_range", dialects=("ardupilot",), pins="AUTOPILOTS 2: bad range ERROR(1)")
 def partial_bad_range(vehicle: VehicleUnderTest) -> str:
-    """A partial write behind the end is an ERROR."""
+    """A partial write past the end of the mission is an ERROR."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     mark = _write_partial(vehicle, len(items) + 5, len(items) + 6)

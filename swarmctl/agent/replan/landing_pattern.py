@@ -131,7 +131,7 @@ def choose_pattern(
 ) -> LandingPattern:
     """Return the pattern over the least exposure whose legs all stay inside the fence.
 
-    Of equal patterns it is the one that turns least from `from_pose`. With `is_flown_to` the path from there
+    Among equal patterns it turns least from `from_pose`. With `is_flown_to` the path from there
     to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path, infinite if
     one of them may not be entered. Raises NoApproach.
     """

@@ -13,7 +13,7 @@ SPARE_S, SPARE_SHARE = 0.5, 0.25
 MOST_S = 60.0
 """greatest expected duration [s]"""
 STANDS_S = 0.3
-"""longest standstill that is no stop [s]: a slow turn at the position rate looks like that"""
+"""longest standstill that does not count as a stop [s]; a slow turn can show this much in telemetry"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,7 @@ class SwapTimes:
         return SwapTimes((*self.took_s, took_s)[-KEPT:], (*self.stood_s, stood_s)[-KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times after a swap that was ready only behind its splice point: twice the
-        expectation."""
+        """Return these times after a swap that missed its splice point. It counts as twice the expectation."""
         return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MOST_S))[-KEPT:])
 
     @property

@@ -272,4 +272,5 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     acknowledges = report is None or report.state.phase != Phase.FLYING or _hears(state, report)
     if acknowledges or gives_way_by_id(state.task.uav, alarm.other):
         return "; gives way [alarm-yields]"
-    return f"; gives way, because vehicle {alarm.other} does not confirm that it hears it [alarm-not-heard]"
+    other = f"vehicle {alarm.other}"
+    return f"; gives way, because {other} does not confirm that it receives this vehicle [alarm-not-heard]"

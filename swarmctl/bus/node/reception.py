@@ -303,11 +303,11 @@ def nearest_uavs(
     silent: NDArray[np.bool_],
     k: int | None,
 ) -> tuple[int, ...]:
-    """Return the `k` nearest of `uavs` by last known position, nearest first; all of them for None.
+    """Return the `k` nearest of `uavs` by last known position, nearest first. `k` None: all UAVs.
 
     This is the communication range of the paper, a number of UAVs. `uavs` ascend; `positions` are latitudes
-    and longitudes [deg], NaN where unknown. UAVs without a known position rank behind those with one, and
-    silent UAVs behind both.
+    and longitudes [deg], NaN where unknown. UAVs with a known position come first, then UAVs without, then
+    silent UAVs.
     """
     if k is None or k >= uavs.size:
         return tuple(uavs.tolist())

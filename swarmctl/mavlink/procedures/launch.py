@@ -65,12 +65,12 @@ def _armed(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
     if ctx.dialect.first_seq is not None:
         failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds)
         if failure:
-            return f"the first mission item cannot be made current [no-first-item]: {failure}"
+            return f"the first mission item cannot be made current: {failure} [no-first-item]"
     arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
     # An unanswered command to arm may have been obeyed, so its repetitions are not blocked.
     arm = _unless(blocked_by, arm, tries=1)
     failure = yield from send_guarded(ctx, arm, holds, in_modes({hold}, armed=True))
-    return f"the vehicle does not arm [no-arming]: {failure}" if failure else None
+    return f"the vehicle does not arm: {failure} [no-arming]" if failure else None
 
 
 def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
@@ -101,7 +101,7 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     if blocked and not ctx.state.armed:
         return LaunchBlocked(blocked, was_armed=True)
     still_armed = "; the vehicle does not disarm either [no-disarming]" if blocked else ""
-    return Done(f"the vehicle does not take off [no-take-off]: {failure}{still_armed}")
+    return Done(f"the vehicle does not take off: {failure} [no-take-off]{still_armed}")
 
 
 def _unless(blocked_by: BlockedBy, order: CommandFactory, tries: int | None = None) -> CommandFactory:

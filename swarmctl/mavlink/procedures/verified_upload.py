@@ -99,7 +99,7 @@ def upload_verified(
         mismatches = differences(stored.items)
         if not mismatches:
             return VerifiedUpload(None, stored.items, uploaded_s)
-        failure = f"{failure}; the read-back differs [read-back-differs]: {mismatches[0]}"
+        failure = f"{failure}; the vehicle stores other items: {mismatches[0]} [read-back-differs]"
     return VerifiedUpload(failure, uploaded_s=uploaded_s)
 
 

@@ -1,8 +1,8 @@
 """Appending items to a mission: https://mavlink.io/en/messages/common.html#MISSION_WRITE_PARTIAL_LIST
 
-ArduPilot accepts a partial list that begins at most one behind the last item and ends there too. So each item
-has an announcement of its own. Announcement and item go out together, several pairs at a time; otherwise each
-item would take a round trip.
+ArduPilot accepts a partial list only if it begins and ends at most one item after the last stored one. So each
+new item has its own announcement. Announcement and item are sent together, several pairs at a time; otherwise
+each item would take a round trip.
 
 ArduPilot accepts an item with the expected number, requested or not (GCS_Common.cpp handle_mission_item,
 MissionItemProtocol.cpp handle_mission_item). It requests an item at its next turn to send, if the item has
@@ -202,7 +202,7 @@ class Append(Conversation[AppendResult]):
         if stored == len(self._items):
             return self._end(None)
         if stored == 0 and self._n_bursts >= self.MAX_BURSTS:
-            return self._end(f"the vehicle does not support partial lists [no-append]{self._last_nack_text}")
+            return self._end(f"the vehicle does not support partial lists{self._last_nack_text} [no-append]")
         return self._burst(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
@@ -212,7 +212,7 @@ class Append(Conversation[AppendResult]):
             progress = (
                 f"{self._n_stored} of {len(self._items)} items, no further one for {self.STUCK_LIMIT_S:g} s"
             )
-            return self._end(f"{progress} [append-stuck]{self._last_nack_text}")
+            return self._end(f"{progress}{self._last_nack_text} [append-stuck]")
         self._quiet_s = min(2.0 * self._quiet_s, self.MAX_QUIET_S)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         if self.state is ConversationState.WAITING:
@@ -235,6 +235,6 @@ class Append(Conversation[AppendResult]):
         return f", last answer {self._last_nack}" if self._last_nack else ""
 
     def _end(self, why: str | None, *, is_late: bool = False, is_foreign: bool = False) -> list[Message]:
-        failure = None if why is None else f"the new route is not stored behind the old one: {why}"
+        failure = None if why is None else f"the new route is not stored after the old one: {why}"
         self._finish(AppendResult(failure, self._round_trip_s, is_late, is_foreign))
         return []

@@ -1,8 +1,8 @@
 """Mission upload: https://mavlink.io/en/services/mission.html#uploading_mission
 
 The ground station repeats the announcement until the vehicle requests the first item. With one item for each
-request, every item would take a round trip. So the items behind the requested one go along, except the last:
-it goes out on request only, and until then the vehicle cannot have the whole mission.
+request, every item would take a round trip. So the following items are sent with the requested one. The last
+item is sent on request only; until then the vehicle cannot have the whole mission.
 
 ArduPilot (MissionItemProtocol.cpp handle_mission_item) and PX4 (mavlink_mission.cpp handle_mission_item_both)
 accept an item with the expected number, requested or not. ArduPilot refuses another one by INVALID_SEQUENCE,
@@ -193,7 +193,7 @@ class Upload(Conversation[UploadResult]):
         """Return the requested item and the next ones in the window, except those already under way."""
         if self._is_overdue(seq, now):
             self._is_lossy = self._is_lossy or seq in self._sent_s
-            self._next_to_send = seq  # the items sent behind it were not accepted
+            self._next_to_send = seq  # the items sent after it were not accepted
             self._requested.clear()
         self._requested.add(seq)
         self._last_requested = seq

@@ -18,7 +18,9 @@ def check(facts: PreflightFacts) -> Finding:
     if duration_s is None:
         return Finding(False, *without_route(facts, "a route and the way back"))
     needs = 100.0 * duration_s / facts.endurance_s + facts.reserve_percent
-    wanted = f"{needs:.0f} %: {duration_s:.0f} s there and back, {facts.reserve_percent:g} % in reserve"
+    wanted = (
+        f"{needs:.0f} % ({duration_s:.0f} s to the goal and back, and {facts.reserve_percent:g} % reserve)"
+    )
     percent = facts.state.battery_percent
     if percent is not None and not facts.status_age_s <= MAX_AGE_S:
         found = f"{percent} %, reported {facts.status_age_s:.0f} s ago"

@@ -1,4 +1,4 @@
-"""Replacing the mission of a flying vehicle: atomic, appended behind the old route, or in hold.
+"""Replacing the mission of a flying vehicle: atomic, appended after the old route, or in hold.
 
 Begin with `choice`.
 """

@@ -1,4 +1,4 @@
-"""Append swap: the new route goes behind the old one, for a vehicle that follows every item as it is written.
+"""Append swap: the new route goes after the old one, for a vehicle that follows every item as it is written.
 
 No item of the old route changes until the new route is stored and read back. One command then makes its first
 item current. An ArduCopter brakes and speeds up again; other vehicles turn without braking. If the link ends
@@ -36,7 +36,7 @@ MOMENT_S = 10.0
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Write the new route behind the old one, read it back and make it current; otherwise `swap_in_hold`.
+    """Write the new route after the old one, read it back and make it current; otherwise `swap_in_hold`.
 
     Raises NotInControl.
     """
@@ -88,14 +88,14 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 def _read_back(
     ctx: Context, count: int, tail: tuple[MissionItem, ...], appended: AppendResult
 ) -> Procedure[tuple[tuple[MissionItem, ...], str | None]]:
-    """Return the items stored behind the first `count`, and the failure if they differ from `tail`."""
+    """Return the items stored after the first `count`, and the failure if they differ from `tail`."""
     if appended.failure and not appended.is_late:
         return (), appended.failure
     read = yield from read_back(ctx, count)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return (), read.text
     mismatches = () if appended.is_late else ctx.dialect.differences(tail, read.items, count)
-    return read.items, f"read back behind the old route: {mismatches[0]}" if mismatches else None
+    return read.items, f"read back after the old route: {mismatches[0]}" if mismatches else None
 
 
 def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:

@@ -5,7 +5,7 @@ The vehicle never flies a mixture of two plans, whatever messages are lost. The 
 | swap | condition | meanwhile the vehicle |
 |---|---|---|
 | `swap_atomic` | the autopilot exchanges whole missions | flies on |
-| `swap_append` | it follows each item as written | flies on; the new route goes behind the old one |
+| `swap_append` | it follows each item as written | flies on; the new route goes after the old one |
 | `swap_in_hold` | appending is impossible or failed | holds |
 """
 

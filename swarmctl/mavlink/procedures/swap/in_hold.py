@@ -34,7 +34,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
     failure = yield from enter_hold(ctx, plan)
     if failure:
         yield from confirm_state(ctx, in_modes({mission}, armed=True))
-        return Swapped(f"the vehicle does not hold [no-hold]: {failure}", "old" if old.items else "unknown")
+        return Swapped(f"the vehicle does not hold: {failure} [no-hold]", "old" if old.items else "unknown")
     first, until_s = ctx.dialect.first_waypoint_seq, ctx.state.time_boot_s + HOLD_LIMIT_S
 
     def is_over() -> bool:

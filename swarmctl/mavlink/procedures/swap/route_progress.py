@@ -1,7 +1,7 @@
 """Route progress: position of a flying vehicle on its new route, and the item that lies ahead. Pure.
 
-A new route begins with the part that it has in common with the flown one. The vehicle flies on until the new
-route is current, so its first items may lie behind by then. The vehicle never flies back to such an item.
+A new route begins with the part that it shares with the flown route. The vehicle flies on until the new route
+is current, and may pass the first new items in this time. The vehicle never flies back to a passed item.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ def end_in_hold(ctx: Context, plan: SwapPlan, failure: str) -> Procedure[Swapped
     """Have the vehicle hold as the last resort. Raises NotInControl if it does not."""
     no_hold = yield from enter_hold(ctx, plan)
     if no_hold:
-        raise NotInControl(f"{failure}; the vehicle does not hold either [no-hold]: {no_hold}")
+        raise NotInControl(f"{failure}; the vehicle does not hold either: {no_hold} [no-hold]")
     return Swapped(failure, "hold")
 
 
