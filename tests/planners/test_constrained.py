@@ -55,7 +55,7 @@ def test_when_the_budget_is_spent_the_best_so_far_comes_with_what_is_proved(
     assert found.length_cells <= bound + 1e-9
 
 
-@pytest.mark.parametrize("shape", [(4, 4), (3, 5)])
+@pytest.mark.parametrize("shape", [(3, 5), *full_only(((4, 4),))])
 @pytest.mark.parametrize("seed", [0, 1, *full_only(*range(2, 10))])
 def test_from_corner_to_corner_of_a_larger_map(shape: tuple[int, int], seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -134,8 +134,11 @@ def test_every_planner_finds_the_same(search: Callable[[Problem], Route | Front]
     assert content(small) == content(large)
 
 
-def test_a_small_area_is_planned_without_a_compiler() -> None:
-    program = """
+FOREIGN = ("pymavlink", "zenoh", "mavsdk", "pydantic", "matplotlib", "typer", "rich", "mcap", "serial")
+
+
+def test_planning_of_a_small_area_loads_no_compiler_and_nothing_for_vehicles_or_people() -> None:
+    program = f"""
 import sys
 import numpy as np
 from swarmctl.planners import PLANNERS, Problem, cost_to_go, pareto_front, plan, window
@@ -144,7 +147,7 @@ problem = Problem(area, (25, 0), ((25, 49),), 0.5, 0.1, max_length_cells=60.0)
 found = [plan(problem, name) for name in PLANNERS] + [window.plan(problem, window.Params())]
 cost_to_go(area, [(25, 49)], 0.5, 0.1).cells_from((0, 0))
 pareto_front(problem)
-print(len(found), [name for name in ("numba", "llvmlite") if name in sys.modules])
+print(len(found), [name for name in ("numba", "llvmlite", *{FOREIGN}) if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == f"{len(PLANNERS) + 1} []\n"
