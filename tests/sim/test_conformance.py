@@ -155,7 +155,7 @@ def test_an_unknown_autopilot_is_checked_against_the_specification_only() -> Non
         return [message]
 
     wire = BentWire(fleet("px4", ready_s=0.0), alter)
-    report = conform(wire, *GROUND, "mission", "telemetry", "robustness")
+    report = conform(wire, *GROUND, "mission", "telemetry")
     assert describe_failures(report) == ""
     habits = {
         "mission.trouble.abandoned_upload",

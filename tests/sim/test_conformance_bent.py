@@ -211,6 +211,7 @@ def test_a_download_without_an_end_is_noticed() -> None:
     assert outcomes(LateWire("LOG_REQUEST_END"), ENDED) == {ENDED: Outcome.FAILED}
 
 
+@pytest.mark.full
 def test_a_download_without_a_start_is_noticed() -> None:
     assert outcomes(LateWire("LOG_REQUEST_DATA"), ENDED) == {ENDED: Outcome.FAILED}
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, item, scenario, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, WITHOUT_LOG, Station, item, scenario, takeoff, waypoint
 
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
@@ -30,7 +30,8 @@ def reposition(station: Station, north_m: float, height_m: float) -> int:
 
 def plane(params: dict[str, float] | None = None, personality: str = "ardupilot") -> Station:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    vehicle |= {"params": params or {}, "personality": personality}
+    quick = WITHOUT_LOG if personality == "ardupilot" else {}
+    vehicle |= {"params": quick | (params or {}), "personality": personality}
     return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0))
 
 

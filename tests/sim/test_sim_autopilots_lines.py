@@ -3,6 +3,7 @@
 `autopilot_lines` has the lines and the mark by which a test names its line.
 """
 
+from functools import cache
 from pathlib import Path
 
 from autopilot_lines import LINES, marked
@@ -19,6 +20,7 @@ NOT_PINNED = (
 )
 
 
+@cache
 def all_marked() -> list[tuple[str, str, str]]:
     return [found for path in sorted(Path(__file__).parent.glob("test_*.py")) for found in marked(path)]
 

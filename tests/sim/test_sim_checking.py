@@ -119,7 +119,7 @@ def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str)
             if message.get_type() == "MISSION_ITEM_REACHED":
                 reached.append(message.seq)
 
-    scenario = parse_scenario(HOME + text + "checks: [mission_complete]\nuntil_s: 120", "test.yaml")
+    scenario = parse_scenario(HOME + text + "checks: [mission_complete]\nuntil_s: 80", "test.yaml")
     run = Run(scenario, on_frame=heard)
     while run.step() and not run.station.contacts[0].progress.done:
         pass
@@ -131,7 +131,7 @@ def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str)
 def test_an_endless_mission_is_never_complete(personality: str) -> None:
     endless = LAPS.replace("times: 2", "times: -1")
     text = f"vehicles: [{{personality: {personality}, {endless}}}]\nscript: [fly_mission]\n"
-    assert verdicts(flown(text + "checks: [mission_complete]\nuntil_s: 80")) == {"mission_complete": False}
+    assert verdicts(flown(text + "checks: [mission_complete]\nuntil_s: 60")) == {"mission_complete": False}
 
 
 @pytest.mark.parametrize("script", ["[upload_mission]", "[upload_mission, {takeoff: 10}, {at_s: 15, rtl: }]"])
@@ -161,7 +161,7 @@ RETURN = "item: {command: NAV_RETURN_TO_LAUNCH, frame: 2}"
 )
 def test_a_mission_is_complete_with_any_last_item(personality: str, end: str) -> None:
     text = f"vehicles: [{{personality: {personality}, mission: [takeoff: 6, {at(6, 15)}, {end}]}}]\n"
-    verdict = flown(text + "script: [fly_mission]\nchecks: [mission_complete]\nuntil_s: 90")
+    verdict = flown(text + "script: [fly_mission]\nchecks: [mission_complete]\nuntil_s: 65")
     assert verdicts(verdict) == {"mission_complete": True}
 
 

@@ -2,7 +2,19 @@
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+from station import (
+    ALT_M,
+    LAT_DEG,
+    LON_DEG,
+    WITHOUT_LOG,
+    Station,
+    home_item,
+    item,
+    land,
+    scenario,
+    takeoff,
+    waypoint,
+)
 
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
@@ -15,7 +27,7 @@ MANUAL, CIRCLE, FBWA, FBWB, PLANE_AUTO, PLANE_LOITER, PLANE_TAKEOFF, PLANE_GUIDE
 
 def station(kind: str = "copter", *, ready_s: float = 0.0, **params: float) -> Station:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": kind}
-    return Station(Fleet(scenario(vehicles=[vehicle | {"params": params}]), ready_s=ready_s))
+    return Station(Fleet(scenario(vehicles=[vehicle | {"params": WITHOUT_LOG | params}]), ready_s=ready_s))
 
 
 def inject(there: Station, fault: str) -> None:

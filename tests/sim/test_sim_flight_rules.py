@@ -11,6 +11,7 @@ from station import (
     ALT_M,
     LAT_DEG,
     LON_DEG,
+    WITHOUT_LOG,
     Station,
     home_item,
     item,
@@ -31,7 +32,7 @@ RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 def plane(**params: float) -> Station:
     spec = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": params}]), ready_s=0.0))
+    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": WITHOUT_LOG | params}]), ready_s=0.0))
 
 
 def airborne_plane(height_m: float = 100.0, **params: float) -> Station:

@@ -95,7 +95,15 @@ def endless(name: str) -> list[tuple[int, int, float, float]]:
     return [*home, (3, 22, 0.0, 0.0), *speed, *jumps, (3, 16, 0.0, 0.0)]
 
 
-@pytest.mark.parametrize(("name", "craft"), CRAFT)
+@pytest.mark.parametrize(
+    ("name", "craft"),
+    [
+        pytest.param("ardupilot", "copter", marks=pytest.mark.full),
+        ("ardupilot", "plane"),
+        ("px4", "copter"),
+        pytest.param("px4", "plane", marks=pytest.mark.full),
+    ],
+)
 def test_a_mission_of_instant_commands_takes_time(name: str, craft: str) -> None:
     bench = Bench(name, craft)
     bench.fly()

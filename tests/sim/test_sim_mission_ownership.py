@@ -9,6 +9,7 @@ from station import (
     ALT_M,
     LAT_DEG,
     LON_DEG,
+    WITHOUT_LOG,
     Station,
     home_item,
     item,
@@ -32,6 +33,7 @@ def north_m(station: Station) -> float:
 
 def plane() -> Station:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
+    vehicle["params"] = WITHOUT_LOG
     return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
 
 

@@ -74,9 +74,9 @@ def test_the_narrowest_turn_is_that_of_the_bank_limit() -> None:
     body = bodies.plane(world)
     body.limit(bank_limit_deg=30.0)
     body.loiter(0, 0, UP_M, 5.0)  # narrower than it can fly
-    bodies.wait(world, 30.0)
+    bodies.wait(world, 20.0)
     places = []
-    bodies.wait(world, 30.0, lambda: places.append(body.position_m[:2]))
+    bodies.wait(world, 15.0, lambda: places.append(body.position_m[:2]))
     wide_m = 15.0**2 / (GRAVITY_M_S2 * math.tan(math.radians(30.0)))
     steps = np.diff(np.array(places), axis=0)
     headings = np.unwrap(np.arctan2(steps[:, 0], steps[:, 1]))
@@ -134,9 +134,9 @@ def test_a_headwind_above_its_airspeed_blows_it_back() -> None:
 def test_its_circle_over_the_ground_stays_round_in_wind() -> None:
     world = bodies.world(planes=True, wind=WindSettings(6.0, 300.0))
     body = bodies.plane(world)
-    bodies.wait(world, 60.0)
+    bodies.wait(world, 40.0)
     off_m = []
-    bodies.wait(world, 60.0, lambda: off_m.append(from_centre_m(body) - 60))
+    bodies.wait(world, 40.0, lambda: off_m.append(from_centre_m(body) - 60))
     assert max(map(abs, off_m)) < 5.0
 
 
@@ -260,7 +260,7 @@ def test_stop_circles_here() -> None:
     world = bodies.world(planes=True)
     body = bodies.plane(world)
     body.fly_to(0, 2000, UP_M)
-    bodies.wait(world, 40.0)
+    bodies.wait(world, 20.0)
     here_m = body.position_m[:2]
     body.stop()
     bodies.wait(world, 40.0)

@@ -5,7 +5,19 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+from station import (
+    ALT_M,
+    LAT_DEG,
+    LON_DEG,
+    WITHOUT_LOG,
+    Station,
+    home_item,
+    item,
+    land,
+    scenario,
+    takeoff,
+    waypoint,
+)
 
 from sim_vehicle.fleet import Fleet
 
@@ -16,7 +28,7 @@ METRES_A_DEGREE = 111_195.0
 
 def plane(**params: float) -> Station:
     spec = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": params}]), ready_s=0.0))
+    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": WITHOUT_LOG | params}]), ready_s=0.0))
 
 
 def place(station: Station) -> tuple[float, float]:
@@ -103,7 +115,9 @@ def test_a_circle_is_left_at_its_altitude_and_toward_the_next_place(way: float) 
     assert heading_deg == pytest.approx(90, abs=15)
 
 
-@pytest.mark.parametrize(("radius_m", "nearest_m"), [(10.0, 10.0), pytest.param(120.0, 120.0, marks=pytest.mark.full), (0.0, 90.0)])
+@pytest.mark.parametrize(
+    ("radius_m", "nearest_m"), [(10.0, 10.0), pytest.param(120.0, 120.0, marks=pytest.mark.full), (0.0, 90.0)]
+)
 def test_a_waypoint_sets_its_acceptance_radius(radius_m: float, nearest_m: float) -> None:
     station = plane()  # WP_RADIUS is 90 m as it comes
     told = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)

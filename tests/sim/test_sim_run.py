@@ -138,7 +138,7 @@ def test_a_passed_run_exits_with_0_and_leaves_its_files(hop: Path, tmp_path: Pat
 
 
 def test_a_failed_run_exits_with_1_and_its_command_repeats_it(hop: Path, tmp_path: Path) -> None:
-    hop.write_text(HOP.replace("max_height_m: 12", "max_height_m: 5"))
+    hop.write_text(HOVER.replace("max_height_m: 12", "max_height_m: 5"))
     first = invoke(hop, "--out", tmp_path / "first", "--seed", 77)
     assert first.exit_code == 1
     assert "vehicle 1: max_height_m 5: failed, found 5." in first.output

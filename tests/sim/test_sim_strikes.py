@@ -93,6 +93,7 @@ def test_the_strike_count_is_sent_at_1_hz_with_streams() -> None:
     assert (last.name, last.value) == ("strikes", 3)
 
 
+@pytest.mark.full
 def test_over_many_flights_the_number_of_strikes_is_the_sum_of_exposure() -> None:
     # sum of P_s over the cells entered: 0.3 + 0.6 + 0.3 for a straight crossing of the hostile's cell
     vehicles = [scenario().vehicles[0].model_copy(update={"sysid": i + 1}).model_dump() for i in range(200)]

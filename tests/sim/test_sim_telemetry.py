@@ -153,11 +153,11 @@ def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
             params = (command[1], command[2], 0, 0, 0, 0, command[3])
             send(mavlink.MAVLink_command_long_message(sysid, 0, command[0], 0, *params), 1.5)
     target = (460_500_000, 145_061_000, 15)
-    for i in range(round(20 / step_s)):
+    for i in range(round(8 / step_s)):
         out.extend(fleet.step(1.5 + i * step_s))
-    send(mavlink.MAVLink_command_int_message(0, 0, 6, 192, 0, 0, -1, 1, 0, 0, *target), 22.0)
-    for i in range(round(40 / step_s) + 1):
-        out.extend(fleet.step(22.0 + i * step_s))
+    send(mavlink.MAVLink_command_int_message(0, 0, 6, 192, 0, 0, -1, 1, 0, 0, *target), 10.0)
+    for i in range(round(15 / step_s) + 1):
+        out.extend(fleet.step(10.0 + i * step_s))
     return out
 
 
