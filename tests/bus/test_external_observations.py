@@ -413,7 +413,7 @@ def test_a_report_under_a_wildcard_is_refused(key: str, comes_in: bool) -> None:
             payload.put(KEY, said(cells=ONE))
             await vehicle.until(lambda: len(vehicle.posted) == 2)
             assert vehicle.posted == [(SEEN, ""), (SEEN, "")]
-            assert vehicle.receiver.counts == ReportCounts(2, {"wrong key": 2} if comes_in else {})
+            assert vehicle.receiver.counts == ReportCounts(2, {RejectReason.KEY: 2} if comes_in else {})
             assert [key in text for text in vehicle.said] == [True] * comes_in
 
     asyncio.run(scene())
@@ -451,7 +451,7 @@ def test_reports_above_the_rate_limit_are_refused() -> None:
         assert [(await answered(bus, said(cells=ONE))).taken for _ in range(BURST + 1)] == [True] * BURST + [
             False
         ]
-        assert vehicle.receiver.counts == ReportCounts(2 * BURST + 1, {"too fast": 3})
+        assert vehicle.receiver.counts == ReportCounts(2 * BURST + 1, {RejectReason.TOO_FAST: 3})
 
     run_virtual(scene())
 
@@ -462,7 +462,9 @@ def test_invalid_reports_use_up_the_rate_limit() -> None:
         vehicle = Vehicle(bus)
         for _ in range(BURST + 10):
             await answered(bus, b"nonsense")
-        assert vehicle.receiver.counts == ReportCounts(0, {"malformed": BURST, "too fast": 10})
+        assert vehicle.receiver.counts == ReportCounts(
+            0, {RejectReason.MALFORMED: BURST, RejectReason.TOO_FAST: 10}
+        )
 
     run_virtual(scene())
 
