@@ -312,6 +312,7 @@ def test_a_serial_line_carries_the_fleet() -> None:
 # -- several at once, and nonsense -------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_one_fleet_is_served_at_several_urls() -> None:
     udp, udp_port = udp_socket()
     port = free_tcp_port()

@@ -10,7 +10,7 @@ from mavsdk.plugins.action import OrbitYawBehavior, RelayCommand
 from mavsdk.plugins.telemetry import FixType, FlightMode, LandedState, Odometry
 from mavsdk_peer import MavsdkPeer, StreamedValues, Vehicle, connected, refusal, side_by_side
 
-pytestmark = pytest.mark.interop
+pytestmark = [pytest.mark.interop, pytest.mark.full]
 SPEEDUP = 5.0
 LAT_DEG, LON_DEG, ALT_M, HEADING_DEG = 47.397742, 8.545594, 488.0, 30.0
 EPOCH_2020_US = 1_577_836_800_000_000
@@ -52,7 +52,6 @@ def first(vehicle: Vehicle, what: str) -> Any:
 # -- telemetry -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.full
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
 @pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
 @side_by_side
@@ -118,7 +117,6 @@ def test_telemetry_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str
     assert origin.altitude_m == pytest.approx(ALT_M, abs=1.5)
 
 
-@pytest.mark.full
 def test_streams_of_px4_only(peer: MavsdkPeer) -> None:
     vehicle = peer.take("px4")
     telemetry = vehicle.telemetry
@@ -198,7 +196,6 @@ def test_parameters_of_both_types(peer: MavsdkPeer, personality: str) -> None:
     assert ints["MAV_SYS_ID" if vehicle.px4 else "SYSID_THISMAV"] == number
 
 
-@pytest.mark.full
 @pytest.mark.autopilots("1.16")
 def test_unanswered_requests_time_out(peer: MavsdkPeer) -> None:
     """MAVSDK waits three seconds for each; they run in parallel."""
@@ -232,7 +229,6 @@ def test_unanswered_requests_time_out(peer: MavsdkPeer) -> None:
 # -- actions that are refused ----------------------------------------------------------------------------
 
 
-@pytest.mark.full
 @pytest.mark.autopilots("MAVSDK 5 takeoff")
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @side_by_side
@@ -271,7 +267,6 @@ def test_refusals_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str)
     assert not vehicle.telemetry.armed()
 
 
-@pytest.mark.full
 @pytest.mark.autopilots("1.3", "1.18")
 @side_by_side
 def test_early_arming_is_refused_with_a_reason_and_a_reboot_restarts_the_boot(

@@ -64,6 +64,7 @@ def test_a_closed_standard_output_does_not_end_the_fleet() -> None:
         Ground(udp).systems(1)
 
 
+@pytest.mark.full
 def test_a_ground_station_hears_a_mixed_fleet() -> None:
     udp, port = udp_socket()
     url = f"udpout:127.0.0.1:{port}"

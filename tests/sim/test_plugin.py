@@ -72,9 +72,18 @@ def test_a_failing_test_prints_its_seed_and_a_repeating_command(project: Path) -
     assert again.stdout.count("repeat with:") == 1
     noise = [re.search(r"noise (\w+)", output).group(1) for output in (first.stdout, again.stdout)]  # type: ignore[union-attr]
     assert noise[0] == noise[1]
-    other = run([sys.executable, *words[1:-1], "12345"], project)
-    assert "seed 12345, 1 vehicle" in other.stdout
-    assert re.search(r"noise (\w+)", other.stdout).group(1) != noise[0]  # type: ignore[union-attr]
+
+
+@pytest.mark.full
+@pytest.mark.interop
+def test_another_seed_flies_otherwise(project: Path) -> None:
+    outputs = [
+        run_pytest(project, "-p", MODULE, "-k", "hovers", "--sim-seed", seed).stdout
+        for seed in ("12345", "12346")
+    ]
+    assert "seed 12345, 1 vehicle" in outputs[0]
+    noise = [re.search(r"noise (\w+)", output).group(1) for output in outputs]  # type: ignore[union-attr]
+    assert noise[0] != noise[1]
 
 
 @pytest.mark.full
@@ -105,6 +114,7 @@ def test_the_repeating_command_works_from_the_folder_of_pytest(project: Path) ->
     assert "1 failed" in again.stdout
 
 
+@pytest.mark.full
 @pytest.mark.interop
 def test_warnings_of_a_served_fleet_are_in_the_report_of_a_failing_test(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
