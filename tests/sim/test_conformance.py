@@ -449,6 +449,7 @@ def test_a_vehicle_is_landed_and_restored_after_an_outage(up_m: float, lasts_s: 
     assert parameters.read(vehicle, "BATT_CAPACITY").value == capacity
 
 
+@pytest.mark.full
 def test_the_report_lists_unrestored_changes_of_a_lost_vehicle() -> None:
     report = conform(OutageWire(fleet(ready_s=0.0), up_m=10.0, lasts_s=math.inf), "flight.hold")
     assert any("[vehicle-lost]" in note and "BATT_CAPACITY, mission" in note for note in report.notes)

@@ -37,7 +37,7 @@ def test_mavproxy_sets_up_and_flies_an_ardupilot_copter(tmp_path: Path) -> None:
     port = free_tcp_port()
     (tmp_path / "plan.txt").write_text(PLAN)
     (tmp_path / "fence.txt").write_text(FENCE)
-    with simulator("--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}", *BRISK) as process:
+    with simulator("--speedup", "10", "--url", f"tcpin:127.0.0.1:{port}", *BRISK) as process:
         assert line(process)
         with mavproxy(f"tcp:127.0.0.1:{port}", tmp_path) as proxy:
             proxy.expect(r"online system 1")

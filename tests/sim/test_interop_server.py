@@ -178,6 +178,7 @@ def test_manual_time_stands_still_between_steps() -> None:
         assert process.wait(timeout=LIMIT_S) == 0
 
 
+@pytest.mark.full
 def test_stepping_reads_a_file_and_ends_with_it(tmp_path: Path) -> None:
     udp, port = udp_socket()
     script = tmp_path / "steps"

@@ -222,7 +222,11 @@ def test_a_plane_without_a_return_point_goes_home_at_the_altitude_asked_for() ->
 
 @pytest.mark.parametrize(
     ("start_m", "altitude_m", "end_m"),
-    [(160, 100, 100), pytest.param(50, 100, 100, marks=pytest.mark.full), (160, -1, 160)],
+    [
+        (160, 100, 100),
+        pytest.param(50, 100, 100, marks=pytest.mark.full),
+        pytest.param(160, -1, 160, marks=pytest.mark.full),
+    ],
 )
 def test_a_plane_returns_at_its_altitude_from_above_and_below(
     start_m: float, altitude_m: float, end_m: float

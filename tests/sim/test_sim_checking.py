@@ -149,10 +149,10 @@ RETURN = "item: {command: NAV_RETURN_TO_LAUNCH, frame: 2}"
 @pytest.mark.parametrize(
     ("personality", "end"),
     [
-        ("ardupilot", "rtl"),
         ("px4", "land"),
         ("ardupilot", "delay_s: 1"),
         ("px4", RETURN),
+        pytest.param("ardupilot", "rtl", marks=pytest.mark.full),
         pytest.param("px4", "rtl", marks=pytest.mark.full),
         pytest.param("ardupilot", "land", marks=pytest.mark.full),
         pytest.param("px4", "delay_s: 1", marks=pytest.mark.full),
@@ -193,7 +193,11 @@ def test_a_duplicate_frame_counts_one_round() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "personality", "mode"),
-    [("copter", "ardupilot", "LOITER"), ("copter", "px4", "Return"), ("plane", "ardupilot", "RTL")],
+    [
+        pytest.param("copter", "ardupilot", "LOITER", marks=pytest.mark.full),
+        ("copter", "px4", "Return"),
+        ("plane", "ardupilot", "RTL"),
+    ],
 )
 def test_modes_are_set_by_the_numbers_of_each_autopilot(kind: str, personality: str, mode: str) -> None:
     vehicle = f"{{personality: {personality}, type: {kind}}}"

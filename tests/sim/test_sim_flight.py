@@ -368,7 +368,7 @@ def test_home_moves_with_every_arming() -> None:
 
 
 def test_the_battery_runs_down_faster_in_the_air_and_an_empty_one_brings_it_down() -> None:
-    vehicle = scenario().vehicles[0].model_copy(update={"params": {"BATT_CAPACITY": 500.0}})
+    vehicle = scenario().vehicles[0].model_copy(update={"params": {"BATT_CAPACITY": 250.0}})
     station = Station(Fleet(scenario().model_copy(update={"vehicles": [vehicle]}), ready_s=0))
     full_v = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery
     station.wait(10)

@@ -17,7 +17,7 @@ PLANS = st.lists(
 RADIUS_M, SPEED_M_S, ACCELERATION_M_S2 = 2.0, 10.0, 2.5
 
 
-@settings(max_examples=examples(12, least=3), derandomize=True, deadline=None)
+@settings(max_examples=examples(12, least=2), derandomize=True, deadline=None)
 @given(PLANS)
 def test_every_plan_is_flown_to_its_end_within_the_limits(plan: Plan) -> None:
     station = Station()

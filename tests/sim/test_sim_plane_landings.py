@@ -135,7 +135,8 @@ def landed_by_its_mission() -> Station:
     return station
 
 
-@pytest.mark.parametrize("mode", [AUTO, pytest.param(GUIDED, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("mode", [AUTO, GUIDED])
 def test_after_a_landing_by_its_mission_it_does_not_arm_in_that_landing(mode: int) -> None:
     station = landed_by_its_mission()
     assert current(station) == 6, "the landing stays the one that is flown"
@@ -148,6 +149,8 @@ def test_after_a_landing_by_its_mission_it_does_not_arm_in_that_landing(mode: in
 
 def test_a_landed_mission_restarts_after_a_pilots_mode() -> None:
     station = landed_by_its_mission()
+    assert station.arm() == mavlink.MAV_RESULT_FAILED
+    assert "Arm: In landing sequence" in station.texts()
     station.set_mode(0)
     assert "In landing sequence: mission reset" in station.texts()
     assert current(station) == 0
