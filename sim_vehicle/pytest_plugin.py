@@ -31,7 +31,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default=None,
         metavar="N",
         help="seed of the simulated vehicles; if not given, one from the name of each test and of its file, "
-        "whatever folder that is in",
+        "the same in every folder",
     )
 
 

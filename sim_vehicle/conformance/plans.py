@@ -167,7 +167,7 @@ def upload(
     as_float: bool = False,
     source: tuple[int, int] = STATION,
 ) -> UploadResult:
-    """Announce and send a plan; return the acknowledgement, whatever its result."""
+    """Announce and send a plan; return the acknowledgement with any result."""
     began_s, requests = vehicle.now, list[tuple[str, int]]()
     mark = vehicle.mark()
     vehicle.send(count_message(vehicle, len(items), kind), source)

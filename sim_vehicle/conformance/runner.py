@@ -235,7 +235,7 @@ def _run_check(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
     except Skip as reason:
         outcome, seen = Outcome.SKIPPED, str(reason)
         _pass_on_interrupt(reason)
-    except Exception as error:  # noqa: BLE001 (whatever a strange vehicle breaks here, the rest has to run)
+    except Exception as error:  # noqa: BLE001 (an error that a strange vehicle causes must not stop the other checks)
         outcome, seen = Outcome.FAILED, f"the check raised {error!r}"
         _pass_on_interrupt(error)
     finally:

@@ -143,6 +143,6 @@ class FlightParameters:
     # (distance from home, height above it) [m] -> return height [m]; None: return_height_m.
     return_height_at: Callable[[float, float], float] | None = None
     return_under_fence: bool = False  # limited by the fence's maximum altitude
-    # distance beyond a limit at which the vehicle lands, whatever the action
+    # distance beyond a limit at which the vehicle lands, for every fence action
     fence_give_up_m: float = math.inf
     logs: LogWhen = LogWhen.ARMED

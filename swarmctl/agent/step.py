@@ -281,7 +281,7 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
 
 
 def _as_decided(state: AgentState) -> AgentState:
-    """Clear the trouble of a failed mission change: the vehicle flies what it has to fly."""
+    """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
     return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
 
 

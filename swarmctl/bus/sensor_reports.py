@@ -122,7 +122,7 @@ def encode(content: Report | ReportAnswer) -> bytes:
 
 
 def decode_answer(data: bytes) -> ReportAnswer:
-    """Return the answer to a report. Raises ValueError, and no other exception, whatever the bytes."""
+    """Return the answer to a report. Raises ValueError, and no other exception, for malformed bytes."""
     try:
         return _answer_decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -134,7 +134,7 @@ def decode_report(
 ) -> tuple[ReportedCells, str]:
     """Return the cells of a report, and its source.
 
-    Raises RejectedReport, and no other exception, whatever the bytes.
+    Raises RejectedReport, and no other exception, for malformed bytes.
     """
     if len(data) > MAX_BYTES:
         raise RejectedReport(

@@ -75,7 +75,7 @@ def ended_by_operator(report: Report) -> list[str]:
     """Return the names of the vehicles that ended their flight by following an operator's order.
 
     A stopped run has no such vehicles: there the process itself gives the order. A vehicle that was given up,
-    released or disarmed on its way has failed, whatever its order was.
+    released or disarmed on its way has failed, with any order.
     """
     if report.ended != "ended":
         return []

@@ -58,9 +58,9 @@ class ReturnQueue:
         return now_s - self._free[1] >= SLOT_S * len(before)
 
     def may_land(self, place: VehiclePosition, now_s: float) -> bool:
-        """Return whether no airborne vehicle is below it, where it would come down.
+        """Return whether the descent from this position is free of airborne vehicles.
 
-        Of two vehicles at one height the one with the lower system id counts as the lower one.
+        At equal height the vehicle with the lower system id counts as the lower vehicle.
         """
         self._listen(now_s)
         here, apart_m = (place.lat_deg, place.lon_deg), max(MIN_HORIZONTAL_M, place.keeps_m[0])

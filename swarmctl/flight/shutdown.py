@@ -168,9 +168,9 @@ def _lands(member: Member) -> bool:
 
 
 def _under(member: Member, flying: Sequence[Member]) -> list[Member]:
-    """Return the airborne vehicles on which this one would come down.
+    """Return the airborne vehicles in the descent of this vehicle.
 
-    Of two vehicles at one height the one with the lower system id counts as the lower one.
+    At equal height the vehicle with the lower system id counts as the lower vehicle.
     """
     place = place_for_return(member.state)
     if place is None:

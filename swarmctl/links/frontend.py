@@ -168,7 +168,7 @@ class FrontEnd:
         return self._lines[endpoint].refused.get(sysid, "") if endpoint in self._lines else ""
 
     async def why_not_arm(self) -> str:
-        """Return what forbids arming now, or ""; waits until the evidence so far is on disk."""
+        """Return the reason that forbids arming now, or ""; waits until the evidence so far is on disk."""
         return "" if self._shared.evidence is None else await self._shared.evidence.settled()
 
     def trouble_on(self, endpoint: Endpoint) -> str:

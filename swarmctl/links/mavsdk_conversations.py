@@ -30,7 +30,7 @@ class MavsdkAdapter(Protocol):
         """Send a command; call `then` with the final COMMAND_ACK, if one comes."""
 
     def give_up(self, message: Message) -> None:
-        """End a command: it may not be sent any more, and its answer is not awaited."""
+        """End a command: it is not sent again, and its answer is not awaited."""
 
     def upload(
         self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]

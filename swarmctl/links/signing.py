@@ -102,7 +102,7 @@ class Signing:
         self.refused: Counter[str] = Counter()
         """number of refused frames by reason"""
         self.trouble = ""
-        """reason why the timestamps are not stored any more"""
+        """reason why the timestamps are no longer stored"""
         self._key = key
         self._store = store
         self._pool: Pool = pool or SameThreadPool()

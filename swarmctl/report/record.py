@@ -43,7 +43,7 @@ _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 
 EVENTS, EFFECTS, MESSAGES = "/events", "/effects", "/messages"
-"""Topics of what agents were told, what they decided, and what they told each other."""
+"""topics of the agents' events, of their decisions, and of the messages between them"""
 
 
 class EventRecord(msgspec.Struct, frozen=True):
@@ -79,7 +79,7 @@ class Recorder:
         self._file = path.open("wb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="", library=f"swarmctl {__version__}")
-        # The configuration is what a replay builds its agents from.
+        # A replay builds its agents from the configuration.
         config = scenario.config.model_dump_json()
         self._writer.add_metadata(
             "swarmctl", {"format": str(FORMAT), "version": __version__, "config": config}
@@ -128,7 +128,7 @@ class Recorder:
         self._show(foxglove.LOG, "foxglove.Log", entry, now)
 
     def _map(self, now: float) -> None:
-        """Write what does not change: the area and the true hostiles."""
+        """Write the area and the true hostiles, which do not change."""
         grid = self._scenario.grid
         goals = [goal for spec in self._scenario.swarm for goal in spec.goals]
         area = foxglove.area(grid, self._scenario.config.area.no_fly, goals)

@@ -89,7 +89,7 @@ class CommandVerifier:
         self._taken: set[float] = set()
 
     def verify(self, key: str, data: bytes, unix_s: float) -> bytes:
-        """Return the command. Raises BadMessage, and no other exception, whatever the bytes."""
+        """Return the command. Raises BadMessage, and no other exception, for malformed bytes."""
         signature, body = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
         if not self._verify(signature, _signed_command_bytes(self._swarm, body)):
             raise BadMessage(

@@ -192,7 +192,7 @@ def by_second_station(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.download.item_zero", pins="AUTOPILOTS 2: item 0 is home")
 def item_zero(vehicle: VehicleUnderTest) -> str:
-    """Item 0 is home on ArduPilot, whatever was sent, and an ordinary item on PX4."""
+    """Item 0 is home on ArduPilot, even if another item was sent, and an ordinary item on PX4."""
     is_home = known_behaviour(vehicle, ardupilot=True, px4=False)
     place = plans.current_position(vehicle)
     sent = plans.waypoint(place, 500, 500, 33.0)

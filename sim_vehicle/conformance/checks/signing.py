@@ -62,7 +62,7 @@ def _remove_key(vehicle: VehicleUnderTest) -> None:
         frames = vehicle.received[mark:]
         if frames and not _signed(frames):
             return
-    raise CheckFailed("expected it not to sign any more")
+    raise CheckFailed("expected unsigned frames, saw signed frames")
 
 
 @check("signing.without_a_key")

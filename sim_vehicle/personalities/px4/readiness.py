@@ -112,7 +112,7 @@ def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
 
 def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Return the reason if a position of the mission is outside the fence, whatever its action.
+    """Return the reason if a position of the mission is outside the fence, for every fence action.
 
     This check applies to fixed wings only: for multicopters the refusal was not observed.
     """

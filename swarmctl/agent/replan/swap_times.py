@@ -37,7 +37,7 @@ class SwapTimes:
         return SwapTimes((*self.took_s, took_s)[-KEPT:], (*self.stood_s, stood_s)[-KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times after a swap that missed its splice point. It counts as twice the expectation."""
+        """Return these times after a swap that missed its splice point: it counts twice the expectation."""
         return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MOST_S))[-KEPT:])
 
     @property

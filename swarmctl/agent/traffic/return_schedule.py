@@ -2,8 +2,7 @@
 
 A vehicle holds at its position and height until its start; then it climbs, flies straight home and lands
 there. The climb is a parameter of its firmware and the speed is uncertain, so the vehicle may be anywhere
-between a fast and a slow return. Vehicles that move are therefore separated over ground, whatever their
-heights.
+between a fast and a slow return. Vehicles that move are therefore separated over ground, at every height.
 
 Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the recall [s].
 """

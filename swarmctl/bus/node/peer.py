@@ -30,7 +30,7 @@ MAX_ASK_AGAIN_S = 8.0
 """after answers without anything new"""
 QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
 WINDOW = 1024
-"""a message that arrives later than so many of its sender's counts as a replay"""
+"""a message that arrives after this number of later messages of its sender counts as a replay"""
 IN_WINDOW = (1 << WINDOW) - 1
 MAX_CLOCK_S = 1.0
 """a state that is newer by less is not relayed"""
@@ -190,7 +190,7 @@ class PeerRecord(msgspec.Struct, gc=False):
             column.set_state(decoded, frame.content, row, now_s)
 
     def update_knowledge(self, state: StateShared, now_s: float) -> bool:
-        """Compare its own report of what it holds; return whether it has observed more than is held here."""
+        """Compare the peer's report of its observations; return whether some are missing here."""
         column, row = self.column, self.row
         column.own_state_s[row] = now_s
         if column.has_held(state.knows):
@@ -201,7 +201,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         return has_more
 
     def mark_ahead(self) -> None:
-        """Record that it holds observations that are missing here, whatever its last state said."""
+        """Record that the peer holds observations that are missing here, even if its last state denied it."""
         self.column.own_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
     @property

@@ -43,7 +43,7 @@ class LinkSet:
         return len(self._known)
 
     def changed(self, ends: LinkEnds, *, has_come: bool) -> bool:
-        """Record an event; return False if it repeats what is known."""
+        """Record an event; return False if it adds nothing new."""
         if not has_come:
             return self._known.pop(ends, None) is not None
         token = object()

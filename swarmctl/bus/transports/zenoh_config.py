@@ -124,7 +124,7 @@ def visitor(there: BusEndpoint, credentials: Credentials | None = None) -> Confi
 def client(router: BusEndpoint, credentials: Credentials | None = None) -> Configuration:
     """Return a client of a router that may come and go; the session opens when the router first answers."""
     values = _common("client", connect=(router,), credentials=credentials)
-    # Zenoh cannot open a client without a router, whatever exit_on_failure says.
+    # Zenoh cannot open a client without a router, even with exit_on_failure False.
     values |= {"connect/timeout_ms": OPENING_MS, "connect/exit_on_failure": True}
     return Configuration(values, connect=(router,), is_patient=True, has_others=True)
 

@@ -56,7 +56,7 @@ class ArduPlane(ArduPilot):
         flown on a return only. A command to land goes to the one nearest to the vehicle.
         """
         at_goal, at_home = plane_approaches(plan)
-        # The vehicle climbs straight on, whatever position the item has (`Plane::do_takeoff`).
+        # The vehicle climbs straight on and ignores the position of the item (`Plane::do_takeoff`).
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m, param1=CLIMB_PITCH_DEG)
         return (
             HOME,

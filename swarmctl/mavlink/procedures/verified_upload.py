@@ -41,7 +41,7 @@ def upload_mission(
 
     current: item marked as the one to fly; None: none
     flown: item that the vehicle flies now, and goes on to if none is marked
-    too_late: stops an upload that is of no use any more; called with the round-trip time [s]
+    too_late: returns whether the upload is now useless, which stops it; called with the round-trip time [s]
     is_over: stops further tries
     """
     ctx.verified_items, ctx.plan_first_seq = (), ctx.dialect.first_waypoint_seq

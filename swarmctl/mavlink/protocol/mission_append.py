@@ -1,7 +1,7 @@
 """Appending items to a mission: https://mavlink.io/en/messages/common.html#MISSION_WRITE_PARTIAL_LIST
 
-ArduPilot accepts a partial list only if it begins and ends at most one item after the last stored one. So each
-new item has its own announcement. Announcement and item are sent together, several pairs at a time; otherwise
+ArduPilot accepts a partial list that begins and ends at most one item after the last stored one. So each new
+item has its own announcement. Announcement and item are sent together, several pairs at a time; otherwise
 each item would take a round trip.
 
 ArduPilot accepts an item with the expected number, requested or not (GCS_Common.cpp handle_mission_item,
@@ -49,7 +49,7 @@ class AppendResult:
 class Append(Conversation[AppendResult]):
     """One attempt to append `items` to the `count` items that a vehicle stores.
 
-    `too_late` stops it when it is of no use any more; its argument is the round-trip time [s].
+    `too_late` returns whether the append is now useless, which stops it; its argument is the round trip [s].
     """
 
     QUIET_S = 0.5

@@ -42,7 +42,7 @@ class UploadOutcome(Enum):
     NO_ANSWER = "no answer"
     """no item was requested"""
     TOO_LATE = "too late"
-    """stopped by `too_late`, as of no use any more"""
+    """stopped by `too_late`, because the upload became useless"""
 
 
 @dataclass(frozen=True, slots=True)

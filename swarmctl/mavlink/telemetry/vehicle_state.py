@@ -322,7 +322,7 @@ class Telemetry:
         return False
 
     def _raise_strikes(self, count: int) -> None:
-        # The highest running count is right, whatever messages were lost or late.
+        # The highest running count is right, even if messages were lost or late.
         self._changes["strikes"] = max(self.state.strikes, count)
 
     def _update_readiness(self) -> None:

@@ -104,7 +104,7 @@ class CheckedChain:
 
 
 def check(lines: Iterable[bytes]) -> CheckedChain:
-    """Follow a chain to its end or to its first fault; never raises, whatever the bytes."""
+    """Follow a chain to its end or to its first fault. Malformed bytes never raise."""
     entries: list[Entry] = []
     last = GENESIS
     for line in lines:

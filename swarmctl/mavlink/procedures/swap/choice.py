@@ -1,11 +1,11 @@
 """Replace the mission of a flying vehicle as a transaction.
 
-The vehicle never flies a mixture of two plans, whatever messages are lost. The kind of swap depends on it:
+The vehicle never flies a mixture of two plans, even if messages are lost. The autopilot decides on the kind:
 
-| swap | condition | meanwhile the vehicle |
+| swap | condition | during the swap the vehicle |
 |---|---|---|
 | `swap_atomic` | the autopilot exchanges whole missions | flies on |
-| `swap_append` | it follows each item as written | flies on; the new route goes after the old one |
+| `swap_append` | the autopilot follows each item once written | flies on; the new route goes after the old one |
 | `swap_in_hold` | appending is impossible or failed | holds |
 """
 

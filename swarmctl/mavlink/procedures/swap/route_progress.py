@@ -19,7 +19,7 @@ from swarmctl.core.vehicle import VehicleState
 CORNER_S = 0.75
 """This close to a corner a command may arrive before or after it, so the command waits."""
 MAX_CROSS_TRACK_M = 12.0
-"""a vehicle farther from the new route is not on it any more"""
+"""a vehicle farther from the new route has left it"""
 SAME_PLACE_M = 1.0
 """a corner of the new route this close to the old route lies on it"""
 
