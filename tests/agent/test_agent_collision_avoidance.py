@@ -251,7 +251,7 @@ def test_a_holding_vehicle_stays_clear_of_a_silent_one() -> None:
     [(3, 134.0, 3.0, 32.9, True), (1, 134.0, 3.0, 32.9, False), (3, 146.0, 0.0, 30.0, False)],
     ids=["beside", "of a lower id", "ahead"],
 )
-def test_of_two_holding_too_close_the_lower_system_id_resumes(
+def test_the_lower_system_id_resumes_when_both_hold_too_close(
     uav: int, east_m: float, north_m: float, up_m: float, goes_on: bool
 ) -> None:
     """The route leads east, away from the one beside."""

@@ -204,7 +204,7 @@ def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAc
 def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_one(
     present_m: float | None, clashes: int
 ) -> None:
-    """Vehicle 1 stands 15 m ahead; the limit is 10 m. The new plan passes it at 6.3 m, the present one as given."""
+    """Vehicle 1 stands 15 m ahead; the limit is 10 m. The new plan passes it at 6.3 m."""
     story = Flier()
     east_m, north_m = 75.0, MID_M[1]
     story.other(1, (0.0, east_m + 15.0, north_m), (60.0, east_m + 15.0, north_m))
@@ -231,7 +231,7 @@ def test_an_old_intent_is_ignored() -> None:
 @pytest.mark.parametrize(
     ("uav", "may_change", "gives_way"), [(1, True, True), (3, True, False), (3, False, True)]
 )
-def test_of_two_plans_in_conflict_the_higher_system_id_gives_way_unless_the_other_cannot_change(
+def test_the_higher_system_id_gives_way_unless_the_plan_of_the_other_is_fixed(
     uav: int, may_change: bool, gives_way: bool
 ) -> None:
     story = Flier()

@@ -119,7 +119,7 @@ def test_an_implausible_state_is_not_waited_for(told: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("uav", "first"), [(1, True), (3, False)])
-def test_of_two_waiting_the_lower_system_id_is_first(uav: int, *, first: bool) -> None:
+def test_the_lower_system_id_returns_first_when_both_wait(uav: int, *, first: bool) -> None:
     story = Low()
     story.goes_home(uav, phase="holding")
     assert orders(story.at(23)) == [HOLD if first else RETURN]
@@ -186,7 +186,7 @@ def test_a_silent_returning_vehicle_counts_until_it_must_have_landed() -> None:
 
 
 @pytest.mark.parametrize(("uav", "then"), [(1, [HOLD]), (3, [])])
-def test_of_two_simultaneous_starts_the_higher_system_id_holds_again(
+def test_the_higher_system_id_holds_again_after_simultaneous_starts(
     uav: int, then: list[ev.FlightOrder]
 ) -> None:
     story = Low()

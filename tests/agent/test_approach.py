@@ -17,7 +17,7 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory, extrapolate
 LIMITS = Limits(20.0, 5.0)
 
 
-def test_two_that_cross_at_right_angles_at_one_height() -> None:
+def test_vehicles_that_cross_at_right_angles_at_one_height() -> None:
     east = extrapolate((-100.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
     north = extrapolate((0.0, -100.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
     at = closest(east, north, LIMITS)

@@ -111,7 +111,7 @@ standings = st.tuples(st.booleans(), st.integers(1, 254))
 
 
 @given(st.lists(standings, min_size=2, max_size=3, unique_by=lambda s: s[1]))
-def test_of_two_in_conflict_exactly_one_gives_way_and_of_three_one_has_priority(
+def test_exactly_one_vehicle_of_two_gives_way_and_one_of_three_has_priority(
     swarm: list[tuple[bool, int]],
 ) -> None:
     for one, other in permutations(swarm, 2):

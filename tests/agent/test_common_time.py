@@ -19,7 +19,7 @@ from swarmctl.agent.failsafes.not_following import STANDS_M_S
 RANK = {1: 0, 4: 1, 9: 2}
 
 
-def test_all_are_due_when_the_slowest_can_be_there() -> None:
+def test_all_vehicles_are_due_at_the_earliest_arrival_of_the_slowest() -> None:
     group, earliest_s = ArrivalGroup(RANK), {1: 60.0, 4: 95.0, 9: 80.0}
     assert [due_s(group, uav, earliest_s) for uav in RANK] == [95.0, 95.0, 95.0]
 

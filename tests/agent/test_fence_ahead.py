@@ -59,7 +59,7 @@ def test_flight_along_the_fence_is_allowed() -> None:
         assert rule(float(east_m), there(float(east_m), 195.0)) is None
 
 
-def test_above_the_ceiling_is_outside() -> None:
+def test_a_position_above_the_ceiling_is_outside() -> None:
     rule, high = Judged(fence_ahead), facts(at(0.0, 0.0, alt_rel_m=61.0), fence=FENCE)
     rule(0.0, high)
     demand = rule(0.25, high)
@@ -91,7 +91,7 @@ def test_a_position_outside_counts_only_with_the_next_one() -> None:
     assert again == demand
 
 
-def test_of_two_positions_the_weaker_demand_is_followed() -> None:
+def test_the_weaker_demand_of_two_positions_is_followed() -> None:
     rule = Judged(fence_ahead)
     rule(0.0, there(500.0, 170.0))
     assert rule(0.25, there(500.0, 175.0)) is None

@@ -54,7 +54,7 @@ def test_an_alarm_ends_with_hysteresis() -> None:
     assert step(alarms, 30.0, 16.0, 6.0) == ()
 
 
-def test_an_alarm_for_a_silent_vehicle_ends() -> None:
+def test_an_alarm_for_a_vehicle_without_telemetry_ends() -> None:
     alarms = head_on(50.0)
     own = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 1.0, 10.0)
     alarms = update_alarms(alarms, own, {}, RULES, 1.0)
@@ -63,7 +63,7 @@ def test_an_alarm_for_a_silent_vehicle_ends() -> None:
 
 
 @given(st.integers(1, 254), st.integers(1, 254))
-def test_of_two_exactly_one_gives_way(a: int, b: int) -> None:
+def test_exactly_one_vehicle_of_two_gives_way(a: int, b: int) -> None:
     assert a == b or gives_way_by_id(a, b) is not gives_way_by_id(b, a)
 
 

@@ -285,7 +285,7 @@ def test_partitions_and_silence_come_and_go() -> None:
     ("metres", "lost"),
     [(5.0, LossReason.TOO_NEAR), (50.0, None), (500.0, LossReason.TOO_FAR)],
 )
-def test_a_uav_out_of_range_is_not_heard(metres: float, lost: LossReason | None) -> None:
+def test_a_uav_out_of_range_is_not_received(metres: float, lost: LossReason | None) -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             radio = RadioSettings(min_distance_m=10.0, max_distance_m=300.0)

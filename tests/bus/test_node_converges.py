@@ -145,7 +145,7 @@ def test_a_late_joiner_gets_everything_from_its_first_peer() -> None:
     assert ether.uavs[2].node.counters.snapshots_served >= 1
 
 
-def test_a_uav_outside_of_all_ranges_keeps_asking() -> None:
+def test_a_uav_outside_all_ranges_keeps_requesting() -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1))
     for uav, lat_deg in ((1, 46.0), (2, 46.02), (3, 46.021)):  # 1 speaks to 2, and 2 and 3 to each other
         ether.uavs[uav].where = (lat_deg, 14.0)
@@ -213,14 +213,14 @@ def test_without_sync_what_is_lost_stays_lost_as_in_the_paper() -> None:
     assert ether.uavs[2].node.counters.sent.keys() == {"inform/state"}
 
 
-def test_silence_is_silence() -> None:
+def test_a_swarm_with_range_0_sends_nothing() -> None:
     ether = Ether(IDS, NodeOptions(ROWS, COLS, k=0))
     ether.uavs[1].observe((0, 0, True))
     ether.run(30.0)
     assert sum(u.node.counters.sent.total() for u in ether.uavs.values()) == 0
 
 
-def test_a_swarm_that_agrees_asks_nothing() -> None:
+def test_a_swarm_with_equal_beliefs_sends_no_requests() -> None:
     ether = Ether(IDS)
     for uav in ether.uavs.values():
         uav.observe((uav.uav, 0, True))

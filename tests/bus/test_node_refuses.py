@@ -198,7 +198,7 @@ def test_replays_do_not_use_up_the_senders_rate() -> None:
     assert ether.uavs[2].belief.looks[2, 2] == 1
 
 
-def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
+def test_a_flood_is_refused_and_later_messages_are_accepted() -> None:
     ether = Ether((1, 2, 3))
     for n in range(MOST + 100):
         ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
@@ -207,7 +207,7 @@ def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
     assert ether.uavs[2].belief.looks.sum() == 1  # a sender within its rate is heard meanwhile
 
 
-def test_questions_are_answered_in_measure() -> None:
+def test_answers_to_questions_are_limited() -> None:
     ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
     ether.uavs[2].observe((0, 0, True))
     for n in range(100):
@@ -426,7 +426,7 @@ def test_a_request_fits_into_a_message_with_any_gaps() -> None:
     assert max(len(o.data) for o in out) <= MAX_FRAME_BYTES
 
 
-def test_a_peer_with_false_claims_is_asked_ever_less() -> None:
+def test_a_peer_with_false_claims_gets_fewer_and_fewer_requests() -> None:
     ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     ether.uavs[1].tell_state = lambda: None  # type: ignore[method-assign]
     for second in range(100):

@@ -40,7 +40,7 @@ def test_a_wildcard_is_refused_and_counted() -> None:
     asyncio.run(scene())
 
 
-def test_another_process_can_ask_under_one_key_and_nothing_else() -> None:
+def test_another_process_can_only_ask_under_the_operator_key() -> None:
     async def scene() -> None:
         heard: list[str] = []
         overheard: list[str] = []

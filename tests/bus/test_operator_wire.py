@@ -165,7 +165,7 @@ def test_an_invalid_command_reaches_no_vehicle_and_is_counted_shown_and_answered
     asyncio.run(scene())
 
 
-def test_the_largest_command_that_makes_sense_is_read() -> None:
+def test_the_largest_valid_command_is_read() -> None:
     names = tuple("\N{BLACK STAR}" * 8 + f"{n:08}" for n in range(254))
     assert all(len(name.encode()) == 32 for name in names)
     assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUESTION_BYTES

@@ -284,19 +284,21 @@ def test_distance_is_symmetric(a: LatLon, b: LatLon) -> None:
         (90.0, LossReason.TOO_FAR),
     ],
 )
-def test_uavs_hear_each_other_neither_too_near_nor_too_far(lon_deg: float, found: LossReason | None) -> None:
+def test_uavs_receive_each_other_only_within_the_distance_limits(
+    lon_deg: float, found: LossReason | None
+) -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
     assert radio.can_hear((0.0, 0.0), (0.0, lon_deg)) is found
 
 
-def test_uavs_just_at_a_limit_hear_each_other() -> None:
+def test_uavs_exactly_at_a_limit_receive_each_other() -> None:
     here, there = (46.0, 14.0), (46.001, 14.002)
     apart_m = distance_m(here, there)
     for settings in (RadioSettings(min_distance_m=apart_m), RadioSettings(max_distance_m=apart_m)):
         assert Radio(settings, 1).can_hear(here, there) is None
 
 
-def test_a_uav_at_an_unknown_position_is_heard() -> None:
+def test_a_uav_at_an_unknown_position_is_received() -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
     assert radio.can_hear(None, (0.0, 0.0)) is None
     assert radio.can_hear((0.0, 0.0), None) is None

@@ -47,7 +47,7 @@ def test_a_link_that_ends_causes_no_renewal() -> None:
     assert not renewal.is_due(SOON, {"2": False}, 103.0, is_missed=False)
 
 
-def test_a_neighbour_is_asked_to_renew_after_a_renewal_in_vain() -> None:
+def test_a_neighbour_is_requested_to_renew_after_a_renewal_without_effect() -> None:
     renewal = Renewal()
     missing = {"2": False}
     renewal.is_due(SOON, missing, 100.0, is_missed=False)
@@ -64,7 +64,7 @@ def test_a_missed_node_renews() -> None:
     assert renewal.is_due(SOON, {"2": True}, 100.0 + EARLIEST_S, is_missed=True)
 
 
-def test_renewals_in_vain_become_rarer_until_the_mesh_was_whole() -> None:
+def test_renewals_without_effect_become_rarer_until_the_mesh_is_whole() -> None:
     renewal = Renewal()
     times_s = [s for s in range(1000) if renewal.is_due(SOON, {"2": True}, float(s), is_missed=True)]
     waits_s = [later - before for before, later in pairwise(times_s)]
@@ -90,7 +90,7 @@ def test_a_whole_network_causes_no_renewal(links: list[str]) -> None:
         assert not renewal.is_due(SOON, dict.fromkeys(ids, True), float(number), is_missed=False)
 
 
-def test_a_missed_neighbour_is_asked_until_there_are_routes() -> None:
+def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
     """Two nodes and what each knows the other to hear; of `2`, `1` has not been told."""
     told_1: set[str] = set()
     told_2: set[str] = set()

@@ -82,7 +82,7 @@ def test_plan_shows_three_weights_and_leaves_missions_and_a_map(tmp_path: Path) 
     assert json.loads((folder / "uav3.plan").read_text())["mission"]["items"][0]["command"] == 22
 
 
-def test_the_schema_knows_the_sections() -> None:
+def test_the_schema_has_the_sections() -> None:
     result = swarmctl("schema")
     assert result.exit_code == 0
     schema = json.loads(result.output)
@@ -163,7 +163,7 @@ def test_an_invalid_record_is_an_error(content: bytes | None, tmp_path: Path) ->
     assert "run.mcap" in result.stderr
 
 
-def test_fly_on_the_virtual_clock_tells_how_it_went(small_flight: CliFlight) -> None:
+def test_fly_on_the_virtual_clock_prints_the_results(small_flight: CliFlight) -> None:
     assert "2 of 2 arrived" in small_flight.output
     assert {p.name for p in small_flight.run.iterdir()} == {
         "summary.json", "run.mcap", "foxglove.json", "evidence.jsonl", "map.png",

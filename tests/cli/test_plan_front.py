@@ -51,7 +51,7 @@ def small(tmp_path: Path) -> Path:
     return file
 
 
-def test_the_shipped_swarm_has_a_front_out_of_the_box(tmp_path: Path) -> None:
+def test_the_shipped_swarm_has_a_front(tmp_path: Path) -> None:
     said, content, files = front_of(SHIPPED, tmp_path)
     assert files == {"front.json", "front.png"}
     assert [v["name"] for v in content["vehicles"]] == [f"uav{n}" for n in range(1, 6)]
@@ -61,9 +61,7 @@ def test_the_shipped_swarm_has_a_front_out_of_the_box(tmp_path: Path) -> None:
     assert max(map(len, table)) <= 110
 
 
-def test_the_routes_are_neighbouring_cells_that_add_up_and_beat_each_other_in_one_thing(
-    small: Path, tmp_path: Path
-) -> None:
+def test_each_route_is_connected_and_better_than_another_in_one_measure(small: Path, tmp_path: Path) -> None:
     _, content, _ = front_of(small, tmp_path / "runs")
     for vehicle in content["vehicles"]:
         routes = vehicle["routes"]
@@ -77,7 +75,7 @@ def test_the_routes_are_neighbouring_cells_that_add_up_and_beat_each_other_in_on
             assert shorter["exposure_sum"] > longer["exposure_sum"]
 
 
-def test_the_configured_route_is_marked_and_what_is_too_late_says_so(small: Path, tmp_path: Path) -> None:
+def test_the_configured_route_and_late_routes_are_marked(small: Path, tmp_path: Path) -> None:
     said, content, _ = front_of(small, tmp_path / "runs")
     n_late = 0
     for vehicle in content["vehicles"]:
@@ -132,7 +130,7 @@ def test_wrong_usage_is_an_error(words: list[str], said: str, small: Path, tmp_p
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_planner_that_minds_something_else_is_shown_beside_the_front(tmp_path: Path) -> None:
+def test_a_planner_with_another_objective_is_shown_beside_the_front(tmp_path: Path) -> None:
     file = tmp_path / "survival.yaml"
     file.write_text(SMALL.replace("constrained", "survival").replace(", arrive_within_s: 88", ""))
     said, content, _ = front_of(file, tmp_path / "runs")
@@ -169,7 +167,7 @@ def test_a_configured_route_off_the_front_has_its_chance_and_its_track(tmp_path:
     assert " 0.000" not in table
 
 
-def test_a_configured_route_off_the_front_leads_elsewhere_than_all_on_it() -> None:
+def test_a_configured_route_off_the_front_differs_from_all_routes_on_it() -> None:
     drawn = front.panel_of(off_the_front())
     assert drawn.chosen_track is not None
     assert len(drawn.chosen_track) > 3
@@ -188,7 +186,7 @@ def test_every_route_has_its_chance_shown_or_not(small: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("counting", ["entered", "integral"])
-def test_where_routes_are_pulled_straight_the_front_tells_what_is_flown(
+def test_the_front_has_the_flown_lengths_of_straightened_routes(
     counting: str, small: Path, tmp_path: Path
 ) -> None:
     file = tmp_path / "pulled.yaml"
@@ -214,7 +212,7 @@ def test_where_routes_are_pulled_straight_the_front_tells_what_is_flown(
     assert counting == "entered" or n_pulled > 0
 
 
-def test_without_front_the_planners_own_route_stands_beside_the_papers(small: Path, tmp_path: Path) -> None:
+def test_the_table_has_the_planners_route_beside_those_of_the_paper(small: Path, tmp_path: Path) -> None:
     result = swarmctl("plan", "--config", small, "--out", tmp_path / "runs")
     assert result.exit_code == 0, result.output
     rows = [line.split() for line in result.output.splitlines()]
@@ -235,7 +233,7 @@ def after_looking(rows: int, share: float) -> Scenario:
     return replace(scenario, prior=scenario.prior.merge((Observation(9, 1, 0.0, tuple(looks)),)))
 
 
-def test_of_a_long_front_the_ends_the_configured_and_the_knees_are_shown() -> None:
+def test_a_long_front_shows_its_ends_its_knees_and_the_configured_route() -> None:
     (vehicle,) = front.fronts(after_looking(40, 0.6))
     n = len(vehicle.front.routes)
     assert n > front.ROWS
@@ -256,7 +254,7 @@ def test_of_a_long_front_the_ends_the_configured_and_the_knees_are_shown() -> No
     assert off.max() < 0.05
 
 
-def test_each_route_says_for_which_w_the_papers_planner_gives_it() -> None:
+def test_each_route_lists_the_weights_that_lead_to_it() -> None:
     scenario = after_looking(20, 0.5)
     (vehicle,) = front.fronts(scenario)
     paper = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
@@ -273,7 +271,7 @@ def test_each_route_says_for_which_w_the_papers_planner_gives_it() -> None:
         )
 
 
-def test_the_configured_route_is_shown_where_nothing_bends() -> None:
+def test_a_configured_route_between_the_knees_is_shown() -> None:
     scenario = after_looking(60, 0.6)
     (vehicle,) = front.fronts(scenario)
     paper = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
@@ -312,7 +310,7 @@ def test_the_weights_of_neighbouring_routes_meet(weights: list[float], said: lis
 
 @settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(st.lists(st.floats(1e-6, 1.0 - 1e-6), max_size=6, unique_by=lambda w: round(w, 7)))
-def test_no_two_weights_are_written_alike(weights: list[float]) -> None:
+def test_different_weights_are_printed_differently(weights: list[float]) -> None:
     found = front_that_changes_at(sorted(weights))
     said = [front.weights(found, i).split(" to ") for i in range(len(weights) + 1)]
     assert [high for _, high in said[:-1]] == [low for low, _ in said[1:]]

@@ -38,7 +38,7 @@ def first_mission(task: Task, scenario: Scenario) -> ev.SwapMission:
 
 
 @pytest.mark.parametrize("flight", [{}, {"any_angle": True}, PULLED], ids=["lattice", "entered", "integral"])
-def test_each_row_tells_what_an_agent_with_that_w_would_fly(flight: dict[str, object]) -> None:
+def test_each_row_has_the_route_of_an_agent_with_that_w(flight: dict[str, object]) -> None:
     scenario = small(area=LARGER, threats={"count": 14}, flight=flight)
     rows = iter(table_of(scenario))
     n_pulled = 0
@@ -60,7 +60,7 @@ def test_each_row_tells_what_an_agent_with_that_w_would_fly(flight: dict[str, ob
     assert (n_pulled > 0) == (flight == PULLED)
 
 
-def test_the_weights_stand_in_the_order_of_their_numbers() -> None:
+def test_the_weights_are_in_numerical_order() -> None:
     said = table_of(small(planner={"w": 1e-5}, simulate={"count": 1}))
     assert [row[1] for row in said] == ["0", "1e-05", "0.5", "1"]
 
@@ -117,7 +117,7 @@ PRODUCTS = [
 
 
 @pytest.mark.parametrize(("value", "text"), PRODUCTS)
-def test_a_product_is_written_as_0_only_where_it_is(value: float, text: str) -> None:
+def test_a_product_is_printed_as_0_only_if_it_is_0(value: float, text: str) -> None:
     assert product_text(value) == text
 
 

@@ -66,7 +66,7 @@ def test_each_step_is_a_line_and_the_second_time_nothing_is_compiled(
 
 
 @pytest.mark.usefixtures("cache")
-def test_on_a_terminal_it_is_a_bar() -> None:
+def test_a_terminal_shows_a_progress_bar() -> None:
     on = console(terminal=True)
     machine_code.compile_all(on, THREE_STEPS)
     assert "3/3" in printed(on)
@@ -90,7 +90,7 @@ def test_without_a_folder_for_machine_code_the_process_compiles_by_itself(
 
 
 @pytest.mark.full
-def test_warm_up_names_the_folder_and_does_its_work_once() -> None:
+def test_warm_up_names_the_folder_and_compiles_once() -> None:
     first, second = (
         subprocess.run([*SWARMCTL, "warm-up"], check=False, capture_output=True, text=True, timeout=300)
         for _ in range(2)

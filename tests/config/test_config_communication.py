@@ -184,7 +184,7 @@ def test_vehicles_with_a_url_are_named_by_name_and_by_system_id(tmp_path: Path) 
     assert_problems(found, [("quiet[0].uavs[0]", "uav2", "2 (alpha)")])
 
 
-def test_a_word_that_matches_two_vehicles_is_refused(tmp_path: Path) -> None:
+def test_a_name_that_matches_two_vehicles_is_refused(tmp_path: Path) -> None:
     vehicles = ALPHA.replace("alpha", '"1"') + "simulate: {count: 1}\n"
     file = tmp_path / "swarm.yaml"
     file.write_text(f"{REST}{vehicles}communication: {{quiet: [{{uavs: [1]}}]}}\n")

@@ -128,7 +128,9 @@ def test_a_malformed_url_of_forward_exits_with_2(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [["fly"], ["agent", "--uav", "uav1"]])
-def test_the_command_line_cannot_forward_commands_of_strangers(tmp_path: Path, command: list[str]) -> None:
+def test_the_command_line_cannot_forward_commands_of_other_machines(
+    tmp_path: Path, command: list[str]
+) -> None:
     file = written(tmp_path, "forward_commands: true", SIMULATED)
     result = CliRunner().invoke(cli, [*command, "--config", str(file), "--forward", "tcpin:0.0.0.0:5760"])
     assert result.exit_code == 2

@@ -16,7 +16,7 @@ def fence(corners: list[tuple[float, float]]) -> str:
 
 
 @pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1], [*SQUARE, (46.005, 14.0)]])
-def test_a_polygon_whose_sides_do_not_meet_is_good(
+def test_a_polygon_without_crossing_sides_is_accepted(
     corners: list[tuple[float, float]], tmp_path: Path
 ) -> None:
     assert problems(fence(corners), tmp_path) == []
@@ -41,7 +41,7 @@ def test_a_polygon_whose_sides_do_not_meet_is_good(
         "a corner on another side",
     ],
 )
-def test_a_polygon_whose_sides_meet_is_refused_with_the_sides(
+def test_a_polygon_with_crossing_sides_is_refused_with_the_sides(
     corners: list[tuple[float, float]], sides: tuple[int, int], tmp_path: Path
 ) -> None:
     """ArduPilot accepts such a polygon; its inside is undefined."""

@@ -70,7 +70,7 @@ def test_a_vehicle_does_not_wait_for_a_return_path_that_does_not_meet_its_own() 
 
 
 @pytest.mark.parametrize("phase", [Phase.HOLDING, Phase.FLYING])
-def test_of_two_waiting_vehicles_the_lower_system_id_returns_first(phase: Phase) -> None:
+def test_the_lower_system_id_of_two_waiting_vehicles_returns_first(phase: Phase) -> None:
     """A vehicle reports its hold a moment after it begins."""
     peers = Peers()
     for tenth in range(int(10.0 * SLOT_S)):
@@ -129,7 +129,7 @@ def test_a_vehicle_does_not_land_on_one_of_another_process(changes: dict[str, An
     assert lands(**changes) is may
 
 
-def test_of_two_vehicles_at_one_height_the_lower_system_id_lands_first() -> None:
+def test_the_lower_system_id_lands_first_at_equal_heights() -> None:
     peers = Peers()
     peers.told[1] = msgspec.structs.replace(
         state(0.0, Phase.HOLDING), lat_deg=OWN.lat_deg, alt_amsl_m=OWN.alt_amsl_m

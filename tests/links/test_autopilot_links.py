@@ -68,7 +68,7 @@ class FleetWorld:
 
 
 @pytest.mark.autopilots("1.1", "1.2", "1.18")
-def test_after_a_reboot_it_is_followed_to_its_new_port_and_asked_for_its_telemetry_there():
+def test_a_rebooted_vehicle_is_followed_to_its_new_port():
     async def story():
         async with FleetWorld("ardupilot") as world:
             link = world.link()
@@ -93,7 +93,7 @@ def test_after_a_reboot_it_is_followed_to_its_new_port_and_asked_for_its_telemet
 
 
 @pytest.mark.autopilots("1.19", of="px4")
-def test_unknown_messages_make_no_vehicle_0():
+def test_unknown_messages_create_no_vehicle_with_system_id_0():
     async def story():
         async with FleetWorld("px4") as world:
             link = world.link()

@@ -22,7 +22,7 @@ from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.url import Endpoint
 
 
-def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_not_heard():
+def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignored():
     async def story():
         world = World(Copter(1))
         async with world:
@@ -203,7 +203,7 @@ def test_received_frames_are_on_disk_within_two_seconds(tmp_path):
     play(story())
 
 
-def test_when_the_front_end_closes_its_links_are_over_and_nothing_is_sent_or_due_any_more():
+def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
     """A run that fails leaves them as they are: in the middle of something, and asking for telemetry."""
 
     async def story():

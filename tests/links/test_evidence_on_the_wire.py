@@ -52,7 +52,7 @@ class WrittenWorld(World):
         return [number for number, _ in self.copters[1].commands if number in (ARM, START)]
 
 
-def test_an_order_to_arm_that_cannot_be_written_does_not_leave(tmp_path: Path) -> None:
+def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -> None:
     """The disk has all before, and fills up right before the order."""
 
     async def story() -> None:
@@ -73,7 +73,7 @@ def test_an_order_to_arm_that_cannot_be_written_does_not_leave(tmp_path: Path) -
     play(story())
 
 
-def test_nor_does_that_of_another_station(tmp_path: Path) -> None:
+def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -> None:
     async def story() -> None:
         async with WrittenWorld(tmp_path) as world:
             await world.front.forward(WATCHER, commands=True)

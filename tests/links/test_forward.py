@@ -84,7 +84,7 @@ def test_a_watcher_sees_all_vehicles_and_what_is_sent_to_them() -> None:
 
 
 @pytest.mark.interop
-def test_mavutil_sees_all_vehicles_over_udp_as_a_ground_station_would() -> None:
+def test_mavutil_receives_all_vehicles_over_udp() -> None:
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", source_system=250)
     port = station.port.getsockname()[1]
     systems: set[tuple[str, int]] = set()
@@ -110,7 +110,7 @@ def test_mavutil_sees_all_vehicles_over_udp_as_a_ground_station_would() -> None:
     assert set(station.sysid_state) >= {1, 2}
 
 
-def test_frames_go_to_a_watcher_byte_by_byte_as_they_came() -> None:
+def test_frames_are_forwarded_unchanged() -> None:
     async def story() -> None:
         signed = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         signed.signing.secret_key, signed.signing.sign_outgoing = bytes(32), True
@@ -139,7 +139,7 @@ def test_a_watchers_frames_reach_no_vehicle() -> None:
     play(story())
 
 
-def test_a_permitted_command_of_another_station_arrives_and_is_recorded_as_its() -> None:
+def test_a_permitted_command_of_another_station_arrives_and_is_recorded_under_its_name() -> None:
     async def story() -> None:
         copters = Copter(1), Copter(2)
         async with WatchedWorld(*copters, commands=True) as world:
@@ -257,7 +257,7 @@ def test_a_command_that_may_not_be_recorded_is_not_passed_on() -> None:
         ("udpin:0.0.0.0:14600", "udpin:0.0.0.0:14600"),
     ],
 )
-def test_a_loop_is_refused_whichever_comes_first(target: str, vehicles: str) -> None:
+def test_a_forwarding_loop_is_refused_in_either_order(target: str, vehicles: str) -> None:
     async def story() -> None:
         for first_forward in (True, False):
             async with FrontEnd(wall_time_us=lambda: 0) as front:

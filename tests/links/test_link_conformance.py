@@ -93,7 +93,7 @@ def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only(k
     play(story(), real=kind != "direct")
 
 
-def test_identify_asks_again_and_hears_that_another_vehicle_is_there_now(kind):
+def test_identify_finds_that_another_vehicle_answers_now(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
@@ -202,7 +202,7 @@ def test_a_blocked_launch_does_not_arm(kind):
 
 
 @EVERY_LINK
-def test_a_failed_swap_says_what_the_vehicle_flies(kind):
+def test_a_failed_swap_reports_the_mission_that_is_flown(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = await flying(world)
@@ -261,7 +261,7 @@ def test_cancelling_a_call_cancels_it_on_the_wire(kind):
     play(story(), real=kind != "direct")
 
 
-def test_parameters_fence_and_instruments_before_a_flight(kind):
+def test_parameters_fence_and_instruments_are_read_before_a_flight(kind):
     async def story():
         async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
             link = world.link()
@@ -308,7 +308,7 @@ def test_a_refused_operators_command_is_an_error(kind):
     play(story(), real=kind != "direct")
 
 
-def test_a_closed_link_ends_what_runs_and_can_be_opened_again(kind):
+def test_a_closed_link_ends_its_procedures_and_can_be_reopened(kind):
     async def story():
         async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
             link = world.link()
@@ -324,7 +324,7 @@ def test_a_closed_link_ends_what_runs_and_can_be_opened_again(kind):
     play(story(), real=kind != "direct")
 
 
-def test_a_command_that_was_lost_is_sent_again_after_a_second_and_not_later(kind):
+def test_a_lost_command_is_repeated_after_one_second(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()

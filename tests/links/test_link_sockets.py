@@ -149,7 +149,7 @@ def test_udp_reports_two_vehicles_with_one_system_id():
     play(story())
 
 
-def test_udpout_says_hello_first():
+def test_udpout_sends_the_first_packet():
     async def story():
         copter, port = Copter(1, AWAKE), free_port()
         peer = await udp_peer(copter, port=port)
@@ -259,7 +259,7 @@ def test_tcp_in_serves_the_vehicle_that_connects():
     play(story())
 
 
-def test_serial_speaks_through_a_terminal_and_survives_its_end():
+def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
     async def story():
         ours, theirs = os.openpty()
         tty.setraw(ours)

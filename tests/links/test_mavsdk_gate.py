@@ -25,7 +25,7 @@ def ack(number: int) -> mavlink.MAVLink_command_ack_message:
     return mavlink.MAVLink_command_ack_message(number, 0)
 
 
-def test_a_command_goes_out_once_and_only_as_it_was_asked_for():
+def test_a_command_is_sent_once_and_only_as_requested():
     gate = MavsdkGate()
     assert not gate.lets_out(HOLD)
     gate.permit(HOLD)
@@ -47,7 +47,7 @@ def test_a_number_rounded_on_the_wire_is_the_same_command():
 
 @pytest.mark.parametrize("code", [21196.0, 2989.0])
 @pytest.mark.parametrize("arm", [0.0, 1.0])
-def test_a_forced_arming_or_disarming_never_goes_out(arm, code):
+def test_a_forced_arming_or_disarming_is_never_sent(arm, code):
     gate = MavsdkGate()
     gate.permit(command(400, 1.0))
     assert not gate.lets_out(command(400, arm, code))
@@ -64,7 +64,7 @@ def test_a_forced_arming_or_disarming_never_goes_out(arm, code):
     ],
     ids=lambda message: message.get_type(),
 )
-def test_nothing_that_mavsdk_says_by_itself_goes_out(message):
+def test_no_unrequested_message_of_mavsdk_is_sent(message):
     gate = MavsdkGate()
     gate.transfer = True
     assert not gate.lets_out(message)
@@ -79,7 +79,7 @@ def test_a_mission_passes_only_during_a_transfer():
     assert gate.lets_in(REQUEST)
 
 
-def test_answers_come_in_only_to_what_mavsdk_was_asked_to_send():
+def test_only_answers_to_requested_commands_reach_mavsdk():
     gate = MavsdkGate()
     assert not gate.lets_in(ack(176))
     gate.permit(HOLD)

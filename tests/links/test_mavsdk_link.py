@@ -91,7 +91,7 @@ def test_a_vehicle_without_the_messages_that_mavsdk_needs_is_refused_by_name():
 
 
 @pytest.mark.full
-def test_fifty_vehicles_share_one_mavsdk_and_each_hears_its_own_only():
+def test_fifty_vehicles_share_one_mavsdk_without_mixing_messages():
     async def story():
         world = world_of(*(Copter(i, Script(ready_at_s=1.0)) for i in range(1, 51)))
         world.pace = 1.0
@@ -106,7 +106,7 @@ def test_fifty_vehicles_share_one_mavsdk_and_each_hears_its_own_only():
     play(story(), real=True)
 
 
-def test_the_clock_of_the_machine_is_needed():
+def test_mavsdk_needs_the_real_clock():
     async def story():
         async with world_of(Copter(1)) as world:
             with pytest.raises(LinkError, match=r"alpha: .*`link: direct` \[virtual-clock\]"):

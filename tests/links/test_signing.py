@@ -118,7 +118,7 @@ def test_unsigned_frames_are_refused_except_those_of_a_radio() -> None:
     assert ours.refused == {UNSIGNED: 2}
 
 
-def test_another_key_and_a_spoilt_byte_are_refused() -> None:
+def test_another_key_and_a_changed_byte_are_refused() -> None:
     ours = signing()
     good = sent_by(peer())
     assert not ours.accepts(sent_by(peer(bytes(31) + b"x")), START)
@@ -200,7 +200,7 @@ def test_no_time_stamp_is_used_twice_over_crashes_and_clocks_that_go_back(
             last = stamp
 
 
-def test_the_store_is_written_ahead_and_seldom() -> None:
+def test_the_store_is_written_ahead_and_rarely() -> None:
     store = Memory()
     ours = Signing(KEY, store)
     ours.sign(0, START)
@@ -283,7 +283,7 @@ def test_a_disk_without_an_answer_is_reported_and_awaited_once() -> None:
     assert ours.sign(0, START + 200 * TICKS_PER_S).timestamp < store.kept
 
 
-def test_in_a_thread_of_its_own_the_file_is_ahead_too(tmp_path: Path) -> None:
+def test_a_file_written_by_a_thread_stays_ahead_too(tmp_path: Path) -> None:
     file = TimestampFile(tmp_path / "key")
     with ThreadPoolExecutor(1) as pool:
         ours = Signing(KEY, file, pool=pool)

@@ -111,7 +111,7 @@ def test_the_vehicle_accepts_a_second_run_whose_clock_went_back(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("key", "mode"), [(KEY, 4), (bytes(31) + b"x", 0)])
-def test_another_station_s_commands_need_the_key_too(tmp_path: Path, key: bytes, mode: int) -> None:
+def test_commands_of_another_station_need_the_key_too(tmp_path: Path, key: bytes, mode: int) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
             await world.front.forward(WATCHER, commands=True)

@@ -158,7 +158,7 @@ def most_back_m(flown: list[PlanarPoint]) -> float:
 @pytest.mark.full
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @pytest.mark.parametrize("delay_s", [0.02, 1.0])
-def test_changed_plans_are_taken_up_without_a_stop_and_no_way_back(personality: str, delay_s: float) -> None:
+def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str, delay_s: float) -> None:
     """Hostiles are heard of six cells ahead on its way, again and again."""
     flight = Flight(personality, delay_s)
     told = [2, 6, 10, 14]

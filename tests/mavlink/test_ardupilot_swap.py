@@ -50,7 +50,7 @@ def test_the_new_route_is_written_behind_the_old_one_and_taken_over_in_flight():
 
 
 @pytest.mark.parametrize("before_m", [45.0, 25.0, 18.0, 13.0, 9.0])
-def test_it_never_has_to_fly_back_to_a_corner_that_it_passes_braking(before_m: float) -> None:
+def test_a_braking_vehicle_does_not_fly_back_to_a_passed_corner(before_m: float) -> None:
     """It brakes over some 20 m when another item is made current."""
     bench = FlyingBench("ardupilot").flying(OLD)
     aside = plan(north=8, east=0.002).track
@@ -71,7 +71,7 @@ def test_it_never_has_to_fly_back_to_a_corner_that_it_passes_braking(before_m: f
     assert min(norths_m) > -0.3
 
 
-def test_an_autopilot_that_acknowledges_items_without_having_asked_for_them_is_understood():
+def test_acknowledgements_without_item_requests_are_understood():
     """ArduPilot asks when it next sends, and only for what has not come by then (MissionItemProtocol.cpp,
     queued_request_send): over a quick link it never does."""
     bench = FlyingBench("ardupilot").flying(OLD)
@@ -81,7 +81,7 @@ def test_an_autopilot_that_acknowledges_items_without_having_asked_for_them_is_u
     assert modes == {"AUTO"}
 
 
-def test_swaps_one_after_the_other_each_go_behind_the_last():
+def test_successive_swaps_append_behind_each_other():
     bench = FlyingBench("ardupilot").flying(OLD)
     for n in range(3):
         new = plan(north=4 + n, east=0.0005 * (n + 1))
@@ -91,7 +91,7 @@ def test_swaps_one_after_the_other_each_go_behind_the_last():
         assert bench.holds(bench.session.items)
 
 
-def test_a_list_that_would_grow_too_long_is_written_anew_while_it_holds():
+def test_a_list_that_would_become_too_long_is_replaced_in_hold():
     bench = FlyingBench("ardupilot").flying(OLD)
     long = plan(north=395, east=0.001)
     result, modes, _ = watched_swap(bench, long)
@@ -112,7 +112,7 @@ def test_without_answers_to_partial_lists_the_vehicle_holds_for_the_swap():
     assert bench.vehicle.mission.index == 2
 
 
-def test_an_item_that_is_refused_in_the_middle_ends_with_the_old_mission_where_it_was():
+def test_a_refused_item_leaves_the_old_mission_in_place():
     bench = FlyingBench("ardupilot").flying(OLD)
     old, at = bench.session.items, bench.vehicle.mission.index
     new = plan(north=12, east=0.001)
@@ -126,7 +126,7 @@ def test_an_item_that_is_refused_in_the_middle_ends_with_the_old_mission_where_i
     assert aims <= {(i.x, i.y) for i in old} | {None}
 
 
-def test_on_a_link_too_bad_for_it_nothing_more_is_begun_after_two_minutes_in_hold():
+def test_a_swap_on_a_very_bad_link_ends_after_two_minutes_in_hold():
     """It hovers on a battery that was counted on for the flight: whoever plans decides what to do instead."""
     bench = FlyingBench("ardupilot").flying(OLD)
     new = bench.session.mission_items(plan(north=20, east=0.001))

@@ -67,7 +67,7 @@ def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_
         ),
     ],
 )
-def test_a_plan_for_another_airframe_is_no_mission(autopilot, kind, which, cure) -> None:
+def test_a_plan_for_another_airframe_is_refused(autopilot, kind, which, cure) -> None:
     with pytest.raises(ValueError, match=cure):
         dialect_for(autopilot, kind).mission_items(which, HOME)
 
@@ -86,7 +86,7 @@ def test_a_read_back_equals_the_mission_sent_except_for_storage() -> None:
 # --- what is flown
 
 
-def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
+def test_a_launch_begins_at_the_first_item() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.set_current(6)
     assert flown.do("launch", basic.launch).failure is None
@@ -179,7 +179,7 @@ def test_a_command_to_land_on_the_ground_disarms() -> None:
     assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
 
 
-def test_without_a_landing_on_it_it_says_that_it_does_not_land() -> None:
+def test_a_plane_without_a_landing_reports_that_it_does_not_land() -> None:
     flown = in_flight()
     del flown.vehicle.mission.items[5:]
     failure = flown.do("land", basic.land).failure
@@ -187,7 +187,7 @@ def test_without_a_landing_on_it_it_says_that_it_does_not_land() -> None:
     assert "FAILED" in failure
 
 
-def test_its_speed_is_set_through_the_air() -> None:
+def test_the_set_speed_is_the_airspeed() -> None:
     flown = in_flight()
     assert flown.do("speed", partial(set_speed, speed_m_s=12.0)).failure is None
     (message,) = [m for m in flown.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
@@ -196,7 +196,7 @@ def test_its_speed_is_set_through_the_air() -> None:
     assert flown.session.state.ground_speed_m_s == pytest.approx(12.0, abs=0.3)
 
 
-def test_no_item_outside_a_landing_belongs_to_one() -> None:
+def test_items_outside_a_landing_do_not_belong_to_it() -> None:
     waypoint = MissionItem(16, 3, 1, 1, 40.0)
     start, down = replace(waypoint, command=189), replace(waypoint, command=21)
     assert landing_items((waypoint, start, waypoint, down, waypoint)) == {1, 2, 3}

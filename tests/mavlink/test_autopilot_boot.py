@@ -22,7 +22,7 @@ ARM, START, MODE = (
 
 
 @pytest.mark.autopilots("1.1")
-def test_nothing_is_known_before_it_was_asked_for_and_after_a_reboot_it_is_asked_for_again():
+def test_the_identity_is_requested_at_the_start_and_after_a_reboot():
     bench = FlyingBench("ardupilot")
     assert bench.run(30, lambda: bench.session.state.mode != "")
     bench.run(10)
@@ -42,7 +42,7 @@ def test_nothing_is_known_before_it_was_asked_for_and_after_a_reboot_it_is_asked
 
 
 @pytest.mark.autopilots("1.2")
-def test_the_text_of_a_boot_is_no_message_and_no_vehicle():
+def test_boot_text_is_neither_a_message_nor_a_vehicle():
     bench = on_the_ground("ardupilot")
     data: list[bytes] = []
     bench.overhear = data.append
@@ -112,7 +112,7 @@ def test_a_pre_arm_bit_in_stabilize_is_not_readiness():
 @BOTH
 @pytest.mark.autopilots("1.3")
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_arming_before_the_position_estimate_is_refused_in_the_vehicles_words(personality):
+def test_arming_before_the_position_estimate_is_refused_with_the_text_of_the_vehicle(personality):
     bench = FlyingBench(personality, ready_s=41.0).connected()
     bench.run(12)  # a fix, and so a place to take off from
     assert bench.do("hold", basic.hold).failure is None
@@ -142,7 +142,7 @@ def test_a_mode_that_the_boot_undoes_is_set_again():
 @BOTH
 @pytest.mark.autopilots("1.5")
 @pytest.mark.autopilots("1.5", of="px4")
-def test_an_acknowledged_mode_that_no_heartbeat_shows_is_not_believed(personality):
+def test_an_acknowledged_mode_counts_only_with_a_heartbeat(personality):
     bench = FlyingBench(personality).flying(OLD)
     bench.inject("stuck_mode:answer=accepted")
     failure = bench.do("hold", basic.hold).failure
@@ -189,7 +189,7 @@ def test_a_take_off_is_as_high_above_home_as_the_plan_says(personality):
 
 
 @pytest.mark.autopilots("1.10")
-def test_a_mission_that_moves_on_while_it_stands_disarmed_is_begun_at_its_take_off():
+def test_a_launch_begins_at_the_take_off_item_if_the_current_item_moved_on():
     bench = FlyingBench("ardupilot").uploaded(OLD)
     bench.vehicle.modes.enter(3)  # AUTO, by its own switch
     bench.run(10)
@@ -205,7 +205,7 @@ def test_a_mission_that_moves_on_while_it_stands_disarmed_is_begun_at_its_take_o
 
 
 @pytest.mark.autopilots("1.11", "2 item 0")
-def test_home_moves_when_it_arms_and_is_no_difference_to_what_was_sent():
+def test_a_home_moved_by_arming_is_no_mission_difference():
     bench = FlyingBench("ardupilot").uploaded(OLD)
     before = bench.stored[0]
     assert bench.do("launch", basic.launch).failure is None
@@ -256,7 +256,7 @@ def test_system_status_decides_neither_landed_state_nor_failsafe():
 @BOTH
 @pytest.mark.autopilots("1.14")
 @pytest.mark.autopilots("1.14", of="px4")
-def test_a_launch_that_is_not_seen_disarms_nothing_that_flies(personality):
+def test_an_unconfirmed_launch_does_not_disarm_a_flying_vehicle(personality):
     """The vehicle's reports are lost on the way: by all that is known it still stands on the ground."""
     bench = FlyingBench(personality).uploaded(OLD)
     lost = ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
@@ -278,7 +278,7 @@ def test_a_launch_that_is_not_seen_disarms_nothing_that_flies(personality):
     ],
     ids=["GPS", "battery"],
 )
-def test_a_failsafe_of_its_own_is_seen_and_nothing_is_ordered_against_it(params, then, mode):
+def test_a_failsafe_of_the_autopilot_is_recognised_and_not_overridden(params, then, mode):
     bench = FlyingBench("ardupilot", params=params).flying(OLD)
     bench.another_sets(**then)
     assert bench.run(60, lambda: bench.session.state.mode == mode)
@@ -291,7 +291,7 @@ def test_a_failsafe_of_its_own_is_seen_and_nothing_is_ordered_against_it(params,
 
 @BOTH
 @pytest.mark.autopilots("1.15")
-def test_another_ground_station_is_obeyed_by_the_vehicle_and_not_fought_by_us(personality):
+def test_a_command_of_another_ground_station_is_not_overridden(personality):
     bench = FlyingBench(personality).flying(OLD)
     bench.spoil(Faults(max_delay_s=0.2, seed=1))
     items = bench.session.mission_items(plan(north=5, east=0.001))

@@ -85,7 +85,7 @@ def test_a_shorter_mission_than_the_current_item_is_begun_at_its_beginning(perso
 
 
 @BOTH
-def test_the_last_acknowledgements_are_lost_and_the_new_mission_is_flown(personality):
+def test_the_new_mission_is_flown_although_its_acknowledgements_are_lost(personality):
     bench = FlyingBench(personality).flying(OLD)
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
     assert bench.swap(NEW).flying == "new"
@@ -132,7 +132,7 @@ def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
     assert not bench.vehicle.armed
 
 
-def test_a_return_is_a_mode_and_brings_it_home():
+def test_a_return_is_a_mode_and_leads_home():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.do("return", basic.return_home).failure is None
     assert bench.session.state.mode_role == "return"
@@ -141,7 +141,7 @@ def test_a_return_is_a_mode_and_brings_it_home():
 
 
 @pytest.mark.autopilots("2 abandoned upload", of="px4")
-def test_px4_gives_an_upload_up_without_an_acknowledgement_and_is_not_waited_for_in_the_air():
+def test_an_upload_that_px4_gives_up_is_not_waited_for_in_flight():
     bench = FlyingBench("px4").uploaded(OLD)
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and bench.now < quiet_s
     quiet_s = bench.now + 4.0

@@ -43,7 +43,7 @@ def test_a_mission_without_an_item_for_home_fails_its_read_back():
 @pytest.mark.autopilots("2 item 0")
 @pytest.mark.autopilots("2 item 0", of="px4")
 @pytest.mark.parametrize(("personality", "takeoff"), [("ardupilot", 1), ("px4", 0)])
-def test_a_plan_has_its_take_off_where_the_vehicle_looks_for_it(personality, takeoff):
+def test_a_plan_has_its_take_off_at_the_item_of_its_autopilot(personality, takeoff):
     bench = FlyingBench(personality).uploaded(OLD)
     assert [i.command for i in bench.stored].index(mavlink.MAV_CMD_NAV_TAKEOFF) == takeoff
     assert bench.session.dialect.first_waypoint_seq == takeoff + 1
@@ -82,7 +82,7 @@ def test_both_kinds_of_request_are_answered_alike(personality, old_kind, new_kin
 @pytest.mark.autopilots("2 wrong / duplicate item")
 @pytest.mark.autopilots("2 wrong / duplicate item", of="px4")
 @pytest.mark.parametrize("seed", range(4))
-def test_everything_comes_twice_and_is_taken_once(personality, seed):
+def test_duplicated_messages_count_once(personality, seed):
     """ArduPilot complains of every duplicate and goes on, and of a last item that comes once more."""
     bench = FlyingBench(personality).prepared()
     bench.spoil(Faults(doubling=1.0, max_delay_s=0.2, seed=seed))
@@ -97,7 +97,7 @@ def test_everything_comes_twice_and_is_taken_once(personality, seed):
 @BOTH
 @pytest.mark.autopilots("2 wrong / duplicate item", "2 upload is atomic?")
 @pytest.mark.autopilots("2 wrong / duplicate item", "2 upload is atomic?", of="px4")
-def test_the_final_acknowledgement_is_lost_and_reading_back_tells(personality):
+def test_a_lost_final_acknowledgement_is_replaced_by_the_read_back(personality):
     bench = FlyingBench(personality).prepared()
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
     items = bench.session.mission_items(OLD)
@@ -120,7 +120,7 @@ def test_an_upload_waits_until_another_stations_transfer_has_ended():
 
 
 @pytest.mark.autopilots("2 second GCS / download during upload", "2 abandoned upload", of="px4")
-def test_an_upload_that_px4_still_believes_in_does_not_spoil_the_next():
+def test_an_upload_that_px4_still_expects_does_not_disturb_the_next():
     """It keeps the old count, or answers ERROR; and gives a transfer up after 5 s without a word."""
     bench = FlyingBench("px4").prepared()
     first = bench.session.mission_items(OLD)
@@ -212,7 +212,7 @@ def test_px4_keeps_everything_and_so_anything_else_is_a_difference():
 @BOTH
 @pytest.mark.autopilots("2 re-upload in AUTO", "2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST")
 @pytest.mark.autopilots("2 re-upload in AUTO", "2 MISSION_SET_CURRENT", of="px4")
-def test_the_item_flown_is_never_written_over_and_the_new_one_is_chosen_by_what_each_knows(personality):
+def test_the_flown_item_is_never_overwritten_and_the_next_is_set_by_a_known_message(personality):
     bench = FlyingBench(personality).flying(OLD)
     old, aims, sent = bench.session.items, set(), len(bench.sent)
     items = bench.session.mission_items(plan(north=5, east=0.001))
@@ -266,7 +266,7 @@ def orders_of(bench: FlyingBench, sent: int) -> list[str]:
 
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
 @pytest.mark.parametrize("how", EMPTIES)
-def test_a_px4_whose_mission_another_station_clears_is_left_to_it(how):
+def test_a_px4_is_released_if_another_station_clears_its_mission(how):
     bench = FlyingBench("px4").flying(OLD)
     sent = len(bench.sent)
     bench.another_sends(EMPTIES[how])
@@ -282,7 +282,7 @@ def test_a_px4_whose_mission_another_station_clears_is_left_to_it(how):
 
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
 @pytest.mark.parametrize("how", EMPTIES)
-def test_a_px4_whose_mission_is_cleared_right_before_a_swap_is_left_to_that_station(how):
+def test_a_px4_is_released_if_its_mission_is_cleared_before_a_swap(how):
     bench = FlyingBench("px4").flying(OLD)
     sent = len(bench.sent)
     bench.another_sends(EMPTIES[how])
@@ -321,7 +321,7 @@ def test_an_ardupilot_with_a_count_of_0_stops_and_the_own_mission_is_dropped():
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_an_ardupilot_cleared_right_before_a_swap_is_left_to_that_station():
+def test_an_ardupilot_is_released_if_its_mission_is_cleared_before_a_swap():
     """It says AUTO all the while; but it does not hold what the change was to go behind."""
     bench = FlyingBench("ardupilot").flying(OLD)
     sent = len(bench.sent)

@@ -106,7 +106,7 @@ def test_no_other_message_and_no_other_command_is_sent(lived):
 
 
 @pytest.mark.autopilots("1.15")
-def test_everything_is_for_the_autopilot_by_its_system_and_component(lived):
+def test_all_messages_are_addressed_to_the_autopilot(lived):
     """It would do as well what is for another component, of which there may be one."""
     _, bench = lived
     assert {(m.target_system, m.target_component) for _, m in bench.sent} == {(1, 1)}
@@ -114,7 +114,7 @@ def test_everything_is_for_the_autopilot_by_its_system_and_component(lived):
 
 @pytest.mark.autopilots("1.14")
 @pytest.mark.autopilots("1.14", of="px4")
-def test_nothing_is_armed_or_disarmed_by_force(lived):
+def test_no_vehicle_is_armed_or_disarmed_by_force(lived):
     _, bench = lived
     arming = [m for m in bench.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM]
     assert [(m.param1, m.param2) for m in arming] == [(1.0, 0.0)] * 3
@@ -122,7 +122,7 @@ def test_nothing_is_armed_or_disarmed_by_force(lived):
 
 @pytest.mark.autopilots("1.9", "2 types 2 / 3 / 255")
 @pytest.mark.autopilots("2 types 2 / 3 / 255", of="px4")
-def test_missions_and_fences_are_sent_whole_and_never_as_nothing(lived):
+def test_missions_and_fences_are_sent_whole_and_never_empty(lived):
     """An empty mission makes AUTO loiter in the air; a list of type 255 clears everything, or nothing."""
     _, bench = lived
     asks = ("MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_ACK")  # of rally points, too

@@ -32,13 +32,13 @@ def all_marked() -> list[tuple[str, str, str]]:
     return [found for path in files for found in marked(path)]
 
 
-def test_every_line_is_met_on_each_autopilot_that_it_speaks_of() -> None:
+def test_every_line_is_tested_on_each_of_its_autopilots() -> None:
     met = {(line, of) for line, of, _ in all_marked()}
     wanted = {(line, of) for line, autopilots in ours().items() if line not in NOT_OURS for of in autopilots}
     assert sorted(wanted - met) == []
 
 
-def test_no_test_meets_a_line_that_is_not_there() -> None:
+def test_no_test_names_a_missing_line() -> None:
     strangers = [
         f"{test} meets {line!r} of {of}"
         for line, of, test in all_marked()
@@ -47,6 +47,6 @@ def test_no_test_meets_a_line_that_is_not_there() -> None:
     assert strangers == []
 
 
-def test_a_line_that_does_not_concern_us_says_why_and_has_no_test() -> None:
+def test_a_line_that_does_not_apply_has_a_reason_and_no_test() -> None:
     assert all(line in ours() and why for line, why in NOT_OURS.items())
     assert {line for line, _, _ in all_marked()} & set(NOT_OURS) == set()

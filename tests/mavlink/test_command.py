@@ -38,7 +38,7 @@ def test_a_command_is_sent_once_and_waits_a_second_for_its_answer():
 
 
 @pytest.mark.parametrize("other", [ack(301, 0), ack(300, 0, to=254)], ids=["other command", "other station"])
-def test_an_acknowledgement_of_something_else_is_not_ours(other):
+def test_an_acknowledgement_of_another_command_is_ignored(other):
     command = Command(PEER, 300)
     command.start(0.0)
     command.receive(other, 0.1)

@@ -13,7 +13,7 @@ from swarmctl.mavlink.protocol.mission_upload import Upload
 from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, WaitUntil, wait
 
 
-def test_until_sees_it_or_gives_up():
+def test_a_wait_ends_with_its_condition_or_its_time_out():
     seen = []
     until = WaitUntil(lambda: bool(seen), 3.0)
     until.start(10.0)
@@ -29,7 +29,7 @@ def test_until_sees_it_or_gives_up():
     assert pause.result is False
 
 
-def test_look_asks_for_a_heartbeat_and_takes_none_for_new_that_came_before():
+def test_a_request_waits_for_a_newer_heartbeat():
     beat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)
     seen = [1]
     look = RequestUntil(PEER, lambda: bool(seen), 2.5)
@@ -69,7 +69,7 @@ def test_ask_repeats_every_second_until_the_message_comes():
         RequestUntil(PEER, bool, 1.0),
     ],
 )
-def test_an_illegal_event_names_the_state_and_late_words_are_ignored(conversation):
+def test_an_illegal_event_names_the_state_and_late_messages_are_ignored(conversation):
     name = type(conversation).__name__
     with pytest.raises(IllegalEvent, match=f"{name}: receive while new"):
         conversation.receive(ack(300, 0), 0.0)

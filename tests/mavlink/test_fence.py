@@ -76,7 +76,7 @@ def test_a_fence_replaces_the_one_before(personality):
 
 
 @BOTH
-def test_a_vehicle_that_refuses_is_not_believed(personality):
+def test_a_refused_fence_is_not_reported_as_enforced(personality):
     bench = on_the_ground(personality)
     bench.inject("mission_refused:result=no_space")
     assert "upload rejected: NO_SPACE" in put(bench, SQUARE)
@@ -152,7 +152,7 @@ ON_THE_GROUND = [
 @pytest.mark.parametrize("enforced", [False, True])
 @pytest.mark.parametrize(("deed", "at_boot", "counts_anyway"), ON_THE_GROUND)
 @pytest.mark.autopilots("2 fence use")
-def test_the_limits_that_its_parameters_name_are_in_force(deed, at_boot, counts_anyway, enforced):
+def test_the_limits_of_its_parameters_are_in_force(deed, at_boot, counts_anyway, enforced):
     """ArduPilot takes up FENCE_TYPE when the fence is enabled; all three read alike (`AC_Fence::update`)."""
     params = {"FENCE_ENABLE": 1, "FENCE_TYPE": at_boot, "FENCE_ACTION": 1, "FENCE_ALT_MAX": 12}
     bench = FlyingBench("ardupilot", params=params).prepared()
@@ -199,7 +199,7 @@ def test_an_impossible_fence_is_not_sent():
 @given(
     loss=st.floats(0.0, 0.4), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )
-def test_over_a_bad_link_success_is_never_claimed_wrongly(loss, seed, personality):
+def test_success_over_a_bad_link_is_always_true(loss, seed, personality):
     bench = on_the_ground(personality, loss=loss, seed=seed)
     if put(bench, SQUARE) is None:
         assert keeps(bench, SQUARE)

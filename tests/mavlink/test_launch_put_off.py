@@ -54,7 +54,7 @@ def test_an_obstacle_before_the_take_off_disarms_the_vehicle() -> None:
     assert not bench.copter.armed
 
 
-def test_one_that_does_not_disarm_then_is_no_launch_that_is_put_off() -> None:
+def test_a_vehicle_that_does_not_disarm_has_a_failed_launch() -> None:
     bench = Bench().prepared()
     arms = bench.copter.arm
     bench.copter.arm = lambda p1, *rest: arms(p1, *rest) if p1 else 4  # type: ignore[method-assign]
@@ -67,7 +67,7 @@ def test_one_that_does_not_disarm_then_is_no_launch_that_is_put_off() -> None:
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_an_order_to_arm_that_was_not_answered_is_seen_through(lost: int) -> None:
+def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
     """It may have been taken: who is in the way by then is asked for before it takes off."""
     bench, n_lost = Bench().prepared(), 0
     hears = bench.copter.on_command_long
@@ -87,7 +87,7 @@ def test_an_order_to_arm_that_was_not_answered_is_seen_through(lost: int) -> Non
 
 @pytest.mark.parametrize("blocked", [False, True], ids=["it does not rise", "somebody is in its way"])
 @pytest.mark.parametrize("landed", [Landed.UNDEFINED, Landed.IN_AIR, Landed.TAKEOFF, Landed.LANDING])
-def test_one_that_may_be_in_the_air_is_never_disarmed(
+def test_a_vehicle_that_may_be_in_the_air_is_never_disarmed(
     landed: Landed, blocked: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It tells that it flies, or not that it stands; by its height it has not left the ground."""

@@ -77,7 +77,7 @@ def test_a_frame_with_unknown_flags_is_skipped():
     assert [f.data[4] for f in split(bytes(data) + heartbeat(3))] == [3]
 
 
-def test_a_broken_checksum_loses_that_frame_only():
+def test_a_wrong_checksum_loses_only_its_frame():
     splitter = FrameSplitter()
     broken = bytearray(heartbeat(0))
     broken[12] ^= 0x40
@@ -106,7 +106,7 @@ def test_every_frame_between_texts_arrives_however_the_stream_is_cut(texts, cuts
 
 @MODEST
 @given(garbage=st.lists(st.binary(max_size=300), max_size=6))
-def test_any_garbage_is_survived_and_frames_after_it_are_found(garbage):
+def test_frames_after_any_invalid_bytes_are_found(garbage):
     splitter = FrameSplitter()
     for piece in garbage:
         for frame in splitter.feed(piece):
@@ -123,6 +123,6 @@ def test_each_address_gets_an_unbroken_sequence():
     assert [encoder.pack(message, "a")[4] for _ in range(254)][-2:] == [255, 0]
 
 
-def test_a_ground_station_speaks_mavlink_2_as_255_190():
+def test_a_ground_station_sends_mavlink_2_as_255_190():
     data = Encoder().pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), "a")
     assert (data[0], data[5], data[6]) == (0xFD, 255, 190)

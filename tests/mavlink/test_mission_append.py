@@ -29,7 +29,7 @@ MANY = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in
 
 
 @pytest.mark.parametrize("asks", [True, False])
-def test_items_are_appended_each_announced_by_itself_whether_they_are_asked_for_or_not(asks):
+def test_each_appended_item_is_announced_with_or_without_a_request(asks):
     """ArduPilot asks when it sends next, and only for what has not come by then."""
     append = Append(PEER, 7, ITEMS)
     out = append.start(0.0)
@@ -51,21 +51,21 @@ def test_eight_of_many_items_are_under_way():
     assert items_of(append.receive(mission_ack(0), 0.1)) == [16]
 
 
-def test_an_item_that_it_goes_on_asking_for_is_sent_again():
+def test_an_item_that_is_requested_again_is_sent_again():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     assert append.receive(request(7), 0.1) == []
     assert items_of(append.receive(request(7), 1.1)) == [7]
 
 
-def test_an_item_that_came_before_its_announcement_is_sent_when_it_is_asked_for():
+def test_an_item_that_overtook_its_announcement_is_sent_on_request():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(1), 0.1)
     assert items_of(append.receive(request(7), 0.2)) == [7]
 
 
-def test_after_a_loss_it_is_asked_what_it_holds_and_gets_the_rest():
+def test_a_count_request_after_a_loss_finds_the_missing_items():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
@@ -99,7 +99,7 @@ def test_missing_items_are_announced_again_while_the_vehicle_waits_for_one():
     assert announced(append.receive(mission_ack(14), 0.7)) == [(8, 8)] * 2 + [(9, 9)] * 2
 
 
-def test_on_a_slow_link_the_refusals_of_several_questions_do_not_end_it():
+def test_refusals_of_several_requests_on_a_slow_link_do_not_end_the_append():
     """It is asked twice what it holds before the first answer comes, and waits for an item each time."""
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
@@ -115,7 +115,7 @@ def test_on_a_slow_link_the_refusals_of_several_questions_do_not_end_it():
     assert append.result.failure is None
 
 
-def test_the_refusal_of_a_question_of_before_does_not_end_it():
+def test_a_refusal_of_an_earlier_request_does_not_end_the_append():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
@@ -128,7 +128,7 @@ def test_the_refusal_of_a_question_of_before_does_not_end_it():
     assert append.result.failure is None
 
 
-def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
+def test_a_misattributed_acknowledgement_is_corrected():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
@@ -138,7 +138,7 @@ def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
     assert announced(append.receive(count(8), 0.9)) == [(8, 8)] * 2 + [(9, 9)] * 2
 
 
-def test_lost_acknowledgements_are_not_missed_where_the_items_are_there():
+def test_lost_acknowledgements_do_not_matter_if_the_items_are_stored():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.tick(0.5)
@@ -146,7 +146,7 @@ def test_lost_acknowledgements_are_not_missed_where_the_items_are_there():
     assert append.result.failure is None
 
 
-def test_a_slow_link_is_not_asked_before_it_can_have_answered():
+def test_a_slow_link_gets_no_request_before_it_can_have_answered():
     append = Append(PEER, 7, MANY)
     append.start(0.0)
     assert kinds(append.tick(0.5)) == ["MISSION_REQUEST_LIST"]
@@ -154,7 +154,7 @@ def test_a_slow_link_is_not_asked_before_it_can_have_answered():
     assert append.next_deadline == 5.0
 
 
-def test_items_that_stand_already_are_not_answered_for():
+def test_requests_for_stored_items_are_not_answered():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     assert append.receive(request(6), 0.1) == []
@@ -186,7 +186,7 @@ def test_an_append_without_any_answer_ends():
 
 
 @pytest.mark.parametrize("held", [6, 11])
-def test_a_list_of_another_length_than_was_known_ends_it(held):
+def test_a_list_of_another_length_than_expected_ends_the_append(held):
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.tick(0.5)
@@ -196,14 +196,14 @@ def test_a_list_of_another_length_than_was_known_ends_it(held):
 
 
 @pytest.mark.parametrize(("code", "goes_on"), [(1, True), (13, True), (15, True), (5, False), (4, False)])
-def test_an_item_that_is_refused_ends_it_but_a_complaint_about_a_double_does_not(code, goes_on):
+def test_a_refused_item_ends_the_append_and_a_refused_duplicate_does_not(code, goes_on):
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(code), 0.1)
     assert (append.result is None) == goes_on
 
 
-def test_a_link_that_brings_too_little_ends_it_with_how_far_it_came():
+def test_an_append_without_enough_progress_ends_with_its_progress():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.2)

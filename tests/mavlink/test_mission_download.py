@@ -9,7 +9,7 @@ from vehicle_texts import PEER, kinds, mission_ack
 from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome
 
 
-def test_a_download_asks_item_by_item_and_thanks():
+def test_a_download_requests_item_by_item_and_acknowledges():
     download = Download(PEER)
     assert kinds(download.start(0.0)) == ["MISSION_REQUEST_LIST"]
     sent = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.1)
@@ -37,7 +37,7 @@ def reading(n_items: int, *, in_order: bool) -> tuple[Download, list[int]]:
 
 
 @pytest.mark.parametrize("in_order", [False, True])
-def test_a_download_asks_for_eight_items_at_a_time(in_order):
+def test_a_download_requests_eight_items_at_a_time(in_order):
     download, asked = reading(10, in_order=in_order)
     assert asked == list(range(8))
     for seq in range(10):
@@ -69,7 +69,7 @@ def test_a_vehicle_that_serves_items_in_order_gets_no_repeated_request():
     assert download.result.outcome is DownloadOutcome.BROKEN_OFF
 
 
-def test_copies_of_a_question_come_before_the_next_one():
+def test_repeated_requests_precede_the_next_one():
     """PX4 takes the number that it told last once more, but none before that."""
     download = Download(PEER, window=3, copies=2, in_order=True)
     download.start(0.0)
@@ -99,7 +99,7 @@ def test_only_errors_of_this_download_end_it(code, outcome):
     assert (download.result and download.result.outcome) == outcome
 
 
-def test_requests_in_the_wrong_order_are_refused_by_error():
+def test_requests_in_the_wrong_order_are_refused_with_an_error():
     download, _asked = reading(3, in_order=True)
     download.receive(mission_ack(1), 3.0)
     assert download.result.outcome is DownloadOutcome.REFUSED
@@ -114,7 +114,7 @@ def test_an_empty_mission_is_a_complete_one():
 
 
 @pytest.mark.parametrize("counted", [False, True], ids=["no count", "no item"])
-def test_a_download_repeats_each_question_a_dozen_times(counted):
+def test_a_download_repeats_each_request_twelve_times(counted):
     download = Download(PEER)
     sent = download.start(0.0)
     if counted:

@@ -61,7 +61,7 @@ def test_the_count_is_announced_every_second_until_the_first_request():
         (3, mission_ack(0), UploadOutcome.ACCEPTED),
     ],
 )
-def test_each_answer_leads_to_its_outcome_of_an_upload_of_three(asked, message, outcome):
+def test_each_acknowledgement_has_its_outcome(asked, message, outcome):
     upload = started_upload(asked=asked)
     assert upload.receive(message, 0.2) == []
     assert (upload.result and upload.result.outcome) == outcome
@@ -99,7 +99,7 @@ def test_an_overdue_item_is_sent_again_with_all_items_behind_it():
     assert answers(upload, 4, 10.0) == [11, 11], "twice, as long as something is lost"
 
 
-def test_a_last_item_that_is_on_its_way_when_it_comes_too_late_may_still_arrive():
+def test_a_last_item_under_way_at_the_deadline_may_still_arrive():
     late = False
     upload = Upload(PEER, ITEMS, too_late=lambda _round_trip_s: late)
     upload.start(0.0)
@@ -159,7 +159,7 @@ def test_silence_ends_an_upload_after_six_seconds(asked, outcome):
     assert upload.result.outcome is outcome
 
 
-def test_a_vehicle_that_asks_for_one_item_for_ever_is_given_up():
+def test_an_upload_ends_if_one_item_is_requested_forever():
     upload, now = started_upload(asked=2), 0.0
     while upload.result is None and now < 100:
         now += 1.0
@@ -169,7 +169,7 @@ def test_a_vehicle_that_asks_for_one_item_for_ever_is_given_up():
     assert now == 31.0
 
 
-def test_a_slow_link_may_take_as_long_as_it_goes_on():
+def test_an_upload_on_a_slow_link_has_no_time_limit_while_it_progresses():
     upload = Upload(PEER, ITEMS * 20)
     upload.start(0.0)
     for seq in range(60):

@@ -96,7 +96,7 @@ def test_a_pilot_that_sets_hold_mode_during_a_swap_in_flight_keeps_the_vehicle(s
     assert theirs > 0
 
 
-def test_a_swap_that_finds_it_in_hold_leaves_it_alone_unless_it_was_put_there():
+def test_a_swap_leaves_a_holding_vehicle_alone_unless_its_own_hold():
     bench = Bench().flying(OLD)
     bench.copter.mode = GUIDED
     bench.run(2)
@@ -158,7 +158,7 @@ def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
     assert (result.flying, lost) == ("new", [0, 1, 2])
 
 
-def test_a_command_that_is_temporarily_rejected_is_tried_again_after_a_look():
+def test_a_temporarily_rejected_command_is_repeated_after_a_new_heartbeat():
     bench = Bench().flying(OLD)
     real, said = bench.copter.set_mode, []
 
@@ -184,7 +184,7 @@ def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
     assert len(bench.sent) == sent
 
 
-def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat():
+def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
     bench = Bench().prepared()
     bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.copter.armed = True
@@ -199,7 +199,7 @@ def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat()
     [(2, {"armed": True}, []), (4, {"mode": 3}, [ARM]), (4, {"armed": False}, [ARM])],
     ids=["arms it before we do", "starts the mission before we do", "disarms what we armed"],
 )
-def test_launch_goes_no_further_where_a_pilot_does_its_next_step(look, pilot, orders_before):
+def test_launch_ends_if_a_pilot_does_its_next_step(look, pilot, orders_before):
     """Just before the answer to the `look`-th question for a heartbeat."""
     bench = Bench().prepared()
     bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
@@ -240,7 +240,7 @@ def test_a_launch_that_failed_is_not_disarmed_against_a_pilot():
     assert bench.copter.armed
 
 
-def test_prepare_leaves_a_vehicle_alone_that_a_pilot_armed_since_its_last_heartbeat():
+def test_prepare_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
     bench = Bench().connected()
     bench.run(3)
     bench.copter.mode, bench.copter.armed = LOITER, True
@@ -250,7 +250,7 @@ def test_prepare_leaves_a_vehicle_alone_that_a_pilot_armed_since_its_last_heartb
 
 
 @pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
-def test_an_operators_order_goes_out_at_once_but_not_again_against_a_pilot(job):
+def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job):
     bench = Bench().flying(OLD)
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == MODE
     sent = len(bench.sent)
@@ -278,7 +278,7 @@ def test_a_command_without_an_operators_order_waits_for_a_new_heartbeat(job, mod
         assert "[taken-over]" in result.failure
 
 
-def test_an_order_of_a_rule_that_interrupts_a_swap_may_find_the_hold_of_that_swap():
+def test_an_order_of_a_rule_may_follow_the_hold_of_an_interrupted_swap():
     bench = Bench(Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=5)).flying(OLD)
     bench.take(bench.session.begin("swap", partial(basic.swap, new=bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.mode == GUIDED)
@@ -288,7 +288,7 @@ def test_an_order_of_a_rule_that_interrupts_a_swap_may_find_the_hold_of_that_swa
 
 
 @pytest.mark.parametrize("mode", [0, 3, 4, 5, 6, 9], ids="mode {}".format)
-def test_an_operators_order_is_repeated_in_the_mode_it_found_and_in_modes_of_ours(mode):
+def test_an_operators_order_is_repeated_in_the_previous_mode_and_in_own_modes(mode):
     bench = Bench().flying(OLD)
     bench.copter.mode = mode
     bench.run(2)

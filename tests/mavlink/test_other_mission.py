@@ -114,12 +114,12 @@ def watching(autopilot: int = mavlink.MAV_AUTOPILOT_PX4) -> MissionWatch:
 
 
 @pytest.mark.parametrize("total", [0, 7])
-def test_as_many_as_expected_or_an_old_firmware_tell_of_no_other_mission(total: int) -> None:
+def test_an_equal_count_or_an_old_firmware_shows_no_other_mission(total: int) -> None:
     watch = watching()
     assert not any(watch.shows_other_mission(current(total), float(second)) for second in range(60))
 
 
-def test_one_message_or_an_old_one_after_our_own_transfer_is_not_believed() -> None:
+def test_a_single_or_old_message_after_an_own_transfer_does_not_count() -> None:
     watch = watching()
     assert not watch.shows_other_mission(current(9), 10.0)
     assert not watch.shows_other_mission(current(7), 10.5)
@@ -130,7 +130,7 @@ def test_one_message_or_an_old_one_after_our_own_transfer_is_not_believed() -> N
     assert watch.shows_other_mission(current(9), 14.0 + OTHER_MISSION_LASTS_S)
 
 
-def test_another_id_is_another_mission_and_one_such_message_is_not_believed() -> None:
+def test_another_id_is_another_mission_only_with_a_second_message() -> None:
     watch = watching()
     for at_s, mission_id, shows_other_mission in ((3.0, 5, False), (60.0, 5, False), (61.0, 6, False)):
         assert watch.shows_other_mission(current(7, mission_id), at_s) is shows_other_mission
@@ -172,7 +172,7 @@ def test_the_own_mission_uploaded_again_may_have_another_id(heard: tuple[int, ..
     assert watch.shows_other_mission(current(7, 9), 23.0 + OTHER_MISSION_LASTS_S)
 
 
-def test_home_alone_is_not_asked_for() -> None:
+def test_home_alone_is_not_requested() -> None:
     watch = watching(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
     watch.own_procedure_ended(SEVEN[:1], 10.0)
     assert watch.next_deadline is None
@@ -215,7 +215,7 @@ def test_a_vehicle_with_mission_ids_gets_no_requests() -> None:
     assert (len(bench.of("MISSION_REQUEST_INT")), len(bench.of("MISSION_REQUEST_LIST"))) == before
 
 
-def test_one_item_that_another_has_changed_is_found_in_its_turn() -> None:
+def test_a_changed_item_is_found_by_the_periodic_requests() -> None:
     """By a partial list, which leaves the count as it is, far ahead of the vehicle."""
     bench = FlyingBench("ardupilot").flying(plan(north=8))
     bench.run(3.0)

@@ -64,7 +64,7 @@ def test_a_parameter_with_the_wanted_value_is_not_sent(personality):
 
 
 @BOTH
-def test_nothing_is_set_where_one_name_is_unknown(personality):
+def test_no_parameter_is_set_if_one_name_is_unknown(personality):
     bench = on_the_ground(personality)
     before = bench.params[WHOLE[personality]]
     failure = write(bench, **{WHOLE[personality]: 1 - before, "NO_SUCH_NAME": 2})
@@ -74,7 +74,7 @@ def test_nothing_is_set_where_one_name_is_unknown(personality):
 
 
 @BOTH
-def test_an_armed_vehicle_is_sent_nothing_of_it(personality):
+def test_an_armed_vehicle_gets_no_parameter_messages(personality):
     bench = FlyingBench(personality).flying(plan(north=8))
     before, sent = bench.params[WHOLE[personality]], len(bench.sent)
     assert "[armed]" in write(bench, **{WHOLE[personality]: 1 - before})
@@ -84,7 +84,7 @@ def test_an_armed_vehicle_is_sent_nothing_of_it(personality):
 
 
 @BOTH
-def test_nothing_is_set_on_one_that_is_armed_while_it_is_asked(personality):
+def test_no_parameter_is_set_on_a_vehicle_that_is_armed_meanwhile(personality):
     bench = FlyingBench(personality).uploaded(plan(north=8))
     before = bench.params[WHOLE[personality]]
     bench.block_down = lambda m: m.get_type() == "PARAM_VALUE"
@@ -118,7 +118,7 @@ def test_an_integer_parameter_of_px4_takes_no_fraction():
 @given(
     loss=st.floats(0.0, 0.5), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )
-def test_over_a_bad_link_success_is_never_claimed_wrongly(loss, seed, personality):
+def test_success_over_a_bad_link_is_always_true(loss, seed, personality):
     bench = on_the_ground(personality, loss=loss, seed=seed)
     failure = write(bench, **{WHOLE[personality]: 1, REAL[personality]: 40.0})
     kept = bench.params[WHOLE[personality]] == 1 and bench.params[REAL[personality]] == 40.0

@@ -23,7 +23,7 @@ MODEST = settings(
 )
 
 
-def test_prepare_sets_guided_again_because_the_first_one_was_undone():
+def test_prepare_sets_guided_again_after_the_boot_has_undone_it():
     bench = Bench(Script(boot_s=4.0, ready_at_s=6.0)).prepared()
     assert bench.copter.mode_name == "GUIDED"
     assert bench.session.state.ready
@@ -117,7 +117,7 @@ def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_failed_swap_leaves_a_whole_plan_or_hold_and_says_which(script, flying, says):
+def test_a_failed_swap_leaves_and_reports_a_whole_plan_or_hold(script, flying, says):
     bench = Bench().flying(OLD)
     bench.copter.script = replace(script, partial_lists=False)
     result = bench.swap(NEW)
@@ -213,7 +213,7 @@ def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
 
 
 @pytest.mark.parametrize("partial_lists", [True, False])
-def test_a_link_that_dies_in_a_swap_ends_in_what_was_known_last(partial_lists):
+def test_a_swap_on_a_lost_link_reports_the_last_known_mission(partial_lists):
     bench = Bench(Script(partial_lists=partial_lists), Faults(max_delay_s=0.3)).flying(OLD)
     bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)
@@ -228,7 +228,7 @@ def test_a_link_that_dies_in_a_swap_ends_in_what_was_known_last(partial_lists):
         assert bench.copter.mode_name == "GUIDED", "and the mixture on it is not flown"
 
 
-def test_cancelling_an_upload_tells_the_vehicle():
+def test_cancelling_an_upload_sends_a_cancellation():
     bench = Bench(faults=Faults(max_delay_s=0.5)).prepared()
     bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None and bench.copter.transfer.asked > 2)
@@ -248,7 +248,7 @@ def test_a_lost_final_ack_is_settled_by_reading_back():
     assert len(bench.of("MISSION_COUNT")) == 1
 
 
-def test_an_upload_over_a_mission_that_was_never_given_up_is_tried_again_later():
+def test_an_upload_during_an_unfinished_transfer_is_repeated_later():
     bench = Bench().prepared()
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and m.seq == 3 and bench.now < 30
     assert bench.upload(OLD).failure is None
@@ -267,7 +267,7 @@ def test_after_a_reboot_the_streams_come_back_and_the_mission_is_in_doubt():
     assert bench.run(15, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
 
 
-def test_a_vehicle_that_rebooted_while_it_was_lost_is_asked_for_its_streams_at_once():
+def test_a_vehicle_that_rebooted_while_lost_gets_its_stream_requests_at_once():
     bench = Bench().prepared()
     bench.silent = True
     bench.run(60)
@@ -287,7 +287,7 @@ faults = st.builds(
 
 @MODEST
 @given(faults=faults, count=st.integers(1, 12))
-def test_an_upload_ends_with_exactly_that_mission_or_says_that_it_did_not(faults, count):
+def test_an_upload_reports_success_only_for_exactly_that_mission(faults, count):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
     what = plan(north=count)
@@ -313,7 +313,7 @@ def test_two_uploads_one_after_the_other_never_mix(faults):
 
 @MODEST
 @given(faults=faults, partial_lists=st.booleans())
-def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults, partial_lists):
+def test_a_swap_on_a_bad_wire_flies_no_mixture_and_reports_truly(faults, partial_lists):
     bench = Bench(Script(partial_lists=partial_lists)).flying(OLD)
     bench.spoil(faults)
     mixed = []

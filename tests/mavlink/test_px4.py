@@ -53,7 +53,7 @@ def test_a_mode_is_set_by_main_and_sub_mode(mode, params):
         (Readiness("AUTO.LOITER", False, None, ("Preflight Fail: Compass",)), ("Preflight Fail: Compass",)),
     ],
 )
-def test_it_is_ready_by_its_pre_arm_bit_in_a_mode_that_needs_no_pilot(readiness, reasons):
+def test_readiness_is_the_pre_arm_bit_in_a_mode_without_a_pilot(readiness, reasons):
     found = PX4.not_ready(readiness)
     assert len(found) == len(reasons)
     assert all(reason in text for reason, text in zip(reasons, found, strict=True))
@@ -67,7 +67,7 @@ def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():
     assert (items[0].x, items[0].y, items[0].z) == (460_000_000, 140_000_000, 20.0)
 
 
-def test_it_may_look_where_it_flies():
+def test_yaw_is_free_in_flight():
     """A heading as param4 is kept all the way, and no waypoint is reached before it faces there."""
     items = PX4.mission_items(OLD, (46.0, 14.0))
     assert all(math.isnan(item.param4) for item in items)
@@ -125,7 +125,7 @@ def test_a_second_launch_begins_at_the_first_item_wherever_the_first_one_ended()
     assert [m.seq for m in bench.of(SET_CURRENT)] == [0]
 
 
-def test_launch_says_in_the_vehicles_words_why_it_does_not_arm():
+def test_a_refused_arming_is_reported_in_the_words_of_the_vehicle():
     bench = FlyingBench("px4").uploaded(OLD)
     bench.vehicle.params.set("COM_ARM_BAT_MIN", 2.0)
     failure = bench.do("launch", basic.launch).failure
@@ -271,7 +271,7 @@ def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
     assert bench.holds(bench.session.items)
 
 
-def test_a_read_back_that_it_has_broken_off_is_begun_anew():
+def test_an_interrupted_read_back_is_repeated():
     """Asked nothing for 5 s it ends the transfer, and answers no request for an item before the next."""
     bench = FlyingBench("px4").flying(OLD)
     lost = iter(range(7))

@@ -62,19 +62,19 @@ def test_the_mission_jumps_over_the_landing_at_home_to_that_at_the_goal() -> Non
     assert landing_items(items) == frozenset({5, 6, 7, 9, 10})
 
 
-def test_its_last_waypoint_lies_behind_the_goal_which_it_is_to_fly_over() -> None:
+def test_the_last_waypoint_lies_behind_the_goal() -> None:
     last = PLANE.mission_items(FIRST)[3]
     east_m, north_m = FRAME.to_local(last.x / 1e7, last.y / 1e7)
     # On from (0, 600) to (400, 900), which are 500 m.
     assert (east_m, north_m) == pytest.approx((400 + 30 * 0.8, 900 + 30 * 0.6), abs=0.1)
 
 
-def test_a_plan_for_what_hovers_is_no_mission() -> None:
+def test_a_plan_for_a_copter_is_refused() -> None:
     with pytest.raises(ValueError, match="`airframe: plane`"):
         PLANE.mission_items(FlightPlan(40.0, FIRST.track, FIRST.landing), HOME)
 
 
-def test_jumps_of_what_is_put_behind_other_items_lead_where_they_led() -> None:
+def test_jumps_of_appended_items_keep_their_targets() -> None:
     items = PLANE.mission_items(FIRST)
     longer = append_items((*items[:3], items[2], items[2]), items, 1)
     jump = next(item for item in longer if item.command == mavlink.MAV_CMD_DO_JUMP)
@@ -110,19 +110,19 @@ def test_the_plane_flies_over_its_goal_and_lands_there() -> None:
     assert away_m(flown, GOAL) < 60.0
 
 
-def test_a_mission_that_it_would_not_fly_is_no_mission_in_its_own_words() -> None:
+def test_an_infeasible_mission_is_refused_with_the_text_of_the_vehicle() -> None:
     failure = bench(FW_LND_ANG=3.0).prepared().upload(FIRST).failure
     assert failure is not None
     assert "the landing glide slope is steeper than the vehicle setting of 3.0 degrees" in failure
 
 
-def test_a_mission_that_leads_outside_of_its_fence_is_no_mission_either() -> None:
+def test_a_mission_outside_the_fence_is_refused() -> None:
     failure = bench(GF_MAX_HOR_DIST=500.0).prepared().upload(FIRST).failure
     assert failure is not None
     assert "Geofence violation for waypoint 3" in failure
 
 
-def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
+def test_a_launch_begins_at_the_first_item() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.set_current(AT_GOAL)
     assert flown.do("launch", basic.launch).failure is None
@@ -170,7 +170,7 @@ def test_after_a_swap_it_still_returns_home() -> None:
 
 
 @pytest.mark.full
-def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
+def test_a_plane_landing_at_its_goal_gets_no_other_mission() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
@@ -264,7 +264,7 @@ def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
     assert landed(flown, 60.0)
 
 
-def test_with_unknown_landings_the_plane_flies_to_the_one_that_it_knows() -> None:
+def test_a_plane_with_unknown_landings_flies_to_the_known_one() -> None:
     flown = in_flight()
     flown.session._require_context().verified_items = ()
     assert flown.do("land", basic.land).failure is None
@@ -294,7 +294,7 @@ def test_a_command_to_land_on_the_ground_disarms() -> None:
     assert flown.of("MISSION_SET_CURRENT") == []
 
 
-def test_its_speed_is_set_through_the_air() -> None:
+def test_the_set_speed_is_the_airspeed() -> None:
     flown = in_flight()
     assert flown.do("speed", partial(set_speed, speed_m_s=12.0)).failure is None
     (message,) = [m for m in flown.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]

@@ -45,7 +45,7 @@ def test_the_number_of_rally_points_is_reported(personality: str) -> None:
     assert counted(bench) == RallyPoints(1)
 
 
-def test_an_ardupilot_that_is_built_without_has_none() -> None:
+def test_an_ardupilot_built_without_rally_points_has_none() -> None:
     """It says that such a list is unsupported (`GCS_MAVLINK::handle_mission_request_list`)."""
     bench = Bench(Script(rally_points=None)).connected()
     assert counted(bench) == RallyPoints(0)
@@ -89,7 +89,7 @@ def test_an_answer_to_another_station_or_about_another_list_does_not_count() -> 
     assert counted(bench).count is None
 
 
-def test_while_another_station_puts_some_there_it_is_asked_again() -> None:
+def test_the_count_is_requested_again_while_another_station_uploads() -> None:
     """DENIED while an upload runs (`MissionItemProtocol::handle_mission_request_list`)."""
     bench = on_the_ground("ardupilot")
     another_puts(bench, 1, announced=2)
@@ -103,7 +103,7 @@ def test_while_another_station_puts_some_there_it_is_asked_again() -> None:
     points=st.integers(0, 3),
     personality=st.sampled_from(["ardupilot", "px4"]),
 )
-def test_over_a_bad_link_the_number_is_right_or_unknown(
+def test_the_number_over_a_bad_link_is_right_or_unknown(
     loss: float, seed: int, points: int, personality: str
 ) -> None:
     bench = on_the_ground(personality, loss=loss, seed=seed)

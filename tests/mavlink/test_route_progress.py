@@ -52,7 +52,7 @@ def test_the_item_ahead_is_the_end_of_the_present_leg(
     assert not found.is_late
 
 
-def test_an_order_that_arrives_later_finds_it_farther_on() -> None:
+def test_a_later_order_finds_the_vehicle_farther_along() -> None:
     before = state(0.0, 90.0, north_m_s=10.0)
     assert WAY.at(before).item == 0
     assert WAY.at(before).corner_s == pytest.approx(1.0, abs=0.05)
@@ -62,9 +62,7 @@ def test_an_order_that_arrives_later_finds_it_farther_on() -> None:
 
 
 @pytest.mark.parametrize(("later_s", "is_late"), [(0.0, False), (0.9, False), (1.1, True), (3.0, True)])
-def test_it_is_late_once_it_is_past_where_the_new_way_leaves_the_flown_one(
-    later_s: float, is_late: bool
-) -> None:
+def test_a_vehicle_past_the_splice_point_is_late(later_s: float, is_late: bool) -> None:
     """Until then corners that both have are passed without harm."""
     flown = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 400.0))
     new = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 100.0), item(300.0, 100.0))
@@ -74,7 +72,7 @@ def test_it_is_late_once_it_is_past_where_the_new_way_leaves_the_flown_one(
     assert way.at(state(40.0, 104.0, north_m_s=10.0)).is_late, "straight on"
 
 
-def test_a_way_from_nowhere_begins_at_its_first_item() -> None:
+def test_a_route_without_a_start_begins_at_its_first_item() -> None:
     unknown = VehicleState()
     assert RouteProgress(unknown, (item(0.0, 100.0),)).at(state(0.0, 0.0)).item == 0
     assert WAY.at(unknown).item == 0

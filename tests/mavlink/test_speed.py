@@ -34,7 +34,7 @@ def test_nothing_is_sent_to_a_vehicle_that_does_not_fly_its_mission(mode, number
     assert sent(bench) == []
 
 
-def test_an_unanswered_speed_is_sent_again_but_not_for_ever():
+def test_an_unanswered_speed_is_repeated_a_limited_number_of_times():
     bench = Bench().flying(plan(north=8))
     bench.block = lambda message: getattr(message, "command", None) == CHANGE_SPEED
     assert "no answer" in bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure

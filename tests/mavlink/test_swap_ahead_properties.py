@@ -45,7 +45,7 @@ outages = st.lists(
     database=None,
 )
 @given(wire=wires, cuts=outages, delay_s=st.sampled_from([0.0, 0.2, 1.0]), leaves_m=st.floats(20.0, 400.0))
-def test_a_vehicle_is_on_one_of_both_ways_and_is_never_sent_back(
+def test_a_vehicle_follows_the_old_or_new_route_and_never_turns_back(
     personality: str, wire: Faults, cuts: list[tuple[float, float]], delay_s: float, leaves_m: float
 ) -> None:
     bench = FlyingBench(personality).flying(plan(*OLD))

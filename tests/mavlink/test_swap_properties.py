@@ -128,7 +128,7 @@ def test_a_swap_never_flies_a_mixture_and_its_result_is_true(way, wire, cuts):
 @pytest.mark.parametrize("way", WAYS)
 @settings(MODEST, max_examples=examples(6, 3))
 @given(wire=wires, after_s=st.floats(0.0, 3.0), silence_s=st.sampled_from([0.5, 1.5, 8.0]))
-def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, after_s, silence_s):
+def test_a_vehicle_that_reboots_in_a_swap_is_not_reported_as_flying(way, wire, after_s, silence_s):
     """Its motors stop; what it holds outlives that. The next swap of it is none, and says so."""
     bench = flying(way)
     new = bench.session.mission_items(NEW)
@@ -153,7 +153,7 @@ def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, af
 @pytest.mark.parametrize("way", WAYS)
 @settings(MODEST, max_examples=examples(5, 3))
 @given(wire=wires, pause_s=st.sampled_from([0.0, 0.4, 3.0]))
-def test_swaps_one_after_the_other_leave_no_remains_of_the_first_in_the_second(way, wire, pause_s):
+def test_successive_swaps_do_not_mix_their_items(way, wire, pause_s):
     """An agent uploads the newest plan as soon as the swap before has ended, however it ended."""
     bench = flying(way)
     bench.spoil(wire)
@@ -173,7 +173,7 @@ def test_swaps_one_after_the_other_leave_no_remains_of_the_first_in_the_second(w
 @pytest.mark.full
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("end_s", [0.05, 0.1, 0.2, 0.4, 0.8])
-def test_a_link_that_dies_for_good_in_a_swap_leaves_a_whole_plan(way, end_s):
+def test_a_lost_link_in_a_swap_leaves_a_whole_plan(way, end_s):
     """Whatever the last message was that got through, the vehicle flies one plan to its end; or it holds."""
     bench = flying(way)
     new = bench.session.mission_items(NEW)

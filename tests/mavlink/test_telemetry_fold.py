@@ -85,7 +85,7 @@ def of_gps(present: bool, healthy: bool):
         "a fix again",
     ],
 )
-def test_a_gps_that_was_there_and_is_not_any_more_is_lost(told, gps_ok):
+def test_a_gps_receiver_that_stops_reporting_is_lost(told, gps_ok):
     assert folded(*(of_gps(*bits) for bits in told)).state.gps_ok is gps_ok
 
 
@@ -132,14 +132,14 @@ def test_each_field_comes_from_its_message(message, field, value):
     assert getattr(folded(message).state, field) == value
 
 
-def test_a_position_overtaken_by_a_newer_one_is_not_news():
+def test_a_position_older_than_the_last_one_is_dropped():
     telemetry = folded(position(5000))
     assert not telemetry.receive(position(4000, lat=1), 0.0)
     assert telemetry.state.lat_deg == 46.049
     assert telemetry.reboots == 0
 
 
-def test_a_clock_that_goes_back_is_a_reboot_and_forgets_what_was():
+def test_a_clock_that_goes_back_is_a_reboot_and_clears_the_state():
     telemetry = folded(heartbeat(4), sys_status(), text("STRIKE 2 over 1,1 from 1,2"), position(60_000))
     telemetry.receive(position(500), 0.0)
     assert telemetry.reboots == 1
@@ -176,7 +176,7 @@ def test_a_clock_younger_than_the_silence_shows_a_reboot(uptime_s, silent_s, reb
         ([text("STRIKE x over 3,4 from 3,5"), text("a STRIKE 9 over 1,1 from 1,1")], 0),
     ],
 )
-def test_strikes_are_the_greatest_running_count_heard(messages, strikes):
+def test_strikes_are_the_greatest_received_count(messages, strikes):
     assert folded(*messages).state.strikes == strikes
 
 
@@ -332,7 +332,7 @@ def test_only_the_autopilots_heartbeat_makes_a_vehicle(message):
     assert session.link_state is LinkState.NEVER_HEARD
 
 
-def test_streams_are_asked_for_again_while_they_stay_away_and_ever_more_seldom():
+def test_missing_streams_are_requested_again_and_more_and_more_rarely():
     keeper = StreamKeeper(MavlinkPeer(1), {33: 4.0, 1: 1.0})
     assert keeper.tick(0.0) == []
     keeper.demand(0.0)
@@ -391,7 +391,7 @@ def test_another_sender_with_the_autopilots_component_id_is_ignored(stranger):
     assert session.age_s(1.0) == 1.0
 
 
-def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_vehicle():
+def test_a_session_runs_one_procedure_at_a_time_after_the_identity_is_known():
     session = Session(MavlinkPeer(1))
 
     def endless(ctx):
@@ -414,7 +414,7 @@ def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_veh
         (bytes(18), False),
     ],
 )
-def test_only_our_simulators_mark_means_that_no_aircraft_is_there(uid2, simulated):
+def test_only_the_mark_of_the_built_in_simulator_identifies_it(uid2, simulated):
     session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat())
     version = M.MAVLink_autopilot_version_message(0, 0x040602FF, 0, 0, 0, b"", b"", b"", 0, 0, 0, list(uid2))
@@ -431,7 +431,7 @@ def at(boot_ms: int):
     return position(boot_ms=boot_ms % WRAP_MS)
 
 
-def test_a_clock_whose_32_bits_are_used_up_goes_on() -> None:
+def test_a_clock_continues_over_its_32_bit_wrap() -> None:
     telemetry = Telemetry(dialect_for(3, 2))
     for now_s in range(6):
         telemetry.receive(at(WRAP_MS - 2500 + now_s * 1000), 100.0 + now_s)
@@ -439,7 +439,7 @@ def test_a_clock_whose_32_bits_are_used_up_goes_on() -> None:
     assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 2500) / 1000.0)
 
 
-def test_a_message_of_before_the_clock_wrapped_that_comes_late_is_old_news() -> None:
+def test_a_late_message_from_before_the_wrap_is_dropped() -> None:
     telemetry = Telemetry(dialect_for(3, 2))
     for now_s, boot_ms in ((0.0, WRAP_MS - 500), (0.8, WRAP_MS + 300), (0.9, WRAP_MS - 200)):
         telemetry.receive(at(boot_ms), now_s)
@@ -447,7 +447,7 @@ def test_a_message_of_before_the_clock_wrapped_that_comes_late_is_old_news() -> 
     assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 300) / 1000.0)
 
 
-def test_one_that_was_overtaken_when_the_clock_wrapped_is_no_reboot() -> None:
+def test_an_overtaken_message_at_the_wrap_is_no_reboot() -> None:
     telemetry = Telemetry(dialect_for(3, 2))
     for now_s, boot_ms in ((0.0, WRAP_MS - 200), (0.5, WRAP_MS + 300), (0.5, WRAP_MS - 1200)):
         telemetry.receive(at(boot_ms), now_s)
@@ -467,7 +467,7 @@ def test_a_reboot_near_the_wrap_of_the_clock_is_noticed(silent_s, uptime_s, rebo
     assert telemetry.reboots == reboots
 
 
-def test_after_a_reboot_the_clock_counts_from_that() -> None:
+def test_the_clock_restarts_at_a_reboot() -> None:
     telemetry = Telemetry(dialect_for(3, 2))
     for now_s, boot_ms in ((0.0, WRAP_MS - 500), (1.0, WRAP_MS + 500), (60.0, 9_000), (61.0, 10_000)):
         telemetry.receive(at(boot_ms), now_s)
@@ -544,13 +544,13 @@ WILD = 2**31 - 1
         position(relative_alt=20_001_000),
     ],
 )
-def test_a_place_that_cannot_be_is_no_place(wild):
+def test_an_impossible_position_is_dropped(wild):
     state = folded(position(500), wild).state
     assert (state.lat_deg, state.lon_deg, state.alt_rel_m, state.alt_amsl_m) == (None,) * 4
     assert state.time_boot_s == 1.0
 
 
-def test_a_home_that_cannot_be_is_no_home():
+def test_an_impossible_home_is_dropped():
     state = folded(M.MAVLink_home_position_message(WILD, WILD, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)).state
     assert state.home_lat_deg is None
 

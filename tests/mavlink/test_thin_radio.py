@@ -43,7 +43,7 @@ def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(pe
 
 
 @BOTH
-def test_too_few_positions_before_a_flight_are_reported_with_their_number(personality: str) -> None:
+def test_too_few_positions_before_a_flight_are_reported_with_their_rate(personality: str) -> None:
     """PX4 comes down to a twentieth of its rates where its radio is full (`Mavlink::update_rate_mult`)."""
     bench = ThinBench(personality, 6000.0).connected()
     bench.run(10.0)
@@ -58,7 +58,7 @@ def test_too_few_positions_before_a_flight_are_reported_with_their_number(person
 
 
 @BOTH
-def test_streams_that_are_needed_or_slow_are_not_stopped_and_each_other_one_once(personality: str) -> None:
+def test_every_fast_unneeded_stream_is_stopped_once(personality: str) -> None:
     bench = ThinBench(personality, 20_000.0, Streaming(stops_others=True)).connected()
     bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD)
     bench.run(30.0)
@@ -71,7 +71,7 @@ def test_streams_that_are_needed_or_slow_are_not_stopped_and_each_other_one_once
     assert min(b - a for a, b in pairwise(times)) > 0.15, "they do not fill the radio"
 
 
-def test_a_stream_that_another_station_wants_is_stopped_ever_more_seldom() -> None:
+def test_a_stream_of_another_station_is_stopped_more_and_more_rarely() -> None:
     bench = ThinBench("ardupilot", 20_000.0, Streaming(stops_others=True)).connected()
     for _ in range(300):
         bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE)

@@ -30,7 +30,7 @@ def misses_by(problem: Problem, length: float) -> float:
     on_a_route=st.booleans(),
     params=st.sampled_from([LEAST_EXPOSED, LEAST_DISTANT]),
 )
-def test_of_the_routes_over_all_w_that_keep_the_window_it_is_the_best(
+def test_the_route_is_the_best_of_all_w_that_keep_the_window(
     problem: Problem, ends: tuple[float, float], on_a_route: bool, params: Params
 ) -> None:
     points = all_points(problem)

@@ -127,7 +127,7 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, RequiredParameter]:
         (PX4_PLANE, {}, "GF_MAX_VER_DIST", [40, 90], [0, 100]),
     ],
 )
-def test_values_that_say_what_is_declared(firmware, policy, name, good, bad) -> None:
+def test_declared_values_have_their_parameters(firmware, policy, name, good, bad) -> None:
     parameter = wanted(firmware, **policy)[name]
     assert [value for value in good if not parameter.accepts(float(value))] == []
     no_numbers = [math.nan, math.inf, -math.inf]

@@ -89,7 +89,7 @@ def test_an_entry_after_the_closing_one_is_a_fault() -> None:
     assert fault.line == 3
 
 
-def test_numbers_that_json_lacks_are_words() -> None:
+def test_numbers_without_a_json_form_become_strings() -> None:
     assert canonical({"yaw": math.nan, "b": b"\x01\xff"}) == b'{"b":"01ff","yaw":"nan"}'
 
 
