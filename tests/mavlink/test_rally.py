@@ -75,7 +75,7 @@ def test_a_lost_answer_is_no_number(personality: str) -> None:
     found = counted(bench)
     assert found.count is None
     assert found.text.endswith("no answer")
-    assert bench.now - begun_s == pytest.approx(12.0, abs=1.0)
+    assert bench.now - begun_s == pytest.approx(12.0, abs=0.5)
     bench.block_down = lambda m: False
     assert counted(bench) == RallyPoints(0)
 

@@ -72,6 +72,13 @@ def test_a_fence_is_read_back_in_frame_0_without_altitude(frame: int) -> None:
     assert {m.mission_type for m in kept} == {FENCE}
 
 
+@pytest.mark.parametrize(("radius_m", "kept_m"), [(30.0005, 30.0), (30.25, 30.25), (29.9995, 29.9995)])
+def test_a_radius_just_above_a_whole_number_is_kept_as_that_number(radius_m: float, kept_m: float) -> None:
+    bench = ardupilot()
+    bench.upload([fields(0, CIRCLE, param1=radius_m)], FENCE)
+    assert bench.download(FENCE)[0].param1 == pytest.approx(kept_m, abs=1e-5)
+
+
 @pytest.mark.autopilots("2 fence")
 @pytest.mark.parametrize(
     ("sent", "result"),
