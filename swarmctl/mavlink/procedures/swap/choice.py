@@ -5,7 +5,7 @@ The vehicle never flies a mixture of two plans, even if messages are lost. The a
 | swap | condition | during the swap the vehicle |
 |---|---|---|
 | `swap_atomic` | the autopilot exchanges whole missions | flies on |
-| `swap_append` | the autopilot follows each item once written | flies on; the new route goes after the old one |
+| `swap_append` | the autopilot follows each written item | flies on; the new route goes after the old one |
 | `swap_in_hold` | appending is impossible or failed | holds |
 """
 
