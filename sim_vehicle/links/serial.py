@@ -15,7 +15,7 @@ BITS_PER_BYTE = 10  # with start and stop bit
 
 
 class SerialLink:
-    """One device, reopened when it returns; a slow line drops frames."""
+    """A serial device, reopened after a disconnection; a slow line drops frames."""
 
     def __init__(self, url: Url, ends: Ends) -> None:
         self._url, self._ends = url, ends

@@ -50,7 +50,7 @@ class Phase(StrEnum):
     LAUNCHING = "launching"
     FLYING = "flying"
     LANDING = "landing"
-    """over its goal, descending or in the landing queue"""
+    """the vehicle is over its goal, and descends or waits in the landing queue"""
     HOLDING = "holding"
     """holding by order, or until its return"""
     LEAVING = "leaving"
@@ -96,7 +96,7 @@ class Task:
     landing_count: int = 1
     """this vehicle's landing spot in the goal cell, and the number of spots"""
     any_angle: ExposureMeasure | None = None
-    """whether its routes are pulled straight, and how exposure then counts; None: lattice routes are flown"""
+    """exposure measure for straightened routes; None: the vehicle flies lattice routes"""
     turn_radius_m: float = 0.0
     """least turn radius on routes that are pulled straight; 0: turns on the spot"""
     wings: FixedWing | None = None
@@ -212,17 +212,17 @@ class AgentState:
     """time to repeat an order that the vehicle does not follow"""
     launch_aborted: bool = False
     launched_boot_s: float | None = None
-    """first seen armed; start of its time bound"""
+    """time at which the vehicle was first seen armed; start of its time bound"""
     arrived_boot_s: float | None = None
-    """first seen over its goal"""
+    """time at which the vehicle was first seen over its goal"""
     planned: Route | None = None
     """last answer of the planner, flown or not"""
     late_s: float | None = None
     """predicted arrival after take-off [s], by the last decision; None while within the bound"""
     armed_seen: bool = False
-    """armed by its own launch"""
+    """True if the agent's own launch armed the vehicle"""
     disarmed_since_s: float | None = None
-    """time of the first heartbeat that reports it disarmed; None while armed"""
+    """time of the first heartbeat that reports the vehicle disarmed; None while armed"""
     orders_given: int = 0
     memories: tuple[Any, ...] = ()
     """memory of each failsafe rule, in the order of `task.rules`"""
@@ -246,16 +246,16 @@ class AgentState:
     """last intent sent; times of its own clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
-    """comparisons of others' intents with its own"""
+    """comparisons of others' intents with the own intent"""
     predicted_conflicts: frozenset[int] = frozenset()
-    """vehicles in conflict with the route being flown, for which it has to give way"""
+    """vehicles in conflict with the flown route, to which this vehicle has to give way"""
     deferred_for: frozenset[int] = frozenset()
     """vehicles for which a new plan was deferred"""
     deconfliction: DeconflictionCounts = DeconflictionCounts()
     resume_earliest_boot_s: float = -math.inf
     """earliest end of a hold that gives way"""
     holding_since_boot_s: float = math.inf
-    """start of the hold that gives way, or of its last report"""
+    """start of the hold that gives way, or time of the last report about this hold"""
     descent_checked_boot_s: float = -math.inf
     """last check whether the descent is clear"""
     others_earliest_s: Mapping[int, float] = field(default_factory=dict)
@@ -272,7 +272,7 @@ class AgentState:
     n_climbs: int = 0
     """evasive climbs"""
     incarnation: int = 0
-    """incarnation of its program, part of its observations' names"""
+    """incarnation of the agent's program, part of the names of observations"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf

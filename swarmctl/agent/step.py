@@ -205,7 +205,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
 
 
 def _tell_intent(state: AgentState) -> StepResult:
-    """Send the intent when it is due, and check it for conflicts."""
+    """Send the intent when due, and check the plan for conflicts."""
     state, published = share_intent(state)
     if not published:
         return state, []

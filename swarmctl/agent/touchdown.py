@@ -11,7 +11,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
 
 AT_HOME_M = 15.0
-"""Distance from its target within which a copter touches down."""
+"""Distance from the landing target within which a copter touches down."""
 
 
 def note_disarming(state: AgentState) -> AgentState:

@@ -28,12 +28,12 @@ class BusEndpoint:
 
     @property
     def is_loopback(self) -> bool:
-        """True if only this machine can reach it."""
+        """True if only this machine can reach the endpoint."""
         return texts.is_loopback(self.host)
 
     @property
     def is_certified(self) -> bool:
-        """True if its protocol uses certificates on both sides."""
+        """True if the endpoint's protocol uses certificates on both sides."""
         return self.protocol in CERTIFICATE_PROTOCOLS
 
     @property

@@ -1,4 +1,4 @@
-"""The console script: Ctrl-C ends it with its exit code at any time, even during imports."""
+"""The console script. Ctrl-C ends the program with the right exit code at any time, even during imports."""
 
 from __future__ import annotations
 

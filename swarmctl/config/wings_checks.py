@@ -55,7 +55,7 @@ def _planes(config: Config) -> Iterator[KeyPath]:
 
 
 def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[ConfigProblem]:
-    """Yield a lack of room of one fixed wing: to climb out, to descend, to land at its goal and at home."""
+    """Yield the problems of a fixed wing without room to climb, to descend, or to land at goal or home."""
     wings = task.wings
     if wings is None:
         return

@@ -111,7 +111,7 @@ class Belief:
     _n: int
     """number of the log's observations that belong to this belief"""
     _checkpoints: Mapping[Source, Checkpoint]
-    """checkpoint of each source; it counts instead of the observations that it stands for"""
+    """checkpoint of each source; it replaces the observations that it summarises"""
     _counted_all: LookCounts | None = None
     """counts of everything, once they were asked for"""
 

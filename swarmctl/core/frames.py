@@ -152,7 +152,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     points: Annotated[tuple[IntentPoint, ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
     """points with rising times; none: the flight is unknown"""
     may_change: bool = True
-    """ability to give way: it flies a mission of its agent that may be changed"""
+    """ability to give way: True if the vehicle flies a mission that its agent may change"""
     around_m: tuple[float, float] = (0.0, 0.0)
     """greatest distance of the UAV from these points, over ground and in height [m]"""
     on_ground: bool = False

@@ -58,7 +58,7 @@ class VehicleState:
     mission_seq: int | None = None
     mission_total: int | None = None
     brakes_m_s2: float | None = None
-    """deceleration to a stop before it starts another plan in flight [m/s²]; None: it turns at once"""
+    """deceleration before a new plan in flight [m/s²]; None: the vehicle turns without a stop"""
     other_mission: bool = False
     """the mission on the vehicle differs from the verified one: another station has uploaded it"""
     home_lat_deg: float | None = None

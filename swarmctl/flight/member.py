@@ -22,11 +22,11 @@ class Member:
     runner: Runner
     identity: Identity | None = None
     waiting_for: tuple[str, ...] = ()
-    """conditions that it does not meet yet, while it is made ready"""
+    """unmet conditions during the preparation"""
     is_overdue: bool = False
-    """it waits for these longer than a healthy vehicle"""
+    """True if the preparation takes longer than for a healthy vehicle"""
     not_ready_because: str = ""
-    """the reason why it could not be made ready"""
+    """reason for a failed preparation"""
 
     @property
     def state(self) -> AgentState:

@@ -151,7 +151,7 @@ class LaunchBlockedError(LaunchFailed):
     def __init__(self, text: str, *, why: str, was_armed: bool) -> None:
         super().__init__(text)
         self.why = why
-        """the obstacle, as `blocked_by` returned it"""
+        """the obstacle that `blocked_by` returned"""
         self.was_armed = was_armed
         """True if the vehicle was armed and has been disarmed again"""
 

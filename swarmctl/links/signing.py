@@ -28,9 +28,9 @@ LAST_TIMESTAMP = 2**48 - 1
 NEW_STREAM_AGE = 60 * TICKS_PER_S
 """a new stream may lag this much behind the own time"""
 RESERVED = 60 * TICKS_PER_S
-"""lead of the stored timestamp over the used ones when it is written"""
+"""lead of the stored timestamp over the used timestamps after a write"""
 RENEWED = 30 * TICKS_PER_S
-"""lead at which it is written again; the disk may take this long without a wait"""
+"""lead below which the timestamp is stored again; the disk may take this long without a delay"""
 DISK_WAIT_S = 1.0
 """longest wait for the disk when no lead is left: at the start, and after a timestamp far ahead"""
 MAX_AHEAD = 24 * 3600 * TICKS_PER_S

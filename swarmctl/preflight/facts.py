@@ -47,7 +47,7 @@ class PreflightFacts:
     """time since its last SYS_STATUS (charge, readiness to arm); infinite before the first"""
     instruments: Instruments | None
     clock_offset_s: float | None
-    """its clock less the reference clock"""
+    """the vehicle's clock minus the reference clock"""
     clock_tolerance_s: float
     required_parameters: tuple[RequiredParameter, ...]
     no_table: str
@@ -59,7 +59,7 @@ class PreflightFacts:
     fence_items: tuple[MissionItem, ...] | None
     """items read back"""
     fence_failure: str
-    """why an ArduPilot may not keep to the fence that its parameters name; empty: it does"""
+    """reason why an ArduPilot may not enforce the fence of its parameters; empty if there is none"""
     rally_points: int | None
     """number of rally points on the vehicle"""
     ceiling_m: float

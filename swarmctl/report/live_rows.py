@@ -52,7 +52,7 @@ class VehicleRow:
     mode: str
     battery_percent: int | None
     progress: float
-    """share of its present route that it has flown, 0..1"""
+    """flown share of the present route, 0..1"""
     cells_own: int
     cells_heard: int
     hostiles_known: int

@@ -74,7 +74,7 @@ class Recorder:
 
     def __init__(self, path: Path, scenario: Scenario, epoch_ns: int) -> None:
         self.trouble = ""
-        """the reason why it ends early: a full disk costs the record, not the flight"""
+        """reason why the record ends early: a full disk ends the record, not the flight"""
         self._path = path
         self._file = path.open("wb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)

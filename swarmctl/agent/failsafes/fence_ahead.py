@@ -106,7 +106,7 @@ def _leaves(
     corners: tuple[PlanarPoint, ...],
     here: PlanarPoint,
 ) -> bool:
-    """Return whether it is off its route and would be outside the fence before it has stopped or turned."""
+    """Return whether a vehicle off its route would leave the fence before it can stop or turn."""
     if memory.course is None or facts.route is None:
         return False
     track = tuple(facts.frame.to_local(*point) for point in facts.route.points)

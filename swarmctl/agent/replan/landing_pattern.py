@@ -37,7 +37,7 @@ class FixedWing:
     """The properties of a fixed wing that plans depend on."""
 
     loiter_radius_m: float
-    """radius of its holding circles and of the descent circle [m]"""
+    """radius of the holding circles and of the descent circle [m]"""
     final_height_m: float
     """height above home at which the final begins [m]"""
     glide_deg: float

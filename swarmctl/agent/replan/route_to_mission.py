@@ -48,7 +48,7 @@ class FlownRoute:
     safety_factor: float
     """∏(1 − P_s) over the same"""
     is_pulled: bool
-    """it is a straightened track; else the lattice route itself"""
+    """True for a straightened track; False for the lattice route itself"""
 
 
 def flown_route(task: Task, problem: Problem, route: Route) -> FlownRoute:

@@ -37,9 +37,9 @@ EVERY_S = 5.0
 MIN_INTERVAL_S = 1.0
 """Least interval while the vehicle is off its announced position."""
 DRIFT_S, DRIFT_M = 1.0, 3.0
-"""Off its position: by more than the distance flown in this time, and by more than this distance."""
+"""A vehicle is off its plan if the error exceeds both the distance flown in this time and this distance."""
 MAX_AGE_S = 20.0
-"""Oldest intent in use: four in a row are lost by then, or their sender is."""
+"""Greatest age of an intent in use. At this age four intents in a row are lost, or their sender is lost."""
 STANDS_S = 30.0
 """Duration of the announced hold."""
 LAST_POSITION_S, MAX_UNCERTAINTY_M = 180.0, 60.0

@@ -56,7 +56,7 @@ class ReturningVehicle:
     speed_m_s: float
     """expected ground speed"""
     is_returning: bool = False
-    """on its way already; it is not scheduled"""
+    """True if the vehicle already returns; it gets no start time"""
 
     @property
     def way_m(self) -> float:

@@ -180,7 +180,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         return self.questions.try_take(now_s)
 
     def update_state(self, decoded: DecodedFrame, now_s: float) -> None:
-        """Store its state, received directly or relayed, unless a newer one is known."""
+        """Store the peer's state, received directly or relayed, unless a newer one is known."""
         frame, column, row = decoded.frame, self.column, self.row
         known = column.state[row]
         is_newer = frame.incarnation >= column.incarnation[row] and (
@@ -216,7 +216,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
 
     def update_intent(self, frame: Frame, intent: IntentShared, data: bytes) -> None:
-        """Store its intended trajectory, unless a newer one is known."""
+        """Store the peer's intended trajectory, unless a newer one is known."""
         if frame.incarnation >= self.column.incarnation[self.row] and frame.unix_s > self.intent_unix_s:
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 

@@ -122,7 +122,7 @@ class SourceRecord(msgspec.Struct, gc=False):
         self.numbers.upto[self.place] += 1
 
     def advance(self, to: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
-        """Adopt a checkpoint if it summarises more than the present one; return whether it does.
+        """Adopt a checkpoint that summarises more than the present one; return whether it was adopted.
 
         Raises Refused if it summarises other observations than those held.
         """

@@ -131,7 +131,7 @@ class _Worlds:
         )
         is_open, self._groups = posterior(belief.count, belief.sensor, both)
         self.open = is_open[: near.n_cells.size]
-        """(k,) kinds of which it is uncertain whether they hold hostiles"""
+        """(k,) kinds of cells that may or may not hold hostiles"""
         self.sure = ~self.open & (near.hits > 0) & (belief.sensor.log_ratio(near.looks, near.hits) > 0.0)
         """(k,) kinds whose cells all hold a hostile"""
 

@@ -95,7 +95,7 @@ class TcpServer:
 
 
 class TcpClient:
-    """tcpout: connects, and connects again with back-off for as long as it is open."""
+    """tcpout: a client that connects, and reconnects with back-off until it is closed."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.trouble = "not connected yet"

@@ -103,7 +103,7 @@ class Dialect(Protocol):
 
     @property
     def brakes_m_s2(self) -> float | None:
-        """Deceleration before it flies to another item made current; None: it turns without a stop."""
+        """Deceleration before the flight to a new current item; None: the vehicle turns without a stop."""
 
     @property
     def serves_single_items(self) -> bool:

@@ -75,7 +75,7 @@ class Px4:
     )
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq = 0
-    """PX4 begins at its current index, which outlives landings and uploads"""
+    """PX4 begins at the current index, which persists after landings and uploads"""
     arms_anywhere = True
     brakes_m_s2 = None
     may_lack_rally = False

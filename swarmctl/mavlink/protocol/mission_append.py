@@ -41,7 +41,7 @@ class AppendResult:
     round_trip_s: float = 0.0
     """time from a message to its answer"""
     is_late: bool = False
-    """True if it was stopped by `too_late`"""
+    """True if `too_late` stopped the append"""
     is_foreign: bool = False
     """True if the vehicle stores another mission than the verified one"""
 

@@ -21,7 +21,7 @@ class LaunchBlocked(Done):
     """Result of a launch that another vehicle blocked; the vehicle is on the ground, disarmed."""
 
     was_armed: bool = False
-    """True if it was armed and has been disarmed again"""
+    """True if the vehicle was armed and has been disarmed again"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ class RequiredParameter:
 
     name: str
     declared: str
-    """the declared behaviour that needs it, as text"""
+    """the declared behaviour that needs the parameter, as text"""
     set_to: float | None = None
     """value to write in place of another; None: only the owner sets it. Without effect if `bit` is given"""
     values: tuple[float, ...] = ()

@@ -46,7 +46,7 @@ class EvidenceFile:
         `in_thread`: a thread waits for the disk, which needs a running loop.
         """
         self.trouble = ""
-        """the reason why it ends early"""
+        """reason why the evidence ends early"""
         self._path = path
         self._unix_s, self._run_s, self._say = unix_s, run_s, say
         self._chain = Chain()

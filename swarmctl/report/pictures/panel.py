@@ -19,9 +19,9 @@ class FrontPoint:
     length_m: float
     exposure_sum: float
     supported: bool
-    """on the convex hull: some w finds it"""
+    """True for a route on the convex hull, which some w finds"""
     track: Sequence[LatLon] | None = None
-    """its line on the map; None: it is left off the map"""
+    """the route's line on the map; None: not drawn"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,5 +54,5 @@ class FrontPanel:
     """(length [m], ΣP_s) of the configured route"""
     chosen_by: str = ""
     chosen_track: Sequence[LatLon] | None = None
-    """its line on the map, if it is none of `points`"""
+    """the route's line on the map, if the route is not in `points`"""
     bounds: Sequence[FrontBound] = ()

@@ -35,11 +35,11 @@ class VehicleTrack:
     planned: Sequence[PlannedTrack] = ()
     flown: Sequence[LatLon] = ()
     strikes: Sequence[LatLon] = ()
-    """positions at which it was hit"""
+    """positions of the vehicle at its strikes"""
     is_lost: bool = False
-    """`flown` ends at its last known position"""
+    """True if `flown` ends at the vehicle's last known position"""
     outcome: str = ""
-    """its outcome for the legend, e.g. "landed, 2 strikes" """
+    """outcome of the vehicle for the legend, such as "landed, 2 strikes" """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
