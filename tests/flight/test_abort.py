@@ -62,7 +62,7 @@ def waits(story: Story, time_boot_s: float, **changes: Any) -> list[FlightOrder]
 def test_a_vehicle_holds_until_its_turn_and_then_returns() -> None:
     story = queued()
     note = answer_of(story(ev.OperatorCommand(RETURN, 2, after_s=10.0))).note
-    assert " 10 s " in note
+    assert "10 s" in note
     assert note.endswith("[return-queue]")
     assert waits(story, 109.9) == []
     assert story.state.phase is Phase.HOLDING
