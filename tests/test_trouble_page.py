@@ -25,8 +25,8 @@ def in_messages() -> set[str]:
 
 def test_each_code_of_a_message_stands_once_on_the_page() -> None:
     page = re.findall(r"`\[([a-z-]+)\]`", (ROOT / "docs" / "trouble.md").read_text(encoding="utf-8"))
-    said = in_messages()
+    codes = in_messages()
     # A single word may be a unit; a code with a hyphen is always one.
-    assert {code for code in said if "-" in code} | RULE_CODES <= set(page)
-    assert set(page) <= said | RULE_CODES
+    assert {code for code in codes if "-" in code} | RULE_CODES <= set(page)
+    assert set(page) <= codes | RULE_CODES
     assert sorted(page) == sorted(set(page))

@@ -92,14 +92,14 @@ def test_a_received_observation_is_not_published_again() -> None:
     assert message.cells == ((5, 1, False),)
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_a_contradicting_sighting_is_published_as_one(told: bool) -> None:
+@pytest.mark.parametrize("occupied", [True, False])
+def test_a_contradicting_sighting_is_published_as_one(occupied: bool) -> None:
     story = Story().flying()
-    story.hear((4, 1, told), (5, 1, False))
-    look = ev.Observed(((4, 1, not told), (5, 1, False)))
+    story.hear((4, 1, occupied), (5, 1, False))
+    look = ev.Observed(((4, 1, not occupied), (5, 1, False)))
     (effect,) = (e for e in story(look) if isinstance(e, ev.Publish))
     assert isinstance(effect.message, Observation)
-    assert effect.message.cells == ((4, 1, not told),)
+    assert effect.message.cells == ((4, 1, not occupied),)
     assert effect.against == ((4, 1),)
     assert story(look) == []  # once: what both saw is known now, and occupied wins
     assert story.state.belief.occupancy()[4, 1] == 1.0
@@ -539,11 +539,11 @@ def test_the_order_in_which_news_arrives_does_not_change_the_route(
     rows: list[tuple[int, int, int, int, bool]], random: object
 ) -> None:
     unique = {(observer, seq): (r, c, o) for observer, seq, r, c, o in rows}
-    told = list(unique.items())
-    shuffled = [*told, *told[:3]]
+    news = list(unique.items())
+    shuffled = [*news, *news[:3]]
     random.shuffle(shuffled)  # type: ignore[attr-defined]
     ends: list[AgentState] = []
-    for sequence in (told, shuffled):
+    for sequence in (news, shuffled):
         story = Story().flying()
         for (observer, seq), cell in sequence:
             story.hear(cell, observer=observer, seq=seq)
@@ -587,6 +587,8 @@ def test_a_repeated_position_adds_no_distance_and_is_not_shared() -> None:
     story = Story().flying()
     story.over((4, 1))
     flown_m, cells, boot_s = story.state.flown_m, story.state.flown_cells, story.state.vehicle.time_boot_s
-    told = [story.over((4, 1), time_boot_s=boot_s, position_s=boot_s) for _ in range(3)]
+    effects_of_each = [story.over((4, 1), time_boot_s=boot_s, position_s=boot_s) for _ in range(3)]
     assert (story.state.flown_m, story.state.flown_cells) == (flown_m, cells)
-    assert not any(isinstance(message, StateShared) for effects in told for message in publications(effects))
+    assert not any(
+        isinstance(message, StateShared) for effects in effects_of_each for message in publications(effects)
+    )

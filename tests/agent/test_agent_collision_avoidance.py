@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from agent_stories import codes, orders, publications
-from watching_stories import MID_M, Watching, told
+from watching_stories import MID_M, Watching, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
@@ -17,7 +17,7 @@ from swarmctl.core.frames import StateShared
 from swarmctl.report.separation import SeparationStatistics
 
 
-def heard(effects: list[ev.Effect]) -> tuple[int, ...]:
+def acknowledged(effects: list[ev.Effect]) -> tuple[int, ...]:
     (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
     return state.hears
 
@@ -28,7 +28,7 @@ def test_the_higher_system_id_holds_and_reports_it() -> None:
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects) == ["alarm-yields"]
-    assert "vehicle 1" in told(effects)[0]
+    assert "vehicle 1" in operator_texts(effects)[0]
     assert story.state.phase is Phase.FLYING
     assert not wants_tick(replace(story.state, dirty=True), story.now)
 
@@ -67,19 +67,19 @@ def test_its_state_lists_the_vehicles_heard_recently() -> None:
     story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
     story.other(4, 9000.0, 9000.0, (0.0, 0.0, 0.0))
     story.at(110.0)
-    assert heard(story.at(111.0)) == (1, 3)
+    assert acknowledged(story.at(111.0)) == (1, 3)
     for _ in range(4):
         story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
         story.at(112.0)
-    assert heard(story.at(113.0)) == (3,), "of 1 nothing was heard for longer than a state is trusted"
+    assert acknowledged(story.at(113.0)) == (3,), "of 1 nothing was heard for longer than a state is trusted"
 
 
 def test_an_alarm_is_reported_once() -> None:
     story = Watching()
     story.crossing(3)
-    assert told(story.at(125.0)) != []
+    assert operator_texts(story.at(125.0)) != []
     story.crossing(3)
-    assert told(story.at(130.0)) == []
+    assert operator_texts(story.at(130.0)) == []
 
 
 def test_action_none_only_reports_the_alarm() -> None:
@@ -87,7 +87,7 @@ def test_action_none_only_reports_the_alarm() -> None:
     story.crossing(1)
     effects = story.at(125.0)
     assert orders(effects) == []
-    assert len(told(effects)) == 1
+    assert len(operator_texts(effects)) == 1
 
 
 def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
@@ -99,7 +99,7 @@ def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
     for second in range(30):
         story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
         effects = story.at(140.0, **still)
-        if told(effects):
+        if operator_texts(effects):
             break
         assert orders(effects) == []
     assert codes(effects) == ["resumes"]
@@ -132,14 +132,14 @@ def test_heights_are_compared_above_the_sea() -> None:
     for amsl_m, alarmed in ((330.0, True), (336.0, False)):
         story = Watching()
         story.crossing(1, alt_amsl_m=amsl_m)
-        assert bool(told(story.at(125.0, alt_amsl_m=330.0))) is alarmed
+        assert bool(operator_texts(story.at(125.0, alt_amsl_m=330.0))) is alarmed
 
 
 @pytest.mark.parametrize("changes", [{"alt_rel_m": 0.2}, {"alt_rel_m": 34.0}])
 def test_a_vehicle_on_the_ground_or_high_enough_raises_no_alarm(changes: dict[str, float]) -> None:
     story = Watching()
     story.crossing(1, **changes)
-    assert told(story.at(125.0)) == []
+    assert operator_texts(story.at(125.0)) == []
 
 
 def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
@@ -188,7 +188,7 @@ def test_a_returning_vehicle_is_not_stopped() -> None:
     story(ev.OrderDone(ev.FlightOrder.RETURN))
     story.other(1, 200.0, MID_M[1], (0.0, 0.0, 0.0))
     effects = story.at(130.0, mode="RTL", mode_role="return")
-    assert len(told(effects)) == 1
+    assert len(operator_texts(effects)) == 1
     assert orders(effects) == []
     assert story.state.phase is Phase.LEAVING
 
@@ -204,12 +204,12 @@ def test_an_evasive_climb_respects_the_ceiling() -> None:
 def codes_while_holding(story: Watching, seconds: int, **standing: Any) -> list[str]:
     """Return the codes of the messages while vehicle 1 blocks the route of vehicle 2, which holds 25 m
     away."""
-    said = []
+    found_codes = []
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for _ in range(seconds):
         story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0), **standing)
-        said += codes(story.at(160.0, **still))
-    return said
+        found_codes += codes(story.at(160.0, **still))
+    return found_codes
 
 
 def test_after_a_long_hold_it_resumes_above_the_other() -> None:
@@ -239,8 +239,8 @@ def test_a_holding_vehicle_stays_clear_of_a_silent_one() -> None:
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     # Vehicle 1 holds over the crossing, is heard once more, and then falls silent.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
-    said = [told(story.at(140.0, **still)) for _ in range(50)]
-    assert not any(said)
+    found_codes = [operator_texts(story.at(140.0, **still)) for _ in range(50)]
+    assert not any(found_codes)
     later = [code for _ in range(150) for code in codes(story.at(140.0, **still))]
     assert {"keeps-holding", "resumes-higher"} & set(later)
     assert story.state.interrupted_plan is None, "resumes above that place, or after three minutes"
@@ -260,10 +260,10 @@ def test_the_lower_system_id_resumes_when_both_hold_too_close(
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
-    said = []
+    found_codes = []
     for _ in range(50):
         story.other(4, MID_M[0], MID_M[1], (0.0, 0.0, 0.0), alt_rel_m=0.0)  # landed
         place = (east_m, MID_M[1] + north_m)
         story.other(uav, *place, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # holds as well
-        said += codes(story.at(140.0, **still))
-    assert ("resumes" in said) is goes_on
+        found_codes += codes(story.at(140.0, **still))
+    assert ("resumes" in found_codes) is goes_on

@@ -15,7 +15,7 @@ from hypothesis import Phase as HypothesisPhase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from traffic_stories import AMSL_M, MID_M, told
+from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
@@ -149,7 +149,7 @@ def test_a_new_plan_gives_way_to_earlier_plans(uav: int) -> None:
     effects = changes_its_plan(story)
     assert heights(effects) == [pytest.approx(33.6)]
     assert codes(effects) == ["height-change"]
-    assert f"vehicle {uav} " in told(effects)[0]
+    assert f"vehicle {uav} " in operator_texts(effects)[0]
     assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (1, 1)
     assert {round(p.alt_amsl_m, 1) for p in intents(effects)[0].points[1:-2]} == {AMSL_M + 3.6}
 
@@ -236,7 +236,7 @@ def test_the_higher_system_id_gives_way_unless_the_plan_of_the_other_is_fixed(
 ) -> None:
     story = Flier()
     effects = story.crossing(uav, may_change=may_change)
-    assert bool(told(effects)) is gives_way
+    assert bool(operator_texts(effects)) is gives_way
     assert heights(story.tick()) == ([pytest.approx(33.6)] if gives_way else [])
     assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (
         gives_way,
@@ -262,7 +262,7 @@ def test_a_conflict_is_reported_and_counted_once() -> None:
     for _ in range(3):
         effects = story.other(1, (0.0, 425.0, south), (35.0, 425.0, MID_M[1]), (60.0, 425.0, MID_M[1]))
         story.tick()
-    assert told(effects) == []
+    assert operator_texts(effects) == []
     assert story.state.deconfliction.predicted == 1
     story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     assert story.state.predicted_conflicts == frozenset()

@@ -24,7 +24,7 @@ STILL: dict[str, Any] = {"ground_speed_m_s": 0.0, "east_m_s": 0.0}
 HOLDS: dict[str, Any] = {**STILL, "mode": "GUIDED", "mode_role": "hold"}
 
 
-def told(effects: list[ev.Effect]) -> list[str]:
+def operator_texts(effects: list[ev.Effect]) -> list[str]:
     return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]
 
 
@@ -85,7 +85,7 @@ def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
     effects = story.at(4.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects) == ["landing-queue"]
-    assert "vehicle 1 " in told(effects)[0]
+    assert "vehicle 1 " in operator_texts(effects)[0]
     (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
     assert {round(point.alt_amsl_m, 1) for point in intent.points} == {HOME_AMSL_M + 30.0}
     assert (story.state.deconfliction.predicted, story.state.deconfliction.by_waiting) == (1, 1)
@@ -172,16 +172,16 @@ def test_over_its_landing_spot_it_lands_where_it_is() -> None:
 def test_a_landed_silent_vehicle_is_not_waited_for() -> None:
     story = OverGoal().waiting()
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
-    said = [code for _ in range(4) for code in codes(story.at(0.5, **HOLDS))]
-    assert said == ["descent-clear"]
+    found_codes = [code for _ in range(4) for code in codes(story.at(0.5, **HOLDS))]
+    assert found_codes == ["descent-clear"]
 
 
 def test_a_long_wait_is_reported_repeatedly() -> None:
-    story, said = OverGoal().waiting(), []
+    story, found_codes = OverGoal().waiting(), []
     for _ in range(130):
         story.other(1, (0.0, 2.0, 20.0), (30.0, 2.0, 20.0))
-        said += codes(story.at(3.0, **HOLDS))
-    assert said == ["landing-queue-long"] * 2
+        found_codes += codes(story.at(3.0, **HOLDS))
+    assert found_codes == ["landing-queue-long"] * 2
 
 
 def test_its_mission_is_not_changed_while_it_reports_to_land() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from agent_stories import GRID, Story, codes, orders, publications
-from traffic_stories import AMSL_M, MID_M, told
+from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.intents import MAX_AGE_S
@@ -71,13 +71,13 @@ def test_a_conflict_keeps_it_on_the_ground_and_is_reported_once(command: int | N
     story.hovers()
     effects = story.ordered(command)
     assert orders(effects) == []
-    (text,) = told(effects)
+    (text,) = operator_texts(effects)
     assert codes(effects) == ["launch-waits"]
     assert "vehicle 7 " in text
     assert "180 s" in text
     assert ("`order launch --uav 2 --ignore 7`" in text) is (command is not None)
     assert [e.answer.note for e in effects if isinstance(e, ev.Answer)] == [text] * (command is not None)
-    assert told(story.stands()) == []
+    assert operator_texts(story.stands()) == []
     story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
     effects = story.stands()
     assert orders(effects) == [LAUNCH]
@@ -106,19 +106,19 @@ def waits_in_vain(command: int | None) -> tuple[OnGround, list[str]]:
     story = OnGround()
     story.hovers()
     story.ordered(command)
-    said = []
+    texts = []
     for _ in range(int(MAX_LAUNCH_WAIT_S)):
         story.hovers()
         story.now -= 1.0
         effects = story.stands()
         assert orders(effects) == []
-        said += told(effects)
-    return story, said
+        texts += operator_texts(effects)
+    return story, texts
 
 
 def test_after_the_longest_wait_it_stands_by_for_a_new_order() -> None:
-    story, said = waits_in_vain(1)
-    (text,) = said
+    story, texts = waits_in_vain(1)
+    (text,) = texts
     assert "vehicle 7 " in text
     assert "`order launch --uav 2 --ignore 7`" in text
     assert text.endswith("[not-launched]")
@@ -159,7 +159,7 @@ def test_a_refused_launch_may_be_ordered_again() -> None:
     story.ordered()
     effects = story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))
     assert codes(effects) == ["not-launched"]
-    assert "40 %" in told(effects)[0]
+    assert "40 %" in operator_texts(effects)[0]
     assert orders(story.stands()) == []
     assert orders(story.ordered()) == [LAUNCH]
 
@@ -182,7 +182,7 @@ def test_a_conflict_before_arming_makes_it_wait(command: int | None) -> None:
     assert story.state.phase is Phase.STANDBY
     assert orders(effects) == []
     assert codes(effects) == ["launch-waits"]
-    assert "180 s" in told(effects)[0]
+    assert "180 s" in operator_texts(effects)[0]
     assert [m.points for m in publications(effects) if isinstance(m, IntentShared)] == [()]
     assert orders(story.stands()) == []
     story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
@@ -198,14 +198,14 @@ def test_attempts_do_not_extend_the_longest_wait() -> None:
     while story.state.phase is not Phase.STANDBY or story.state.launch_ordered:
         if story.state.phase is Phase.LAUNCHING:
             story.hovers()
-            said = told(story.postpone())
+            texts = operator_texts(story.postpone())
             story.now += 10.0
         else:
             story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
-            said = told(story.stands())
+            texts = operator_texts(story.stands())
     assert story.now - began_s == pytest.approx(MAX_LAUNCH_WAIT_S, abs=15.0)
-    assert "vehicle 7 " in said[-1]
-    assert said[-1].endswith("[not-launched]")
+    assert "vehicle 7 " in texts[-1]
+    assert texts[-1].endswith("[not-launched]")
 
 
 @pytest.mark.parametrize(("command", "phase"), [(1, Phase.STANDBY), (None, Phase.FAILED)])
@@ -258,7 +258,7 @@ def test_an_ignored_vehicle_does_not_delay_the_launch() -> None:
     effects = story.ordered(ignore=(7,))
     assert orders(effects) == [LAUNCH]
     assert codes(effects)[1:] == ["launch-ignores"]
-    assert "vehicle 7 " in told(effects)[1]
+    assert "vehicle 7 " in operator_texts(effects)[1]
     assert launch_conflict(story.state) == ""
 
 

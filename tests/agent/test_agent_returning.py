@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from agent_stories import GRID, Story, codes, orders, publications
 from recall_stories import gathering
-from traffic_stories import AMSL_M, told
+from traffic_stories import AMSL_M, operator_texts
 from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following
@@ -74,7 +74,7 @@ def test_without_other_returns_it_returns_at_once_and_announces_its_home() -> No
     effects = story.at(23)
     assert orders(effects) == [RETURN]
     assert codes(effects) == ["low-battery"]
-    assert "23 %" in told(effects)[0]
+    assert "23 %" in operator_texts(effects)[0]
     assert (shared(effects).phase, shared(effects).returns_to) == ("leaving", (LAT_DEG, LON_DEG))
 
 
@@ -108,13 +108,13 @@ def test_a_return_elsewhere_is_not_waited_for() -> None:
 
 
 @pytest.mark.parametrize(
-    "told",
+    "fields",
     [{"alt_rel_m": MAX_AWAY}, {"alt_rel_m": -MAX_AWAY}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
     ids=["above the air", "under the ground", "155 km away"],
 )
-def test_an_implausible_state_is_not_waited_for(told: dict[str, Any]) -> None:
+def test_an_implausible_state_is_not_waited_for(fields: dict[str, Any]) -> None:
     story = Low()
-    story.goes_home(3, **told)
+    story.goes_home(3, **fields)
     assert orders(story.at(23)) == [RETURN]
 
 

@@ -103,9 +103,9 @@ def test_a_released_vehicle_takes_a_persons_order_and_stays_released() -> None:
         ev.Command(ev.FlightOrder.RETURN, by_person=True)
     ]
     assert story.state.phase is Phase.RELEASED
-    (told,) = story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: DENIED"))
-    assert isinstance(told, ev.NotifyOperator)
-    assert "DENIED" in told.text
+    (message,) = story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: DENIED"))
+    assert isinstance(message, ev.NotifyOperator)
+    assert "DENIED" in message.text
     assert orders(wait(story, 10, mode="LOITER", mode_role="other")) == []
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [], "nor does the end of this process"
 
@@ -114,9 +114,9 @@ def test_a_released_vehicle_shares_its_position_while_it_is_armed() -> None:
     story = Story().flying()
     story.over((4, 1), mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED
-    (told,) = shared(story.over((4, 2), mode="LOITER", mode_role="other"))
-    assert told.phase == "released"
-    assert GRID.cell_at(told.lat_deg, told.lon_deg) == (4, 2)
+    (message,) = shared(story.over((4, 2), mode="LOITER", mode_role="other"))
+    assert message.phase == "released"
+    assert GRID.cell_at(message.lat_deg, message.lon_deg) == (4, 2)
     assert shared(story.over((4, 2), mode="LOITER", mode_role="other", armed=False)) == []
 
 

@@ -12,7 +12,7 @@ from swarmctl.agent.failsafes.base import DemandKind
 
 
 @pytest.mark.parametrize(
-    ("does", "said"),
+    ("does", "part"),
     [
         ("continue", "mission"),
         ("hold", "holds after 10 s"),
@@ -20,16 +20,16 @@ from swarmctl.agent.failsafes.base import DemandKind
         ("land", "after 10 s"),
     ],
 )
-def test_the_warning_announces_the_configured_reaction(does: Any, said: str) -> None:
+def test_the_warning_announces_the_configured_reaction(does: Any, part: str) -> None:
     demand = Judged(lost_link, does=does, after_s=10.0)(0.0, facts(lost=True))
     assert demand is not None
     assert demand.kind is DemandKind.WARN
     assert "preflight.policy.lost_link" in demand.reason
-    assert said in demand.reason
+    assert part in demand.reason
 
 
 @pytest.mark.parametrize(
-    ("mode", "role", "does", "said"),
+    ("mode", "role", "does", "part"),
     [
         ("GUIDED", "hold", "continue", "GUIDED"),
         ("RTL", "return", "continue", "RTL"),
@@ -40,12 +40,12 @@ def test_the_warning_announces_the_configured_reaction(does: Any, said: str) -> 
         ("GUIDED", "hold", "return", "10 s"),
     ],
 )
-def test_the_warning_names_the_last_mode_or_the_reaction(mode: str, role: Any, does: Any, said: str) -> None:
+def test_the_warning_names_the_last_mode_or_the_reaction(mode: str, role: Any, does: Any, part: str) -> None:
     vehicle = at(0.0, 0.0, mode=mode, mode_role=role)
     demand = Judged(lost_link, does=does, after_s=10.0)(0.0, facts(vehicle, doing="hold", lost=True))
     assert demand is not None
-    assert said in demand.reason
-    assert ("10 s" in demand.reason) is (said == "10 s")
+    assert part in demand.reason
+    assert ("10 s" in demand.reason) is (part == "10 s")
 
 
 def test_the_rule_is_silent_with_a_link_or_on_the_ground() -> None:

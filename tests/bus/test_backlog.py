@@ -30,7 +30,7 @@ def observation(uav: int, seq: int, incarnation: int = 1) -> Observation:
     return Observation(uav, seq, 2.5, ((seq % 20, 4, True),), incarnation)
 
 
-def said(sender: int, n: int, kind: type, to: tuple[int, ...]) -> QueuedMessage:
+def message_from(sender: int, n: int, kind: type, to: tuple[int, ...]) -> QueuedMessage:
     contents: dict[type, AgentMessage] = {
         Observation: observation(sender, n),
         StateShared: state(),
@@ -55,8 +55,8 @@ def test_the_oldest_messages_are_dropped_but_never_the_newest_state(
     story: list[tuple[int, type, tuple[int, ...], int]],
 ) -> None:
     backlog, waiting = Backlog(ROOM_BYTES), list[QueuedMessage]()
-    for n, (sender, kind, to, heard) in enumerate(story):
-        waiting.append(said(sender, n, kind, to))
+    for n, (sender, kind, to, received) in enumerate(story):
+        waiting.append(message_from(sender, n, kind, to))
         gone = backlog.append(waiting[-1])
         stays = [one for one in waiting if one not in gone]
         for one in gone:
@@ -66,17 +66,19 @@ def test_the_oldest_messages_are_dropped_but_never_the_newest_state(
                 to_whom = [s.to for s in newer if s.decoded.frame.n > one.decoded.frame.n]
                 assert set(one.to) <= {uav for whom in to_whom for uav in whom}
         waiting = stays
-        for _ in range(min(heard, len(waiting))):
+        for _ in range(min(received, len(waiting))):
             assert backlog.popleft() is waiting.pop(0)
         # Three senders' newest of two kinds to two are 12 messages; else there is room for 18.
         assert sum(one.n_bytes for one in waiting) <= max(ROOM_BYTES, 4 * 12 * 1_100)
     assert [backlog.popleft() for _ in range(len(backlog))] == waiting
 
 
-def known(told: list[BeliefItem]) -> set[int]:
+def known(items: list[BeliefItem]) -> set[int]:
     """The observations of vehicle 1, each by itself or in a checkpoint."""
     return {
-        seq for one in told for seq in ([one.seq] if isinstance(one, Observation) else range(1, one.upto + 1))
+        seq
+        for one in items
+        for seq in ([one.seq] if isinstance(one, Observation) else range(1, one.upto + 1))
     }
 
 
@@ -91,7 +93,7 @@ def test_dropped_messages_are_counted_reported_and_requested_again(
     lines: list[tuple[int, str]] = []
 
     async def scene() -> None:
-        uavs, heard = (1, 2, 3), dict[int, list[BeliefItem]]()
+        uavs, received = (1, 2, 3), dict[int, list[BeliefItem]]()
         with closing(MemoryBus()) as transport:
             options = NodeOptions(20, 20)
             swarm = Network(
@@ -99,8 +101,8 @@ def test_dropped_messages_are_counted_reported_and_requested_again(
             )
             incarnations = {}
             for uav in uavs:
-                heard[uav] = []
-                incarnations[uav] = swarm.join(uav, heard[uav].extend)
+                received[uav] = []
+                incarnations[uav] = swarm.join(uav, received[uav].extend)
             with closing(swarm):
                 # Before the loop comes to it, as where a machine is far too slow.
                 swarm.publish(3, state(46.5))
@@ -116,6 +118,6 @@ def test_dropped_messages_are_counted_reported_and_requested_again(
                         swarm.publish(uav, state(46.0 + uav * 1e-4))
                     await asyncio.sleep(1.0)
                 for uav in (2, 3):
-                    assert known(heard[uav]) == {*range(1, 501)}
+                    assert known(received[uav]) == {*range(1, 501)}
 
     run_virtual(scene())

@@ -57,7 +57,7 @@ GRID = Grid(8, 10, 50.0, 46.0, 14.4)
 NOW_S = 1_800_000_000.0
 
 
-def said(**fields: Any) -> bytes:
+def report_of(**fields: Any) -> bytes:
     return json.dumps({"version": 1, **fields}).encode()
 
 
@@ -69,23 +69,23 @@ def point(cell: tuple[int, int], occupied: bool) -> dict[str, object]:
 ONE = [[4, 7, True]]
 SEEN = ((4, 7, True),)
 TAKEN: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
-    "a cell": (said(cells=ONE), SEEN),
+    "a cell": (report_of(cells=ONE), SEEN),
     "all cells of the area": (
-        said(cells=[[r, c, False] for r in range(8) for c in range(10)]),
+        report_of(cells=[[r, c, False] for r in range(8) for c in range(10)]),
         tuple((r, c, False) for r in range(8) for c in range(10)),
     ),
-    "a point": (said(points=[point((4, 7), True)]), SEEN),
+    "a point": (report_of(points=[point((4, 7), True)]), SEEN),
     "points in two cells": (
-        said(points=[point((4, 7), True), point((0, 0), False)]),
+        report_of(points=[point((4, 7), True), point((0, 0), False)]),
         (*SEEN, (0, 0, False)),
     ),
-    "points in one cell that agree": (said(points=[point((4, 7), True)] * 3), SEEN),
-    "with its time and name": (said(cells=ONE, unix_s=NOW_S - 1.0, source="thermal camera 2"), SEEN),
-    "from a clock that is a little ahead": (said(cells=ONE, unix_s=NOW_S + 4.9), SEEN),
-    "just not too old": (said(cells=ONE, unix_s=NOW_S - OLDEST_S), SEEN),
-    "a time without a fraction": (said(cells=ONE, unix_s=int(NOW_S)), SEEN),
-    "with what later versions may add": (said(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
-    "said to be null": (said(cells=ONE, points=None, unix_s=None), SEEN),
+    "points in one cell that agree": (report_of(points=[point((4, 7), True)] * 3), SEEN),
+    "with its time and name": (report_of(cells=ONE, unix_s=NOW_S - 1.0, source="thermal camera 2"), SEEN),
+    "from a clock that is a little ahead": (report_of(cells=ONE, unix_s=NOW_S + 4.9), SEEN),
+    "just not too old": (report_of(cells=ONE, unix_s=NOW_S - OLDEST_S), SEEN),
+    "a time without a fraction": (report_of(cells=ONE, unix_s=int(NOW_S)), SEEN),
+    "with what later versions may add": (report_of(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
+    "said to be null": (report_of(cells=ONE, points=None, unix_s=None), SEEN),
 }
 REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "nothing": (b"", RejectReason.MALFORMED, "--schema"),
@@ -93,61 +93,69 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "no object": (b"[1, 2]", RejectReason.MALFORMED, "Expected `object`"),
     "no text": (b'{"version": 1, "source": "\xff"}', RejectReason.MALFORMED, "utf-8"),
     "too deep": (b'{"x":' * 3000, RejectReason.MALFORMED, "recursion"),
-    "two reports": (said(cells=ONE) * 2, RejectReason.MALFORMED, "trailing"),
+    "two reports": (report_of(cells=ONE) * 2, RejectReason.MALFORMED, "trailing"),
     "no version": (b'{"cells": [[4, 7, true]]}', RejectReason.MALFORMED, "missing required field `version`"),
-    "another version": (said(cells=ONE, version=2), RejectReason.VERSION, "found 2"),
+    "another version": (report_of(cells=ONE, version=2), RejectReason.VERSION, "found 2"),
     "a version of another shape": (
         b'{"version": 2, "cells": 5}',
         RejectReason.VERSION,
         "found 2",
     ),
-    "neither cells nor points": (said(), RejectReason.MALFORMED, "`cells` or `points`"),
+    "neither cells nor points": (report_of(), RejectReason.MALFORMED, "`cells` or `points`"),
     "cells and points": (
-        said(cells=ONE, points=[point((0, 0), False)]),
+        report_of(cells=ONE, points=[point((0, 0), False)]),
         RejectReason.MALFORMED,
         "found both",
     ),
-    "no cells": (said(cells=[]), RejectReason.MALFORMED, "length >= 1"),
-    "a cell of two": (said(cells=[[4, 7]]), RejectReason.MALFORMED, "length 3"),
-    "occupied as a number": (said(cells=[[4, 7, 1]]), RejectReason.MALFORMED, "Expected `bool`, got `int`"),
-    "a row with a fraction": (said(cells=[[4.5, 7, True]]), RejectReason.MALFORMED, "Expected `int`"),
-    "a row as text": (said(cells=[["4", 7, True]]), RejectReason.MALFORMED, "Expected `int`, got `str`"),
+    "no cells": (report_of(cells=[]), RejectReason.MALFORMED, "length >= 1"),
+    "a cell of two": (report_of(cells=[[4, 7]]), RejectReason.MALFORMED, "length 3"),
+    "occupied as a number": (
+        report_of(cells=[[4, 7, 1]]),
+        RejectReason.MALFORMED,
+        "Expected `bool`, got `int`",
+    ),
+    "a row with a fraction": (report_of(cells=[[4.5, 7, True]]), RejectReason.MALFORMED, "Expected `int`"),
+    "a row as text": (report_of(cells=[["4", 7, True]]), RejectReason.MALFORMED, "Expected `int`, got `str`"),
     "a row beyond": (
-        said(cells=[*ONE, [8, 7, True]]),
+        report_of(cells=[*ONE, [8, 7, True]]),
         RejectReason.OUTSIDE,
         "cell [8, 7]: ",
     ),
-    "a column beyond": (said(cells=[[4, 10, True]]), RejectReason.OUTSIDE, "cell [4, 10]"),
-    "a row below": (said(cells=[[-1, 7, True]]), RejectReason.OUTSIDE, "cell [-1, 7]"),
-    "a huge row": (said(cells=[[10**400, 7, True]]), RejectReason.OUTSIDE, "cell [10000000000000000000, 7]"),
-    "a cell twice": (said(cells=[[4, 7, True], [4, 7, True]]), RejectReason.TWICE, "cell [4, 7]"),
+    "a column beyond": (report_of(cells=[[4, 10, True]]), RejectReason.OUTSIDE, "cell [4, 10]"),
+    "a row below": (report_of(cells=[[-1, 7, True]]), RejectReason.OUTSIDE, "cell [-1, 7]"),
+    "a huge row": (
+        report_of(cells=[[10**400, 7, True]]),
+        RejectReason.OUTSIDE,
+        "cell [10000000000000000000, 7]",
+    ),
+    "a cell twice": (report_of(cells=[[4, 7, True], [4, 7, True]]), RejectReason.TWICE, "cell [4, 7]"),
     "points that disagree": (
-        said(points=[point((4, 7), True), point((4, 7), False)]),
+        report_of(points=[point((4, 7), True), point((4, 7), False)]),
         RejectReason.TWICE,
         "same cell twice: cell [4, 7]",
     ),
     "a point outside": (
-        said(points=[{"lat_deg": 45.0, "lon_deg": 14.4, "occupied": True}]),
+        report_of(points=[{"lat_deg": 45.0, "lon_deg": 14.4, "occupied": True}]),
         RejectReason.OUTSIDE,
         "point 45.0000000, 14.4000000 ",
     ),
     "a latitude that is none": (
-        said(points=[{"lat_deg": 91.0, "lon_deg": 14.4, "occupied": True}]),
+        report_of(points=[{"lat_deg": 91.0, "lon_deg": 14.4, "occupied": True}]),
         RejectReason.MALFORMED,
         "<= 90",
     ),
     "once round the earth": (
-        said(points=[{"lat_deg": 46.001, "lon_deg": 374.401, "occupied": True}]),
+        report_of(points=[{"lat_deg": 46.001, "lon_deg": 374.401, "occupied": True}]),
         RejectReason.MALFORMED,
         "<= 180",
     ),
     "a point without a longitude": (
-        said(points=[{"lat_deg": 46.0, "occupied": True}]),
+        report_of(points=[{"lat_deg": 46.0, "occupied": True}]),
         RejectReason.MALFORMED,
         "missing required field `lon_deg`",
     ),
     "NaN": (
-        said(points=[{"lat_deg": math.nan, "lon_deg": 14.4, "occupied": True}]),
+        report_of(points=[{"lat_deg": math.nan, "lon_deg": 14.4, "occupied": True}]),
         RejectReason.MALFORMED,
         "invalid character",
     ),
@@ -157,23 +165,23 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
         "unix_s",
     ),
     "too old": (
-        said(cells=ONE, unix_s=NOW_S - OLDEST_S - 0.2),
+        report_of(cells=ONE, unix_s=NOW_S - OLDEST_S - 0.2),
         RejectReason.STALE,
         "60.2 s",
     ),
     "milliseconds": (
-        said(cells=ONE, unix_s=NOW_S * 1000.0),
+        report_of(cells=ONE, unix_s=NOW_S * 1000.0),
         RejectReason.FUTURE,
         "future",
     ),
-    "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "5.2 s"),
-    "a long name": (said(cells=ONE, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
+    "from the future": (report_of(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "5.2 s"),
+    "a long name": (report_of(cells=ONE, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
     "a name that moves the cursor": (
-        said(cells=ONE, source="\x1b[2J"),
+        report_of(cells=ONE, source="\x1b[2J"),
         RejectReason.MALFORMED,
         "`source`",
     ),
-    "too long": (said(cells=ONE, source="x" * MAX_BYTES), RejectReason.OVERSIZE, f"at most {MAX_BYTES}"),
+    "too long": (report_of(cells=ONE, source="x" * MAX_BYTES), RejectReason.OVERSIZE, f"at most {MAX_BYTES}"),
 }
 
 
@@ -196,8 +204,8 @@ def test_an_invalid_report_is_refused_with_its_reason(name: str) -> None:
 
 
 def test_a_report_names_its_source() -> None:
-    assert decode_report(said(cells=ONE, source="geiger"), GRID, NOW_S) == (SEEN, "geiger")
-    assert decode_report(said(cells=ONE), GRID, NOW_S) == (SEEN, "")
+    assert decode_report(report_of(cells=ONE, source="geiger"), GRID, NOW_S) == (SEEN, "geiger")
+    assert decode_report(report_of(cells=ONE), GRID, NOW_S) == (SEEN, "")
 
 
 numbers = st.integers() | st.floats()
@@ -355,7 +363,7 @@ def test_a_question_is_answered_with_the_accepted_cells(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            assert await answered(payload, said(cells=ONE, source="geiger")) == ReportAnswer(True, SEEN)
+            assert await answered(payload, report_of(cells=ONE, source="geiger")) == ReportAnswer(True, SEEN)
             assert vehicle.posted == [(SEEN, "geiger")]
             assert vehicle.said == []
             assert vehicle.receiver.counts == ReportCounts(1)
@@ -367,8 +375,8 @@ def test_a_question_is_answered_with_the_reason_of_a_refusal(both: Both) -> None
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            too_long = said(cells=ONE, source="x" * MAX_BYTES)
-            for data, why in ((said(cells=[[99, 0, True]]), "cell [99, 0]"), (too_long, "16384 bytes")):
+            too_long = report_of(cells=ONE, source="x" * MAX_BYTES)
+            for data, why in ((report_of(cells=[[99, 0, True]]), "cell [99, 0]"), (too_long, "16384 bytes")):
                 answer = await answered(payload, data)
                 assert not answer.taken
                 assert why in answer.why
@@ -385,8 +393,8 @@ def test_a_put_report_is_accepted_or_counted(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            await answered(payload, said(cells=ONE))  # both are there
-            payload.put(KEY, said(cells=[[1, 1, False]], source="camera"))
+            await answered(payload, report_of(cells=ONE))  # both are there
+            payload.put(KEY, report_of(cells=[[1, 1, False]], source="camera"))
             payload.put(KEY, b"nonsense")
             await vehicle.until(lambda: bool(vehicle.receiver.counts.refused))
             assert vehicle.posted[1:] == [(((1, 1, False),), "camera")]
@@ -407,10 +415,10 @@ def test_a_report_under_a_wildcard_is_refused(key: str, comes_in: bool) -> None:
     async def scene() -> None:
         with through_a_door() as (agent, payload):
             vehicle = Vehicle(agent)
-            await answered(payload, said(cells=ONE))
-            assert await payload.ask(key, said(cells=[[1, 1, False]]), 5.0) == ()
-            payload.put(key, said(cells=[[1, 1, False]]))
-            payload.put(KEY, said(cells=ONE))
+            await answered(payload, report_of(cells=ONE))
+            assert await payload.ask(key, report_of(cells=[[1, 1, False]]), 5.0) == ()
+            payload.put(key, report_of(cells=[[1, 1, False]]))
+            payload.put(KEY, report_of(cells=ONE))
             await vehicle.until(lambda: len(vehicle.posted) == 2)
             assert vehicle.posted == [(SEEN, ""), (SEEN, "")]
             assert vehicle.receiver.counts == ReportCounts(2, {RejectReason.KEY: 2} if comes_in else {})
@@ -423,11 +431,11 @@ def test_reports_of_another_vehicle_are_ignored(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            await answered(payload, said(cells=ONE))
+            await answered(payload, report_of(cells=ONE))
             for key in ("swarmctl/test/uav/4/inform/look/sensor", "swarmctl/other/uav/3/inform/look/sensor"):
-                assert await payload.ask(key, said(cells=ONE), 5.0) == ()
-                payload.put(key, said(cells=ONE))
-            await answered(payload, said(cells=ONE))
+                assert await payload.ask(key, report_of(cells=ONE), 5.0) == ()
+                payload.put(key, report_of(cells=ONE))
+            await answered(payload, report_of(cells=ONE))
             assert vehicle.receiver.counts == ReportCounts(2)
 
     asyncio.run(scene())
@@ -441,16 +449,16 @@ def test_reports_above_the_rate_limit_are_refused() -> None:
         bus = MemoryBus()
         vehicle = Vehicle(bus)
         for _ in range(BURST):
-            assert (await answered(bus, said(cells=ONE))).taken
-        answer = await answered(bus, said(cells=ONE))
+            assert (await answered(bus, report_of(cells=ONE))).taken
+        answer = await answered(bus, report_of(cells=ONE))
         assert not answer.taken
         await asyncio.sleep(1.0 / PER_S)
-        assert (await answered(bus, said(cells=ONE))).taken
-        assert not (await answered(bus, said(cells=ONE))).taken
+        assert (await answered(bus, report_of(cells=ONE))).taken
+        assert not (await answered(bus, report_of(cells=ONE))).taken
         await asyncio.sleep(10.0)
-        assert [(await answered(bus, said(cells=ONE))).taken for _ in range(BURST + 1)] == [True] * BURST + [
-            False
-        ]
+        assert [(await answered(bus, report_of(cells=ONE))).taken for _ in range(BURST + 1)] == [
+            True
+        ] * BURST + [False]
         assert vehicle.receiver.counts == ReportCounts(2 * BURST + 1, {RejectReason.TOO_FAST: 3})
 
     run_virtual(scene())
@@ -475,7 +483,7 @@ def test_each_reason_is_reported_once_until_a_pause() -> None:
         vehicle = Vehicle(bus)
         for _ in range(100):
             await answered(bus, b"nonsense")
-            await answered(bus, said(cells=[[99, 0, True]]))
+            await answered(bus, report_of(cells=[[99, 0, True]]))
             await asyncio.sleep(1.0)
         assert [text.split(": ")[1] for text in vehicle.said] == [
             RejectReason.MALFORMED,
@@ -561,22 +569,22 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
     (task,) = (task for task in scenario.tasks if task.uav == 2)
     cells = first_route(task, scenario.prior).cells
     ahead = cells[len(cells) // 2]
-    told, answers = flown(
+    report, answers = flown(
         tmp_path / "told",
-        ("on the ground", 3, said(cells=[[0, 0, False]])),
-        ("in flight", 2, said(cells=[[*ahead, True]], source="camera")),
-        ("in flight", 1, said(cells=[[99, 0, True]])),
+        ("on the ground", 3, report_of(cells=[[0, 0, False]])),
+        ("in flight", 2, report_of(cells=[[*ahead, True]], source="camera")),
+        ("in flight", 1, report_of(cells=[[99, 0, True]])),
     )
-    assert told.bug is None
+    assert report.bug is None
     assert [answer.taken for answer in answers] == [True, True, False]
-    for state in told.states.values():  # each knows what two of them were told
+    for state in report.states.values():  # each knows what two of them were told
         assert state.belief.known[ahead] == OCCUPIED
         assert state.belief.known[0, 0] == CLEAR
         assert state.belief.n_observed == 2
-    assert told.states[2].replans >= 1
-    assert ahead not in told.states[2].flown_cells
-    assert told.all_arrived
-    assert [vehicle["looks"] for vehicle in told.summary["vehicles"]] == [
+    assert report.states[2].replans >= 1
+    assert ahead not in report.states[2].flown_cells
+    assert report.all_arrived
+    assert [vehicle["looks"] for vehicle in report.summary["vehicles"]] == [
         {"taken": 0, "refused": {RejectReason.OUTSIDE: 1}},
         {"taken": 1, "refused": {}},
         {"taken": 1, "refused": {}},

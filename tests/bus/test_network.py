@@ -60,24 +60,24 @@ class Swarm:
         clock = RunClock(1_800_000_000.0, speedup)
         model = None if radio is None else Radio(radio, 7)
         self.network = Network(transport, "test", uavs, options, clock=clock, radio=model)
-        self.told: dict[int, asyncio.Queue[BeliefItem]] = {uav: asyncio.Queue() for uav in uavs}
+        self.received: dict[int, asyncio.Queue[BeliefItem]] = {uav: asyncio.Queue() for uav in uavs}
         self.incarnations = {uav: self.network.join(uav, self._inbox(uav)) for uav in uavs}
 
     def _inbox(self, uav: int) -> Callable[[tuple[BeliefItem, ...]], None]:
-        def put(told: tuple[BeliefItem, ...]) -> None:
-            for item in told:
-                self.told[uav].put_nowait(item)
+        def put(items: tuple[BeliefItem, ...]) -> None:
+            for item in items:
+                self.received[uav].put_nowait(item)
 
         return put
 
-    def says(self, uav: int, seq: int) -> Observation:
+    def publishes(self, uav: int, seq: int) -> Observation:
         message = Observation(uav, seq, 2.5, ((seq % 20, 4, True),), self.incarnations[uav])
         self.network.publish(uav, message)
         return message
 
     async def next_of(self, uav: int) -> BeliefItem:
         async with asyncio.timeout(5.0):
-            return await self.told[uav].get()
+            return await self.received[uav].get()
 
 
 def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
@@ -85,9 +85,9 @@ def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2, 3)
             with closing(swarm.network):
-                said = swarm.says(1, 1)
-                assert [await swarm.next_of(2), await swarm.next_of(3)] == [said, said]
-                assert swarm.told[1].empty()
+                sent = swarm.publishes(1, 1)
+                assert [await swarm.next_of(2), await swarm.next_of(3)] == [sent, sent]
+                assert swarm.received[1].empty()
                 assert swarm.network.counters(1).sent["inform/observation"] == 2
                 assert swarm.network.counters(2).received >= 1
 
@@ -99,8 +99,8 @@ def test_messages_of_one_sender_arrive_in_order(bus: Open) -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2)
             with closing(swarm.network):
-                said = [swarm.says(1, seq) for seq in range(1, 51)]
-                assert [await swarm.next_of(2) for _ in said] == said
+                sent = [swarm.publishes(1, seq) for seq in range(1, 51)]
+                assert [await swarm.next_of(2) for _ in sent] == sent
 
     asyncio.run(scene())
 
@@ -122,8 +122,8 @@ def test_a_message_under_another_key_is_refused_and_counted(key: str, why: Refus
                 observation = seen(1, 1)
                 data = FrameCodec("test").encode(Frame(1, 0, 1, 1_800_000_000.0, observation))
                 transport.put(key, data)
-                said = swarm.says(2, 1)
-                assert await swarm.next_of(3) == said
+                sent = swarm.publishes(2, 1)
+                assert await swarm.next_of(3) == sent
                 assert swarm.network.counters(3).refused == {why: 1}
 
     asyncio.run(scene())
@@ -157,8 +157,8 @@ def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
 
             with closing(swarm.network):
                 swarm.network.join(2, broken)
-                said = [swarm.says(1, 1), swarm.says(1, 2)]
-                assert [await swarm.next_of(3), await swarm.next_of(3)] == said
+                sent = [swarm.publishes(1, 1), swarm.publishes(1, 2)]
+                assert [await swarm.next_of(3), await swarm.next_of(3)] == sent
 
     asyncio.run(scene())
 
@@ -168,11 +168,11 @@ def test_waiting_news_reaches_an_agent_in_one_call() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2, 3)
             with closing(swarm.network):
-                told: list[tuple[BeliefItem, ...]] = []
-                swarm.network.join(3, told.append)
-                said = [swarm.says(1, 1), swarm.says(2, 1), swarm.says(1, 2)]
+                items: list[tuple[BeliefItem, ...]] = []
+                swarm.network.join(3, items.append)
+                sent = [swarm.publishes(1, 1), swarm.publishes(2, 1), swarm.publishes(1, 2)]
                 await asyncio.sleep(0.0)
-                assert told == [tuple(said)]
+                assert items == [tuple(sent)]
 
     run_virtual(scene())
 
@@ -184,14 +184,14 @@ def test_a_uav_that_joins_again_learns_earlier_observations() -> None:
             with closing(swarm.network):
                 for seq in range(1, 6):
                     await in_turn(swarm, seq)
-                told: list[BeliefItem] = []
-                swarm.incarnations[3] = swarm.network.join(3, told.extend)
+                items: list[BeliefItem] = []
+                swarm.incarnations[3] = swarm.network.join(3, items.extend)
                 for uav in (1, 2):
-                    swarm.says(uav, 6)
+                    swarm.publishes(uav, 6)
                     swarm.network.publish(uav, state(46.0 + uav * 1e-4))
-                swarm.says(3, 1)
+                swarm.publishes(3, 1)
                 await asyncio.sleep(60.0)
-                assert {(seen.observer, seen.seq) for seen in told if isinstance(seen, Observation)} >= {
+                assert {(seen.observer, seen.seq) for seen in items if isinstance(seen, Observation)} >= {
                     (uav, seq) for uav in (1, 2) for seq in range(1, 7)
                 }
                 assert all(not swarm.network.counters(uav).refused for uav in (1, 2, 3))
@@ -209,9 +209,9 @@ def test_agents_get_news_under_overload(monkeypatch: pytest.MonkeyPatch) -> None
             with closing(swarm.network):
                 for turn in range(20):
                     for i in range(30):
-                        swarm.says(1, 30 * turn + i + 1)
+                        swarm.publishes(1, 30 * turn + i + 1)
                     await asyncio.sleep(0.0)
-                return swarm.told[2].qsize()
+                return swarm.received[2].qsize()
 
     # But for what came in the last moments.
     assert run_virtual(scene()) >= 300
@@ -235,7 +235,7 @@ def test_a_slow_machine_changes_no_order_on_the_virtual_clock() -> None:
 
                 for uav in (2, 3):
                     swarm.network.join(uav, slow(uav))
-                swarm.says(1, 1)
+                swarm.publishes(1, 1)
                 await asyncio.sleep(0.0)
                 assert calls == [(2, 1), (3, 1)]
 
@@ -256,10 +256,10 @@ def heard_after(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0
             with closing(swarm.network):
                 await asyncio.sleep(at_s / speedup)
                 began_s = loop.time()
-                swarm.says(1, 1)
+                swarm.publishes(1, 1)
                 try:
                     async with asyncio.timeout(30.0 / speedup):
-                        await swarm.told[2].get()
+                        await swarm.received[2].get()
                 except TimeoutError:
                     return None
                 return (loop.time() - began_s) * speedup
@@ -293,9 +293,9 @@ def test_a_uav_out_of_range_is_not_received(metres: float, lost: LossReason | No
             with closing(swarm.network):
                 swarm.network.moved(1, 46.0, 14.0)
                 swarm.network.moved(2, 46.0 + metres / 111_194.9, 14.0)
-                swarm.says(1, 1)
+                swarm.publishes(1, 1)
                 await asyncio.sleep(1.0)
-                assert swarm.told[2].empty() is (lost is not None)
+                assert swarm.received[2].empty() is (lost is not None)
                 assert swarm.network.counters(2).lost == ({} if lost is None else {lost: 1})
 
     run_virtual(scene())
@@ -309,7 +309,7 @@ def test_losses_are_counted_by_cause() -> None:
             )
             with closing(swarm.network):
                 for seq in range(1, 201):
-                    swarm.says(1, seq)
+                    swarm.publishes(1, seq)
                     await asyncio.sleep(0.1)
                 counters = swarm.network.counters(1)
                 assert counters.sent["inform/observation"] == 200
@@ -326,14 +326,14 @@ def test_lost_observations_are_recovered() -> None:
             options = NodeOptions(20, 20, round_trip_s=0.8)
             swarm = Swarm(transport, 1, 2, 3, radio=radio, options=options)
             with closing(swarm.network):
-                said = {swarm.says(1, seq) for seq in range(1, 21)}
+                sent = {swarm.publishes(1, seq) for seq in range(1, 21)}
                 for _ in range(60):
                     for uav in (1, 2, 3):
                         swarm.network.publish(uav, state(46.0 + uav * 1e-4))
                     await asyncio.sleep(1.0)
                 for uav in (2, 3):
-                    heard = {swarm.told[uav].get_nowait() for _ in range(swarm.told[uav].qsize())}
-                    assert heard == said
+                    received = {swarm.received[uav].get_nowait() for _ in range(swarm.received[uav].qsize())}
+                    assert received == sent
 
     run_virtual(scene())
 
@@ -362,16 +362,16 @@ def test_simultaneous_arrivals_keep_their_order() -> None:
             options = NodeOptions(20, 20, sync_every_s=0.0)
             swarm = Swarm(transport, 1, 2, radio=RadioSettings(delay_s=0.3), options=options)
             with closing(swarm.network):
-                said = [swarm.says(1, seq) for seq in range(1, 51)]
-                assert [await swarm.next_of(2) for _ in said] == said
+                sent = [swarm.publishes(1, seq) for seq in range(1, 51)]
+                assert [await swarm.next_of(2) for _ in sent] == sent
 
     run_virtual(scene())
 
 
 async def in_turn(swarm: Swarm, seq: int) -> None:
     """Everyone sees something, and tells its state."""
-    for uav in swarm.told:
-        swarm.says(uav, seq)
+    for uav in swarm.received:
+        swarm.publishes(uav, seq)
         swarm.network.publish(uav, state(46.0 + uav * 1e-4))
         await asyncio.sleep(0.11)
 

@@ -252,23 +252,23 @@ def intent(plan_id: int) -> IntentShared:
     return IntentShared(plan_id, (IntentPoint(0.0, 46.0, 14.0, 330.0), IntentPoint(9.0, 46.01, 14.0, 330.0)))
 
 
-def tells(ether: Ether, uav: int, plan_id: int) -> None:
+def shares_intent(ether: Ether, uav: int, plan_id: int) -> None:
     speaker = ether.uavs[uav]
     ether.take(speaker, speaker.node.say(intent(plan_id), ether.now_s, ether.unix_s))
 
 
 def known(ether: Ether, uav: int) -> dict[int, int]:
     """The plans of the others as it knows them."""
-    return {other: told.plan_id for other, (told, _) in ether.uavs[uav].node.intents().items()}
+    return {other: intent.plan_id for other, (intent, _) in ether.uavs[uav].node.intents().items()}
 
 
 def test_the_newest_intent_is_known_to_all_receivers() -> None:
     ether = Ether((1, 2, 3))
     delays = iter((2.0, 2.0, 0.1, 0.1))
     ether.carry = lambda sender, _to, _now: next(delays) if sender == 1 else 0.1
-    tells(ether, 1, 5)
+    shares_intent(ether, 1, 5)
     ether.now_s += 0.5
-    tells(ether, 1, 6)
+    shares_intent(ether, 1, 6)
     ether.carry = at_once
     ether.run(3.0)
     assert known(ether, 2) == known(ether, 3) == {1: 6}
@@ -281,7 +281,7 @@ def test_snapshots_have_intents() -> None:
     ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
     ether.uavs[1].observe((0, 0, True))
     ether.run(2.0)
-    tells(ether, 1, 5)
+    shares_intent(ether, 1, 5)
     ether.run(1.0)
     ether.uavs[3].start()
     ether.run(8.0)

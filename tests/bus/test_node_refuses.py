@@ -250,8 +250,13 @@ def test_a_checkpoint_of_other_observations_is_refused_and_its_observer_flagged(
 
 def test_a_second_process_of_the_same_vehicle_is_refused_and_reported() -> None:
     ether = Ether((1, 2))
-    theirs = SEAL.encode(frame(seen(7, (0, 0, True)), n=50))
-    ether.deliver(2, 1, "inform/relayed", SEAL.encode(frame(Relayed((theirs,)), sender=2, incarnation=2)))
+    frame_of_second_process = SEAL.encode(frame(seen(7, (0, 0, True)), n=50))
+    ether.deliver(
+        2,
+        1,
+        "inform/relayed",
+        SEAL.encode(frame(Relayed((frame_of_second_process,)), sender=2, incarnation=2)),
+    )
     assert of(ether, 1) == {RefusalReason.TWO_CONTENTS: 1}
     assert "vehicle 1" in ether.said[0]
     assert "[two-contents]" in ether.said[0]
@@ -264,8 +269,8 @@ def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> N
     assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
     assert all(part in ether.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
     assert ether.uavs[2].belief.looks[3, 3] == 2
-    told = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
-    content = SEAL.decode(told.messages[0].data).content
+    output = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
+    content = SEAL.decode(output.messages[0].data).content
     assert isinstance(content, StateShared)
     assert content.flagged == (1,)  # the shared state reports the flag
 
@@ -379,8 +384,8 @@ def test_many_incarnations_of_a_forger_do_not_outvote_observations() -> None:
         made = checkpoint(None, most, COLS, ROWS * COLS)
         assert made is not None
         looks = zlib.compress(np.array([4 * COLS + 4, 65_535, 65_535], "<u4").tobytes())
-        told = SEAL.encode(frame(Checkpoint(1, i + 1, 1, looks, 0), incarnation=i + 1))
-        ether.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((told,)), n=i + 10, incarnation=1)))
+        output = SEAL.encode(frame(Checkpoint(1, i + 1, 1, looks, 0), incarnation=i + 1))
+        ether.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((output,)), n=i + 10, incarnation=1)))
     belief = ether.uavs[2].belief
     assert belief.hits[4, 4] >= 1
     assert (belief.looks >= belief.hits).all()

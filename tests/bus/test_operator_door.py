@@ -42,12 +42,12 @@ def test_a_wildcard_is_refused_and_counted() -> None:
 
 def test_another_process_can_only_ask_under_the_operator_key() -> None:
     async def scene() -> None:
-        heard: list[str] = []
+        received: list[str] = []
         overheard: list[str] = []
         with over_zenoh() as (ground, operator):
             station = Station(ground)
-            ground.subscribe(keys.inbox("test", 1), lambda key, _: heard.append(key))
-            ground.subscribe("**", lambda key, _: heard.append(key))
+            ground.subscribe(keys.inbox("test", 1), lambda key, _: received.append(key))
+            ground.subscribe("**", lambda key, _: received.append(key))
             operator.subscribe("swarmctl/test/**", lambda key, _: overheard.append(key))
             for key in (
                 "swarmctl/test/uav/1/inform/state/9",
@@ -61,7 +61,7 @@ def test_another_process_can_only_ask_under_the_operator_key() -> None:
             ground.put("swarmctl/test/uav/1/inform/state/2", b"among ourselves")
             # The answer shows that all earlier messages on this connection were handled.
             assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
-            assert heard == ["swarmctl/test/uav/1/inform/state/2"] * 2
+            assert received == ["swarmctl/test/uav/1/inform/state/2"] * 2
             assert station.counts == CommandCounts(passed_on=1, refused=0)
             # The operator receives its own message, and none of the swarm's.
             assert "swarmctl/test/uav/1/inform/state/9" in overheard

@@ -229,15 +229,15 @@ def test_questions_displace_no_messages_between_vehicles() -> None:
     """None is served before the loop turns: what is too much by then is let go, its asker told nothing."""
 
     async def scene() -> None:
-        heard: list[bytes] = []
+        received: list[bytes] = []
         with ZenohBus() as bus:
-            bus.subscribe("swarmctl/test/uav/1/**", lambda _, payload: heard.append(payload))
+            bus.subscribe("swarmctl/test/uav/1/**", lambda _, payload: received.append(payload))
             bus.serve(KEY, lambda _, payload, reply: reply(payload or b""))
             asked = [asyncio.create_task(bus.ask(KEY, b"?", 5.0)) for _ in range(5 * QUESTIONS)]
             await asyncio.sleep(0)
             bus.put("swarmctl/test/uav/1/inform/state/2", b"here")
             answers = await asyncio.gather(*asked)
-            assert heard == [b"here"]
+            assert received == [b"here"]
             assert [a for a in answers if a] == [(b"?",)] * (len(answers) - bus.dropped)
             assert bus.dropped > 0
 

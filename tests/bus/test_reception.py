@@ -89,7 +89,7 @@ def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) ->
             if nodes[0].next_deadline_s <= senders.now_s:
                 ticks = [node.tick(senders.now_s, UNIX_S + senders.now_s) for node in nodes]
                 assert ticks[0] == ticks[1]
-        message = said(data, senders) if i > 2 else plain(senders)
+        message = drawn_message(data, senders) if i > 2 else plain(senders)
         sender = data.draw(st.sampled_from((message.sender,) * 9 + (2,)))
         to = data.draw(st.sampled_from((HEARERS, HEARERS, HEARERS, (7, 9), (8,))))
         outputs = [process.hear(sender, message, to, senders.now_s) for process in both]
@@ -115,9 +115,9 @@ def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) ->
 
 def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
     """The fingerprint of what this UAV knows, by what it says of itself in both."""
-    told = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
-    contents = [SEAL.decode(out.data).content for out in told]
-    assert told[0].to == told[1].to
+    shared = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
+    contents = [SEAL.decode(out.data).content for out in shared]
+    assert shared[0].to == shared[1].to
     assert contents[0] == contents[1]
     assert isinstance(contents[0], StateShared)
     return contents[0].knows
@@ -127,8 +127,8 @@ def test_the_table_delivers_plain_observations_and_states() -> None:
     process, senders = Process(at_once=True), Senders()
     for _ in range(3):
         process.hear(1, plain(senders), HEARERS, senders.now_s)
-    told = StateShared(0.0, 46.0, 14.0, 30.0, "flying", 0, 0, 3)
-    process.hear(1, senders.frame(1, 1, told, 1), HEARERS, senders.now_s)
+    shared = StateShared(0.0, 46.0, 14.0, 30.0, "flying", 0, 0, 3)
+    process.hear(1, senders.frame(1, 1, shared, 1), HEARERS, senders.now_s)
     # All but the very first, by which each receiver gets to know the sender.
     assert process.n_taken == 3 * len(HEARERS)
 
@@ -137,7 +137,7 @@ def plain(senders: Senders) -> Frame:
     return senders.frame(1, 1, senders.seen(1, 1, 1, contradicts=False), 1)
 
 
-def said(data: st.DataObject, senders: Senders) -> Frame:
+def drawn_message(data: st.DataObject, senders: Senders) -> Frame:
     uav, incarnation = data.draw(st.sampled_from(((1, 1), (1, 1), (1, 1), (2, 1), (1, 2), (3, 1))))
     on, on_seq = data.draw(ON), data.draw(ON)
     match data.draw(st.sampled_from(("seen", "seen", "seen", "contrary", "clock", "state", "passed on"))):
@@ -148,10 +148,10 @@ def said(data: st.DataObject, senders: Senders) -> Frame:
             return senders.frame(uav, incarnation, senders.seen(uav, incarnation, on_seq, False), on, ahead_s)
         case "state":
             phase, last_seq = data.draw(st.sampled_from(("flying", "failed"))), data.draw(st.integers(0, 6))
-            told = StateShared(
+            shared = StateShared(
                 0.0, 46.0, 14.0, 30.0, phase, 0, 0, last_seq, data.draw(st.sampled_from(senders.known))
             )
-            return senders.frame(uav, incarnation, told, on)
+            return senders.frame(uav, incarnation, shared, on)
         case "passed on":
             inner = SEAL.encode(Frame(1, 1, 1, UNIX_S, senders.seen(1, 1, on_seq, False)))
             return senders.frame(2, 1, Relayed((inner,)), on)

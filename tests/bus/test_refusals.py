@@ -50,7 +50,7 @@ class Net:
     one: ZenohBus
     two: ZenohBus
     station: ZenohBus
-    heard: dict[str, list[str]] = field(default_factory=dict)
+    received: dict[str, list[str]] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
 
     async def is_quiet_but_for(self, *expected: str) -> None:
@@ -58,16 +58,18 @@ class Net:
 
         By the time of that message, earlier messages on other links have been processed.
         """
-        said = keys.uav_message(SWARM, 1, "inform/state", 2)
-        self.heard["one"].clear()
-        await until(lambda: said in self.heard["one"], "uav2 is heard", lambda: self.two.put(said, b""))
+        own_key = keys.uav_message(SWARM, 1, "inform/state", 2)
+        self.received["one"].clear()
+        await until(
+            lambda: own_key in self.received["one"], "uav2 is heard", lambda: self.two.put(own_key, b"")
+        )
         await asyncio.sleep(0.1)
-        elsewhere = {key for heard in self.heard.values() for key in heard} - {said}
+        elsewhere = {key for received in self.received.values() for key in received} - {own_key}
         assert elsewhere == set(expected)
 
 
-def _note(heard: list[str], key: str, _payload: bytes) -> None:
-    heard.append(key)
+def _note(received: list[str], key: str, _payload: bytes) -> None:
+    received.append(key)
 
 
 @asynccontextmanager
@@ -84,8 +86,8 @@ async def network(protocol: str) -> AsyncIterator[Net]:
             ("two", two, keys.inbox(SWARM, 2)),
             ("station", station, f"{ROOT}/station/**"),
         ):
-            heard = net.heard.setdefault(name, [])
-            bus.subscribe(expression, partial(_note, heard))
+            received = net.received.setdefault(name, [])
+            bus.subscribe(expression, partial(_note, received))
 
         def serve(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> None:
             net.asked.append(key)
@@ -175,16 +177,16 @@ def test_a_foreign_certificate_has_no_rights(protocol: str, tmp_path: Path) -> N
     async def scene() -> None:
         async with network(protocol) as net:
             with ZenohBus(zenoh_config.client(net.there, nine)) as stranger:
-                heard: list[str] = []
-                stranger.subscribe("**", lambda key, _: heard.append(key))
+                received: list[str] = []
+                stranger.subscribe("**", lambda key, _: received.append(key))
                 await meet(stranger)
                 for sender in (1, 2, 9):
                     stranger.put(keys.uav_message(SWARM, 1, "inform/state", sender), b"")
                     stranger.put(keys.to_station(SWARM, sender), b"")
                 assert await stranger.ask(keys.request(SWARM, "weights", 1), b"", 1.0) == ()
                 await net.is_quiet_but_for()
-                assert [key for key in heard if not key.endswith("/9")] == [
-                    key for key in heard if key.endswith(("state/1", "state/2")) and "/2/" not in key
+                assert [key for key in received if not key.endswith("/9")] == [
+                    key for key in received if key.endswith(("state/1", "state/2")) and "/2/" not in key
                 ]
                 assert net.asked == []
 
@@ -219,13 +221,13 @@ def test_a_vehicle_can_put_only_its_own_keys(protocol: str) -> None:
             with ZenohBus(client_of(net.there, "uav3")) as three:
                 await meet(three)
                 for what, key in PUTS.items():
-                    for heard in net.heard.values():
-                        heard.clear()
+                    for received in net.received.values():
+                        received.clear()
                     three.put(key, what.encode())
                     await until(
-                        lambda: TO_ONE in net.heard["one"], "uav3 itself", lambda: three.put(TO_ONE, b"")
+                        lambda: TO_ONE in net.received["one"], "uav3 itself", lambda: three.put(TO_ONE, b"")
                     )
-                    assert {key for heard in net.heard.values() for key in heard} == {TO_ONE}, what
+                    assert {key for received in net.received.values() for key in received} == {TO_ONE}, what
                 assert other == []
 
     asyncio.run(scene())
@@ -243,8 +245,8 @@ def test_without_certificates_no_wildcard_and_no_other_swarm_gets_through_either
                     "swarmctl/*/uav/1/inform/state/3",
                 ):
                     three.put(key, b"")
-                await until(lambda: TO_ONE in net.heard["one"], "uav3", lambda: three.put(TO_ONE, b""))
-                assert {key for heard in net.heard.values() for key in heard} == {TO_ONE}
+                await until(lambda: TO_ONE in net.received["one"], "uav3", lambda: three.put(TO_ONE, b""))
+                assert {key for received in net.received.values() for key in received} == {TO_ONE}
 
     asyncio.run(scene())
 
@@ -270,7 +272,9 @@ def test_a_vehicle_receives_only_its_own_messages(expression: str, protocol: str
                     net.two.put(keys.to_station(SWARM, 2), b"")
                     net.two.put(for_three, b"")
 
-                await until(lambda: own and net.heard["one"] and net.heard["station"], "all others", say)
+                await until(
+                    lambda: own and net.received["one"] and net.received["station"], "all others", say
+                )
                 assert set(own) == {for_three}
                 assert set(overheard) <= {for_three}
 
@@ -298,7 +302,7 @@ def test_operators_get_answers_to_commands_and_payloads_to_reports(
                 assert await payload.ask(weights, b"", 1.0) == ()
                 assert net.asked == [weights, look, look]
                 payload.put(look, b"")
-                await until(lambda: look in net.heard["one"], "the payload's look")
+                await until(lambda: look in net.received["one"], "the payload's look")
 
     asyncio.run(scene())
 
@@ -335,9 +339,11 @@ def test_an_oversized_message_reaches_no_receiver_and_is_counted(protocol: str) 
                 for size in (MAX_MESSAGE_BYTES + 1, 4 * MAX_MESSAGE_BYTES):
                     session.put(TO_ONE, bytes(size))
                 await until(lambda: net.one.dropped, "the first is counted")
-                assert net.heard["one"] == []
+                assert net.received["one"] == []
                 await until(
-                    lambda: net.heard["one"], "short ones still come", lambda: session.put(TO_ONE, b"short")
+                    lambda: net.received["one"],
+                    "short ones still come",
+                    lambda: session.put(TO_ONE, b"short"),
                 )
                 assert net.one.dropped == 1
             finally:
@@ -366,16 +372,16 @@ def test_a_mesh_relays_only_the_swarms_keys_for_its_certificates(tmp_path: Path)
             node(2, credentials("tls", "uav2"), 1) as two,
             node(3, foreign, 1, 2) as three,
         ):
-            heard: list[str] = []
+            received: list[str] = []
             for expression in (keys.inbox(SWARM, 1), "swarmctl/other/**", "elsewhere", "**"):
-                one.subscribe(expression, lambda key, _: heard.append(key))
+                one.subscribe(expression, lambda key, _: received.append(key))
             await meet(one, two)
-            said = keys.uav_message(SWARM, 1, "inform/state", 2)
+            own_key = keys.uav_message(SWARM, 1, "inform/state", 2)
             for key in ("swarmctl/other/uav/1/inform/state/2", "elsewhere", "**"):
                 two.put(key, b"")
-            await until(lambda: heard, "the neighbour", lambda: two.put(said, b""))
+            await until(lambda: received, "the neighbour", lambda: two.put(own_key, b""))
             await asyncio.sleep(0.3)
-            assert set(heard) == {said}
+            assert set(received) == {own_key}
             assert (one.links, two.links, three.links) == (1, 1, 0)
 
     asyncio.run(scene())
@@ -406,9 +412,9 @@ def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
 
     async def scene() -> None:
         async with meshed(protocol) as (places, nodes), AsyncExitStack() as stack:
-            heard: list[bytes] = []
+            received: list[bytes] = []
             look, request = keys.sensor_report(SWARM, 1), keys.request(SWARM, "order", 1)
-            nodes[1].subscribe(keys.inbox(SWARM, 1), lambda _, payload: heard.append(payload))
+            nodes[1].subscribe(keys.inbox(SWARM, 1), lambda _, payload: received.append(payload))
             nodes[1].serve(look, answers(b"taken"))
             nodes[1].serve(request, answers(b"ordered"))
 
@@ -422,8 +428,8 @@ def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
             if protocol == "tls":
                 strangers |= {"uav3 at uav1's node": client(1, "uav3")}
             await meet(payload, operator, *strangers.values())
-            said = keys.uav_message(SWARM, 1, "inform/state", 3)
-            await until(lambda: b"far" in heard, "the far end", lambda: nodes[3].put(said, b"far"))
+            own_key = keys.uav_message(SWARM, 1, "inform/state", 3)
+            await until(lambda: b"far" in received, "the far end", lambda: nodes[3].put(own_key, b"far"))
             far = strangers["an operator at another node"]
             await until_answered(far, request, b"ordered")
             for who, bus in strangers.items():
@@ -431,9 +437,9 @@ def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
                 bus.put(look, who.encode())
             for bus in (payload, operator):
                 await until_answered(bus, look, b"taken")
-            await until(lambda: b"own" in heard, "the payload's", lambda: payload.put(look, b"own"))
-            await until(lambda: b"by hand" in heard, "a person's", lambda: operator.put(look, b"by hand"))
-            assert set(heard) == {b"far", b"own", b"by hand"}
+            await until(lambda: b"own" in received, "the payload's", lambda: payload.put(look, b"own"))
+            await until(lambda: b"by hand" in received, "a person's", lambda: operator.put(look, b"by hand"))
+            assert set(received) == {b"far", b"own", b"by hand"}
 
     asyncio.run(scene())
 
@@ -459,9 +465,9 @@ def test_a_process_that_serves_anothers_key_does_not_hide_its_answer() -> None:
                 with ZenohBus(client_of(places[3], "operator")) as operator:
                     await meet(operator)
                     async with asyncio.timeout(8.0):
-                        told: list[bytes] = []
-                        while told != [b"forged", b"forged", b"uav1's"]:
-                            told = sorted(await operator.ask(key, b"", 5.0))
+                        replies: list[bytes] = []
+                        while replies != [b"forged", b"forged", b"uav1's"]:
+                            replies = sorted(await operator.ask(key, b"", 5.0))
             finally:
                 session.close()  # type: ignore[no-untyped-call]
 

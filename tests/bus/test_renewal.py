@@ -95,7 +95,7 @@ def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
     told_1: set[str] = set()
     told_2: set[str] = set()
 
-    def hears(others: set[str]) -> Callable[[str], Callable[[], None]]:
+    def subscribes(others: set[str]) -> Callable[[str], Callable[[], None]]:
         def hear(key: str) -> Callable[[], None]:
             others.add(key)
             return lambda: others.remove(key)
@@ -106,7 +106,7 @@ def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
         return lambda: None
 
     renewal_1, renewal_2 = Renewal(), Renewal()
-    one = MeshNeighbours("nodes", SOON, hears(told_2), told_1.__contains__)
+    one = MeshNeighbours("nodes", SOON, subscribes(told_2), told_1.__contains__)
     two = MeshNeighbours("nodes", LATE, nowhere, told_2.__contains__)
     assert not one.has_to_renew(renewal_1, [LATE], 100.0)
     assert one.has_to_renew(renewal_1, [LATE], 100.0 + EARLIEST_S)

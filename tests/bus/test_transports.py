@@ -116,10 +116,12 @@ def test_messages_and_questions_reach_their_receiver_in_order(
 
     async def scene() -> None:
         with ends() as net:
-            heard: dict[str, list[tuple[str, bytes]]] = {"one": [], "two": [], "station": []}
-            net.one.subscribe(keys.inbox(SWARM, 1), lambda *told: heard["one"].append(told))
-            net.two.subscribe(keys.inbox(SWARM, 2), lambda *told: heard["two"].append(told))
-            net.operator.subscribe(keys.station(SWARM), lambda *told: heard["station"].append(told))
+            received: dict[str, list[tuple[str, bytes]]] = {"one": [], "two": [], "station": []}
+            net.one.subscribe(keys.inbox(SWARM, 1), lambda *delivered: received["one"].append(delivered))
+            net.two.subscribe(keys.inbox(SWARM, 2), lambda *delivered: received["two"].append(delivered))
+            net.operator.subscribe(
+                keys.station(SWARM), lambda *delivered: received["station"].append(delivered)
+            )
             weights, order = (keys.request(SWARM, kind, 2) for kind in keys.REQUEST_KINDS)
             asked: list[bytes | None] = []
 
@@ -129,32 +131,32 @@ def test_messages_and_questions_reach_their_receiver_in_order(
 
             net.two.serve(weights, serve)
             await net.met()
-            await until(lambda: heard["two"], "heard at all", lambda: net.one.put(state(2, 1), b"hello"))
+            await until(lambda: received["two"], "heard at all", lambda: net.one.put(state(2, 1), b"hello"))
             await until(
-                lambda: heard["station"],
+                lambda: received["station"],
                 "the station hears at all",
                 lambda: net.two.put(keys.to_station(SWARM, 2), b"hello"),
             )
             await asyncio.sleep(0.1)
-            for told in heard.values():
-                told.clear()
+            for delivered in received.values():
+                delivered.clear()
 
             numbers = [str(n).encode() for n in range(100)]
             for number in numbers:
                 net.one.put(state(2, 1), number)
             net.two.put(keys.to_station(SWARM, 2), b"2")
-            await until(lambda: len(heard["two"]) >= 100 and heard["station"], "all of it")
-            assert heard["two"] == [(state(2, 1), n) for n in numbers]
-            heard["two"].clear()
+            await until(lambda: len(received["two"]) >= 100 and received["station"], "all of it")
+            assert received["two"] == [(state(2, 1), n) for n in numbers]
+            received["two"].clear()
             dropped = net.one.dropped
             net.one.put(state(2, 1), bytes(MAX_MESSAGE_BYTES + 1))
             assert net.one.dropped == dropped + 1
             # It goes in fragments, which a busy machine may drop.
             longest = bytes(MAX_MESSAGE_BYTES)
-            await until(lambda: heard["two"], "the longest", lambda: net.one.put(state(2, 1), longest))
-            assert set(heard["two"]) == {(state(2, 1), longest)}
-            assert heard["station"] == [(keys.to_station(SWARM, 2), b"2")]
-            assert heard["one"] == []
+            await until(lambda: received["two"], "the longest", lambda: net.one.put(state(2, 1), longest))
+            assert set(received["two"]) == {(state(2, 1), longest)}
+            assert received["station"] == [(keys.to_station(SWARM, 2), b"2")]
+            assert received["one"] == []
 
             assert await net.operator.ask(weights, b"question", 5.0) == (b"answer",)
             assert await net.operator.ask(weights, bytes(MAX_QUESTION_BYTES + 1), 5.0) == (b"answer",)
@@ -179,15 +181,15 @@ def test_an_expression_is_a_key_or_a_prefix(
     expression: str, key: str, is_heard: bool, alone: Callable[[], AbstractContextManager[Ends]]
 ) -> None:
     async def scene() -> None:
-        heard: list[str] = []
+        received: list[str] = []
         last: list[str] = []
         with alone() as net:
-            net.one.subscribe(expression, lambda key, _: heard.append(key))
+            net.one.subscribe(expression, lambda key, _: received.append(key))
             net.one.subscribe("last", lambda key, _: last.append(key))
             net.one.put(key, b"")
             net.one.put("last", b"")
             await until(lambda: last, "the last")
-            assert heard == ([key] if is_heard else []) + (["last"] if expression == "**" else [])
+            assert received == ([key] if is_heard else []) + (["last"] if expression == "**" else [])
 
     asyncio.run(scene())
 
@@ -218,18 +220,18 @@ def test_a_bug_in_a_receiver_stops_neither_the_others_nor_the_loop(which: int) -
         raise ZeroDivisionError("a bug")
 
     async def scene() -> None:
-        heard: list[bytes] = []
+        received: list[bytes] = []
         bus = buses_that_report(failures)[which]()
         with contextlib.closing(bus):
             bus.subscribe("a/**", fails)
-            bus.subscribe("a/**", lambda _, payload: heard.append(payload))
+            bus.subscribe("a/**", lambda _, payload: received.append(payload))
             bus.serve("a/q", fails)
             for n in range(3):
                 bus.put("a/b", bytes((n,)))
             with contextlib.suppress(TimeoutError):
                 await bus.ask("a/q", b"", 0.2)
-            await until(lambda: len(heard) == 3 and bus.failed == 4, "the others")
-            assert heard == [b"\0", b"\1", b"\2"]
+            await until(lambda: len(received) == 3 and bus.failed == 4, "the others")
+            assert received == [b"\0", b"\1", b"\2"]
             assert sorted(failures) == [("a/b", "a bug")] * 3 + [("a/q", "a bug")]
 
     asyncio.run(scene())
@@ -241,11 +243,11 @@ def test_a_subscription_to_anothers_inbox_does_not_divert_its_messages() -> None
     async def scene() -> None:
         with star("tcp")() as net:
             monitored: list[str] = []
-            heard: list[str] = []
+            received: list[str] = []
             net.one.subscribe(f"swarmctl/{SWARM}/**", lambda key, _: monitored.append(key))
-            net.two.subscribe(keys.inbox(SWARM, 2), lambda key, _: heard.append(key))
+            net.two.subscribe(keys.inbox(SWARM, 2), lambda key, _: received.append(key))
             await net.met()
-            await until(lambda: heard, "the other hears", lambda: net.one.put(state(2, 1), b""))
+            await until(lambda: received, "the other hears", lambda: net.one.put(state(2, 1), b""))
             assert monitored[0] == state(2, 1)
 
     asyncio.run(scene())
@@ -253,16 +255,16 @@ def test_a_subscription_to_anothers_inbox_does_not_divert_its_messages() -> None
 
 def test_a_closed_bus_neither_sends_nor_receives() -> None:
     async def scene() -> None:
-        heard: list[str] = []
+        received: list[str] = []
         bus = ZenohBus()
-        bus.subscribe("a/**", lambda key, _: heard.append(key))
+        bus.subscribe("a/**", lambda key, _: received.append(key))
         bus.put("a/b", b"on its way")
         bus.close()
         bus.close()
         bus.put("a/b", b"too late")
         await asyncio.sleep(0)
         await asyncio.sleep(0)
-        assert heard == []
+        assert received == []
 
     asyncio.run(scene())
 

@@ -61,13 +61,13 @@ def test_a_late_or_restarted_router_is_found_each_time(
     async def scene() -> list[float]:
         router = RouterProcess(here(protocol))
         found_s = []
-        heard: list[bytes] = []
+        received: list[bytes] = []
         with (
             ZenohBus(client_of(router.there, "uav1")) as one,
             ZenohBus(client_of(router.there, "uav2")) as two,
             ZenohBus(client_of(router.there, "operator")) as operator,
         ):
-            two.subscribe(keys.inbox(SWARM, 2), lambda _, payload: heard.append(payload))
+            two.subscribe(keys.inbox(SWARM, 2), lambda _, payload: received.append(payload))
             two.serve(WEIGHTS, answer)
             try:
                 # A killed router is noticed at once over TCP, after the lease over QUIC.
@@ -75,17 +75,17 @@ def test_a_late_or_restarted_router_is_found_each_time(
                     one.put(TO_TWO, b"lost")
                     await asyncio.to_thread(router.start)
                     began_s = time.monotonic()
-                    await until(lambda: heard, "heard again", lambda: one.put(TO_TWO, b"again"))
+                    await until(lambda: received, "heard again", lambda: one.put(TO_TWO, b"again"))
                     found_s.append(time.monotonic() - began_s)
                     await meet(operator)
                     assert await operator.ask(WEIGHTS, b"", 5.0) == (b"answer",)
                     router.kill()
                     await until(lambda: one.links + two.links + operator.links == 0, "the end is noticed")
-                    heard.clear()
+                    received.clear()
                     await asyncio.sleep(2 * zenoh.CHECK_EVERY_S if lost_after_s == 0.0 else 0.0)
             finally:
                 router.kill()
-            assert b"lost" not in heard
+            assert b"lost" not in received
         return found_s
 
     found_s = asyncio.run(scene())
@@ -177,29 +177,29 @@ def test_a_mesh_uses_a_returned_node_and_bypasses_a_lost_one() -> None:
             return ZenohBus(zenoh_config.mesh_node(places[uav], there, SWARM, UAVS))
 
         with node(1, 3) as one, node(2, 3) as two:
-            heard: list[str] = []
-            two.subscribe(keys.inbox(SWARM, 2), lambda key, _: heard.append(key))
+            received: list[str] = []
+            two.subscribe(keys.inbox(SWARM, 2), lambda key, _: received.append(key))
             for _ in range(2):
-                heard.clear()
+                received.clear()
                 with node(3):
-                    await until(lambda: heard, "over two hops", lambda: one.put(TO_TWO, b""))
+                    await until(lambda: received, "over two hops", lambda: one.put(TO_TWO, b""))
                 await until(lambda: one.links + two.links == 0, "the end is noticed")
                 # No process is back sooner. Zenoh's routers do not always find routes over a node that is
                 # back within milliseconds, while they are still closing the links to the one before.
                 await asyncio.sleep(0.25)
         with node(1, 3, 2) as one, node(2, 3) as two:
-            two.subscribe(keys.inbox(SWARM, 2), lambda key, _: heard.append(key))
+            two.subscribe(keys.inbox(SWARM, 2), lambda key, _: received.append(key))
             with node(3) as three:
                 await until(lambda: three.links == 2 and one.links == 2, "a ring")
-                await until(lambda: heard, "the ring is known", lambda: one.put(TO_TWO, b""))
+                await until(lambda: received, "the ring is known", lambda: one.put(TO_TWO, b""))
                 await asyncio.sleep(0.2)
-                heard.clear()
+                received.clear()
                 one.put(TO_TWO, b"")
-                await until(lambda: heard, "in a ring")
+                await until(lambda: received, "in a ring")
                 await asyncio.sleep(0.2)
-                assert len(heard) == 1
-            heard.clear()
-            await until(lambda: heard, "past the one that is gone", lambda: one.put(TO_TWO, b""))
+                assert len(received) == 1
+            received.clear()
+            await until(lambda: received, "past the one that is gone", lambda: one.put(TO_TWO, b""))
 
     asyncio.run(scene())
 
@@ -216,7 +216,7 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
         one_is, two_is = here("tcp"), here("tcp")
         older = replace(zenoh_config.mesh_node(two_is, [], SWARM, UAVS), nodes="")
         came: list[bool] = []
-        heard: list[str] = []
+        received: list[str] = []
         with (
             ZenohBus(older) as two,
             ZenohBus(
@@ -224,11 +224,11 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
                 on_link=lambda _address, _name, has_come: came.append(has_come),
             ) as one,
         ):
-            one.subscribe(keys.inbox(SWARM, 1), lambda key, _: heard.append(key))
+            one.subscribe(keys.inbox(SWARM, 1), lambda key, _: received.append(key))
             one.serve(keys.request(SWARM, "weights", 1), answer)
             await until(lambda: came.count(True) == 2, "it begins anew")
-            said = keys.uav_message(SWARM, 1, "inform/state", 2)
-            await until(lambda: heard, "what is put", lambda: two.put(said, b""))
+            key = keys.uav_message(SWARM, 1, "inform/state", 2)
+            await until(lambda: received, "what is put", lambda: two.put(key, b""))
             assert await two.ask(keys.request(SWARM, "weights", 1), b"", 5.0) == (b"answer",)
             await asyncio.sleep(0.7)
             assert came.count(True) == 2

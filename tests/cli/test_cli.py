@@ -178,13 +178,13 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED])
+@pytest.mark.parametrize(("words", "error"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED])
 def test_real_vehicles_need_their_names_typed(
-    words: list[str], said: str, real: Path, tmp_path: Path
+    words: list[str], error: str, real: Path, tmp_path: Path
 ) -> None:
     result = swarmctl("fly", "--config", real, "--out", tmp_path / "runs", *words)
     assert result.exit_code == 2
-    assert said in result.stderr
+    assert error in result.stderr
     assert not (tmp_path / "runs").exists()
 
 

@@ -52,12 +52,12 @@ def small(tmp_path: Path) -> Path:
 
 
 def test_the_shipped_swarm_has_a_front(tmp_path: Path) -> None:
-    said, content, files = front_of(SHIPPED, tmp_path)
+    output, content, files = front_of(SHIPPED, tmp_path)
     assert files == {"front.json", "front.png"}
     assert [v["name"] for v in content["vehicles"]] == [f"uav{n}" for n in range(1, 6)]
     assert all(v["complete"] for v in content["vehicles"])
-    assert all(f"uav{n}" in said for n in range(1, 6))
-    table = said.split("time: from take-off")[0].splitlines()
+    assert all(f"uav{n}" in output for n in range(1, 6))
+    table = output.split("time: from take-off")[0].splitlines()
     assert max(map(len, table)) <= 110
 
 
@@ -76,7 +76,7 @@ def test_each_route_is_connected_and_better_than_another_in_one_measure(small: P
 
 
 def test_the_configured_route_and_late_routes_are_marked(small: Path, tmp_path: Path) -> None:
-    said, content, _ = front_of(small, tmp_path / "runs")
+    output, content, _ = front_of(small, tmp_path / "runs")
     n_late = 0
     for vehicle in content["vehicles"]:
         configured = vehicle["configured"]
@@ -87,21 +87,21 @@ def test_the_configured_route_and_late_routes_are_marked(small: Path, tmp_path: 
         assert [route for route in vehicle["routes"] if not route["in_time"]] == late
         assert all(route["exposure_sum"] < configured["exposure_sum"] for route in late)
         n_late += len(late)
-    assert len(re.findall("← constrained", said)) == 2
-    assert len(re.findall("time bound", said)) == n_late
+    assert len(re.findall("← constrained", output)) == 2
+    assert len(re.findall("time bound", output)) == n_late
 
 
 @pytest.mark.parametrize("named", ["uav2", "2"])
 def test_one_vehicle_can_be_named(named: str, small: Path, tmp_path: Path) -> None:
-    said, content, _ = front_of(small, tmp_path / "runs", "--uav", named)
+    output, content, _ = front_of(small, tmp_path / "runs", "--uav", named)
     assert [v["name"] for v in content["vehicles"]] == ["uav2"]
-    assert "uav1" not in said
+    assert "uav1" not in output
 
 
 def test_a_limited_search_is_marked(small: Path, tmp_path: Path) -> None:
-    said, content, _ = front_of(small, tmp_path / "runs", "--max-labels", "1")
+    output, content, _ = front_of(small, tmp_path / "runs", "--max-labels", "1")
     assert not any(v["complete"] for v in content["vehicles"])
-    assert "--max-labels" in said
+    assert "--max-labels" in output
     assert all(v["routes"] for v in content["vehicles"])
 
 
@@ -122,19 +122,19 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), [row[1:] for row in WRONG], ids=[row[0] for row in WRONG])
-def test_wrong_usage_is_an_error(words: list[str], said: str, small: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("words", "output"), [row[1:] for row in WRONG], ids=[row[0] for row in WRONG])
+def test_wrong_usage_is_an_error(words: list[str], output: str, small: Path, tmp_path: Path) -> None:
     result = swarmctl("plan", "--config", small, "--out", tmp_path / "runs", *words)
     assert result.exit_code == 2
-    assert said in result.stderr
+    assert output in result.stderr
     assert not (tmp_path / "runs").exists()
 
 
 def test_a_planner_with_another_objective_is_shown_beside_the_front(tmp_path: Path) -> None:
     file = tmp_path / "survival.yaml"
     file.write_text(SMALL.replace("constrained", "survival").replace(", arrive_within_s: 88", ""))
-    said, content, _ = front_of(file, tmp_path / "runs")
-    assert "← survival" in said
+    output, content, _ = front_of(file, tmp_path / "runs")
+    assert "← survival" in output
     for vehicle in content["vehicles"]:
         best = max(route["safety_factor"] for route in vehicle["routes"])
         assert vehicle["configured"]["safety_factor"] >= best
@@ -155,15 +155,15 @@ def test_a_configured_route_off_the_front_has_its_chance_and_its_track(tmp_path:
     text = SMALL.replace("rows: 12, cols: 12", "rows: 9, cols: 14").replace(", no_fly: [[6, 6]]", "")
     text = text.replace("count: 9", "count: 70").replace("constrained", "survival")
     file.write_text(text.replace("count: 2, arrive_within_s: 88", "count: 3"))
-    said, content, _ = front_of(file, tmp_path / "runs", "--uav", "uav2")
-    (row,) = [line for line in said.splitlines() if "not on the front" in line]
+    output, content, _ = front_of(file, tmp_path / "runs", "--uav", "uav2")
+    (row,) = [line for line in output.splitlines() if "not on the front" in line]
     (vehicle,) = content["vehicles"]
     chance = vehicle["configured"]["chance_by_simulation"]
     assert vehicle["configured"]["index"] is None
     assert 0.0 < chance["estimate"] < chance["high_95"]
     texts = estimate_texts(ProbabilityEstimate(chance["estimate"], chance["low_95"], chance["high_95"], 0))
     assert all(f" {text} " in row for text in texts)
-    table, _, _legend = said.partition("\ntime: ")
+    table, _, _legend = output.partition("\ntime: ")
     assert " 0.000" not in table
 
 
@@ -191,7 +191,7 @@ def test_the_front_has_the_flown_lengths_of_straightened_routes(
 ) -> None:
     file = tmp_path / "pulled.yaml"
     file.write_text(f"{SMALL}flight: {{any_angle: true, any_angle_exposure: {counting}}}\n")
-    said, content, _ = front_of(file, tmp_path / "pulled")
+    output, content, _ = front_of(file, tmp_path / "pulled")
     _, lattice, _ = front_of(small, tmp_path / "lattice")
     n_pulled = 0
     for vehicle, other in zip(content["vehicles"], lattice["vehicles"], strict=True):
@@ -200,13 +200,13 @@ def test_the_front_has_the_flown_lengths_of_straightened_routes(
             assert [before["length_m"], before["cells"]] == [plain["length_m"], plain["cells"]]
             assert plain["pulled_from"] is None
             assert route["length_m"] <= plain["length_m"] + 1e-6
-            assert f" {route['length_m']:.0f} " in said
-            assert f" {route['exposure_sum']:.3f} " in said
+            assert f" {route['length_m']:.0f} " in output
+            assert f" {route['exposure_sum']:.3f} " in output
             n_pulled += route["length_m"] < plain["length_m"] - 1.0
         assert vehicle["configured"]["length_m"] == pytest.approx(
             vehicle["routes"][vehicle["configured"]["index"]]["length_m"]
         )
-    assert ("pulled straight" in said) == any(
+    assert ("pulled straight" in output) == any(
         route["pulled_from"] for vehicle in content["vehicles"] for route in vehicle["routes"]
     )
     assert counting == "entered" or n_pulled > 0
@@ -259,11 +259,11 @@ def test_each_route_lists_the_weights_that_lead_to_it() -> None:
     (vehicle,) = front.fronts(scenario)
     paper = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
     for index, route in enumerate(vehicle.front.routes):
-        said = front.weights(vehicle.front, index)
-        if said == "–":
+        output = front.weights(vehicle.front, index)
+        if output == "–":
             assert not vehicle.front.supported[index]
             continue
-        low, high = (float(word) for word in said.split(" to "))
+        low, high = (float(word) for word in output.split(" to "))
         task = replace(vehicle.task, method=paper)
         found = first_route(task, scenario.prior, (low + high) / 2)
         assert (found.length_cells, found.exposure_sum) == pytest.approx(
@@ -294,7 +294,7 @@ def front_that_changes_at(weights: list[float]) -> Front:
 
 
 @pytest.mark.parametrize(
-    ("weights", "said"),
+    ("weights", "output"),
     [
         ([], ["0 to 1"]),
         ([0.9964], ["0 to 0.996", "0.996 to 1"]),
@@ -303,17 +303,17 @@ def front_that_changes_at(weights: list[float]) -> Front:
         ([0.5, 0.5], ["0 to 0.5", "0.5 alone", "0.5 to 1"]),
     ],
 )
-def test_the_weights_of_neighbouring_routes_meet(weights: list[float], said: list[str]) -> None:
+def test_the_weights_of_neighbouring_routes_meet(weights: list[float], output: list[str]) -> None:
     found = front_that_changes_at(weights)
-    assert [front.weights(found, i) for i in range(len(said))] == said
+    assert [front.weights(found, i) for i in range(len(output))] == output
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(st.lists(st.floats(1e-6, 1.0 - 1e-6), max_size=6, unique_by=lambda w: round(w, 7)))
 def test_different_weights_are_printed_differently(weights: list[float]) -> None:
     found = front_that_changes_at(sorted(weights))
-    said = [front.weights(found, i).split(" to ") for i in range(len(weights) + 1)]
-    assert [high for _, high in said[:-1]] == [low for low, _ in said[1:]]
-    assert (said[0][0], said[-1][1]) == ("0", "1")
-    ends = [float(low) for low, _ in said] + [1.0]
+    output = [front.weights(found, i).split(" to ") for i in range(len(weights) + 1)]
+    assert [high for _, high in output[:-1]] == [low for low, _ in output[1:]]
+    assert (output[0][0], output[-1][1]) == ("0", "1")
+    ends = [float(low) for low, _ in output] + [1.0]
     assert all(low < high for low, high in pairwise(ends))

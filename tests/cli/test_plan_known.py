@@ -53,7 +53,7 @@ def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "code", "says"),
+    ("old", "new", "code", "part"),
     [
         ("", "", 0, "prior: "),
         ("14.4", "14.5", 2, "[other-area]"),
@@ -70,10 +70,10 @@ def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -
     ],
 )
 def test_differences_of_the_earlier_run_are_printed(
-    old: str, new: str, code: int, says: str, flown: Path, tmp_path: Path
+    old: str, new: str, code: int, part: str, flown: Path, tmp_path: Path
 ) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL.replace(old, new, 1))
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown)
     assert done.exit_code == code, done.output
-    assert says in done.output
+    assert part in done.output

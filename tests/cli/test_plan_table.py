@@ -61,8 +61,8 @@ def test_each_row_has_the_route_of_an_agent_with_that_w(flight: dict[str, object
 
 
 def test_the_weights_are_in_numerical_order() -> None:
-    said = table_of(small(planner={"w": 1e-5}, simulate={"count": 1}))
-    assert [row[1] for row in said] == ["0", "1e-05", "0.5", "1"]
+    output = table_of(small(planner={"w": 1e-5}, simulate={"count": 1}))
+    assert [row[1] for row in output] == ["0", "1e-05", "0.5", "1"]
 
 
 def test_a_time_bound_is_for_the_configured_route_alone() -> None:

@@ -69,8 +69,8 @@ def test_the_module_has_the_name_of_the_program() -> None:
 def test_the_shell_completes_commands_options_and_values(line: str, expected: set[str]) -> None:
     position = str(len(line.split()) - 1)
     environment = {"_SWARMCTL_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": position}
-    said = CliRunner().invoke(cli, [], env=environment, prog_name="swarmctl").stdout
-    assert set(said.split()) == expected
+    output = CliRunner().invoke(cli, [], env=environment, prog_name="swarmctl").stdout
+    assert set(output.split()) == expected
 
 
 def test_the_completion_of_a_shell_is_printed() -> None:

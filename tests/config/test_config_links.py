@@ -94,14 +94,14 @@ def test_check_reads_the_signing_key(tmp_path: Path) -> None:
         result = CliRunner().invoke(cli, ["check", "--config", str(file), "--out", str(tmp_path / "runs")])
         return result.exit_code, result.output
 
-    code, said = check()
+    code, output = check()
     assert code == 2
-    assert f"{file}:4: links.signing_key: {key}: " in said
+    assert f"{file}:4: links.signing_key: {key}: " in output
     key.write_text("passphrase: correct horse\n")
     key.chmod(0o644)
-    code, said = check()
+    code, output = check()
     assert code == 2
-    assert f"{file}:4: links.signing_key: {key}" in said
+    assert f"{file}:4: links.signing_key: {key}" in output
     key.chmod(0o600)
     assert check()[0] == 0
 

@@ -20,13 +20,13 @@ def seen(observer: int, seq: int, *cells: tuple[int, int, bool]) -> Observation:
 cells = st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans())
 contents = st.lists(cells, max_size=9).map(tuple)
 # one content for each name, as in a correct swarm; contradictions between observations are included
-heard = st.dictionaries(st.tuples(st.integers(1, 3), st.integers(1, 5)), contents, max_size=10).map(
+observations = st.dictionaries(st.tuples(st.integers(1, 3), st.integers(1, 5)), contents, max_size=10).map(
     lambda by_name: [Observation(o, s, float(s), c) for (o, s), c in by_name.items()]
 )
 
 
 @QUICK
-@given(heard, st.randoms(use_true_random=False), st.integers(0, 3))
+@given(observations, st.randoms(use_true_random=False), st.integers(0, 3))
 def test_order_repetition_and_grouping_do_not_matter(observations, random, n_repeats) -> None:
     at_once = Belief.prior(ROWS, COLS, 6).merge(observations)
     shuffled = observations * (1 + n_repeats)
@@ -40,7 +40,7 @@ def test_order_repetition_and_grouping_do_not_matter(observations, random, n_rep
 
 
 @QUICK
-@given(heard, heard)
+@given(observations, observations)
 def test_merging_does_not_change_the_original_belief(first, second) -> None:
     observers = {(o.observer, o.seq) for o in first}
     before = Belief.prior(ROWS, COLS, 6).merge(first)
@@ -51,7 +51,7 @@ def test_merging_does_not_change_the_original_belief(first, second) -> None:
 
 
 @QUICK
-@given(heard)
+@given(observations)
 def test_merging_known_observations_returns_the_same_belief(observations) -> None:
     belief = Belief.prior(ROWS, COLS, 6).merge(observations)
     assert belief.merge(observations) is belief
@@ -59,7 +59,7 @@ def test_merging_known_observations_returns_the_same_belief(observations) -> Non
 
 
 @QUICK
-@given(heard, st.integers(0, ROWS * COLS))
+@given(observations, st.integers(0, ROWS * COLS))
 def test_occupancy_is_a_probability_whatever_was_announced(observations, n_hostiles) -> None:
     belief = Belief.prior(ROWS, COLS, n_hostiles).merge(observations)
     p = belief.occupancy()
@@ -172,25 +172,25 @@ logs = st.dictionaries(sources, st.lists(contents, min_size=1, max_size=6), min_
 @given(logs, st.randoms(use_true_random=False), st.data())
 def test_a_checkpoint_replaces_its_observations_in_any_order(log, random, data) -> None:
     everything = [seen for observed in log.values() for seen in observed]
-    heard = list(everything)
+    observations = list(everything)
     for observed in log.values():
         first = None
         for upto in sorted(data.draw(st.sets(st.integers(1, len(observed)), max_size=2))):
             after = 0 if first is None else first.upto
             first = checkpoint(first, observed[after:upto], COLS, ROWS * COLS)
-            heard.append(first)
+            observations.append(first)
             # Its observations may be missing, come before it or come after it.
-            heard = [s for s in heard if not (s in observed[:upto] and random.random() < 0.5)]
-    random.shuffle(heard)
+            observations = [s for s in observations if not (s in observed[:upto] and random.random() < 0.5)]
+    random.shuffle(observations)
     one_by_one = Belief.prior(ROWS, COLS, 6)
-    for item in heard:
+    for item in observations:
         one_by_one = one_by_one.merge([item])
-    for belief in (one_by_one, Belief.prior(ROWS, COLS, 6).merge(heard)):
+    for belief in (one_by_one, Belief.prior(ROWS, COLS, 6).merge(observations)):
         at_once = Belief.prior(ROWS, COLS, 6).merge(everything)
         np.testing.assert_array_equal(belief.looks, at_once.looks)
         np.testing.assert_array_equal(belief.hits, at_once.hits)
         assert [belief.n_cells_from(n) for n in (1, 2, 3)] == [at_once.n_cells_from(n) for n in (1, 2, 3)]
-        assert belief.merge(heard) is belief
+        assert belief.merge(observations) is belief
 
 
 def test_a_checkpoint_of_a_whole_area_is_small() -> None:

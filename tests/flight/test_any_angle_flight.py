@@ -135,10 +135,10 @@ def test_the_chance_at_take_off_is_of_the_track_and_by_the_belief_of_that_moment
     statistics.vehicles[task.uav].takeoff_plan = TakeoffPlan(swap, belief, task.strength)
     states = {t.uav: begin(t, plain.prior) for t in plain.tasks}
     networks = {t.uav: NetworkCounters() for t in plain.tasks}
-    told = summary(
+    content = summary(
         plain, states, statistics, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
     )
-    promised = told["vehicles"][0]["at_takeoff"]
+    promised = content["vehicles"][0]["at_takeoff"]
     chances = [
         plain.survival_probability(task.uav, held, task.strength, cells).estimate
         for held in (belief, plain.prior)
@@ -281,7 +281,7 @@ def written(folder: Path, flight: str, radius: float, goal: str = "[5, 7]") -> P
 
 
 @pytest.mark.parametrize(
-    ("flight", "radius", "says"),
+    ("flight", "radius", "part"),
     [
         ("{any_angle: false}", 60.0, "vehicles[0].turn_radius_m: "),
         ("{any_angle: true}", 500.0, "vehicles[0].turn_radius_m: 500 m "),
@@ -295,11 +295,11 @@ def written(folder: Path, flight: str, radius: float, goal: str = "[5, 7]") -> P
     ],
 )
 def test_invalid_any_angle_settings_are_refused(
-    tmp_path: Path, flight: str, radius: float, says: str
+    tmp_path: Path, flight: str, radius: float, part: str
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         model.load(written(tmp_path, flight, radius), check_config)
-    assert [says in line for line in caught.value.lines] == [True], caught.value.lines
+    assert [part in line for line in caught.value.lines] == [True], caught.value.lines
 
 
 def test_a_route_with_turns_too_tight_is_refused_at_loading(tmp_path: Path) -> None:

@@ -96,10 +96,10 @@ TROUBLE: list[tuple[Exception, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("failure", "said"), TROUBLE, ids=["silent", "not ready", "mission refused"])
-def test_one_vehicle_in_trouble_keeps_all_on_the_ground(failure: Exception, said: str) -> None:
+@pytest.mark.parametrize(("failure", "reason"), TROUBLE, ids=["silent", "not ready", "mission refused"])
+def test_one_vehicle_in_trouble_keeps_all_on_the_ground(failure: Exception, reason: str) -> None:
     ground = Ground(fails={2: failure})
-    with pytest.raises(PreflightFailed, match=said):
+    with pytest.raises(PreflightFailed, match=reason):
         ground.fly(all_launched)
     assert all("launch" not in link.calls for link in ground.links)
 

@@ -37,12 +37,12 @@ def autopilots(folder: Path, names: tuple[str, ...]) -> list[int]:
 def last_minute(file: Path, sysid: int) -> list[Any]:
     """Return a vehicle's messages in the last minute of its tlog."""
     log = mavutil.mavlink_connection(str(file))
-    told = []
+    messages = []
     while (message := log.recv_match()) is not None:
         if message.get_srcSystem() == sysid:
-            told.append(message)
+            messages.append(message)
     log.close()
-    return [message for message in told if message._timestamp > told[-1]._timestamp - 60.0]
+    return [message for message in messages if message._timestamp > messages[-1]._timestamp - 60.0]
 
 
 @pytest.mark.parametrize(
@@ -79,6 +79,8 @@ def test_a_swarm_with_reduced_telemetry_arrives(tmp_path: Path) -> None:
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 2
     assert sum(s.replans for s in report.states.values()) > 0
     for sysid in (1, 2):
-        told = Counter(message.get_type() for message in last_minute(tmp_path / f"uav{sysid}.tlog", sysid))
-        assert told["GLOBAL_POSITION_INT"] == pytest.approx(120, abs=5)
-        assert told["ATTITUDE"] == told["GPS_RAW_INT"] == 0
+        messages = Counter(
+            message.get_type() for message in last_minute(tmp_path / f"uav{sysid}.tlog", sysid)
+        )
+        assert messages["GLOBAL_POSITION_INT"] == pytest.approx(120, abs=5)
+        assert messages["ATTITUDE"] == messages["GPS_RAW_INT"] == 0

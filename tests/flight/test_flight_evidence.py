@@ -108,9 +108,9 @@ def test_a_changed_plan_is_recorded_before_it_is_sent_and_its_items_are_one_line
         ]
         for begin, end in pairwise([*decided, len(own)]):
             goes = [w for w in own[begin:end] if w.get("mission_type") == "MISSION" and "read" not in w]
-            said = [w["message"] for w in goes if w["message"] != "MISSION_REQUEST_LIST"]
+            names = [w["message"] for w in goes if w["message"] != "MISSION_REQUEST_LIST"]
             announces = "MISSION_COUNT" if begin == decided[0] else "MISSION_WRITE_PARTIAL_LIST"
-            assert said == [announces, "MISSION_ITEM_INT", "MISSION_ACK"]
+            assert names == [announces, "MISSION_ITEM_INT", "MISSION_ACK"]
             n_changes += begin != decided[0]
     assert n_changes > 0
 
@@ -161,8 +161,8 @@ def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     entries = evidence(tmp_path).entries
     asked = [(e["vehicle"], e["what"]["asks"]) for e in entries if e["kind"] == "operator"]
     assert asked == [("uav1", "weights"), ("uav2", "observe")]
-    said = [e["what"].get("said") for e in entries if e["kind"] == "note" and e["vehicle"] == "uav2"]
-    (by_camera_said,) = [text for text in said if text and text.startswith("camera ")]
+    names = [e["what"].get("said") for e in entries if e["kind"] == "note" and e["vehicle"] == "uav2"]
+    (by_camera_said,) = [text for text in names if text and text.startswith("camera ")]
     assert re.findall(r"\d+", by_camera_said) == ["1"]
     # No check failed, so no waiver was used.
     assert not [e for e in entries if e["kind"] == "waiver"]

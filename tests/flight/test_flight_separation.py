@@ -69,37 +69,37 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
 @pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path) -> None:
-    separation, said = meeting(tmp_path, "none")
+    separation, shown = meeting(tmp_path, "none")
     least = separation["least_distance"]
     assert least["horizontal_m"] < 10.0
     assert least["vertical_m"] < 3.0
     assert separation["too_close"][0]["seconds"] > 1.0
-    assert all("vehicle 2" in line for line in coded(said, "uav1", "alarm"))
-    assert all("vehicle 1" in line for line in coded(said, "uav2", "alarm"))
-    assert coded(said, "uav1", "alarm")
-    assert coded(said, "uav2", "alarm")
+    assert all("vehicle 2" in line for line in coded(shown, "uav1", "alarm"))
+    assert all("vehicle 1" in line for line in coded(shown, "uav2", "alarm"))
+    assert coded(shown, "uav1", "alarm")
+    assert coded(shown, "uav2", "alarm")
     assert separation["held"] == separation["climbed"] == 0
 
 
 @pytest.mark.usefixtures("uncompared")
 def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -> None:
-    separation, said = meeting(tmp_path, "hold")
+    separation, shown = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
     assert separation["least_distance"]["distance_m"] > 10.0
     assert separation["held"] >= 1
-    (yields, *_), (resumes, *_) = coded(said, "uav2", "alarm-yields"), coded(said, "uav2", "resumes")
-    assert said.index(yields) < said.index(resumes)
+    (yields, *_), (resumes, *_) = coded(shown, "uav2", "alarm-yields"), coded(shown, "uav2", "resumes")
+    assert shown.index(yields) < shown.index(resumes)
 
 
 @pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_the_lower_system_id_holds_if_the_other_does_not_hear_it(tmp_path: Path) -> None:
     mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
-    separation, said = meeting(tmp_path, "hold", communication=mute)
+    separation, shown = meeting(tmp_path, "hold", communication=mute)
     assert separation["too_close"] == []
     assert separation["held"] >= 1
-    assert not any("[alarm" in line for line in said if line.startswith("uav2: "))
-    assert coded(said, "uav1", "alarm-not-heard")
+    assert not any("[alarm" in line for line in shown if line.startswith("uav2: "))
+    assert coded(shown, "uav1", "alarm-not-heard")
 
 
 @pytest.mark.full
@@ -114,15 +114,15 @@ def test_a_vehicle_that_gives_way_may_climb_instead(tmp_path: Path) -> None:
 def test_first_routes_that_would_meet_are_separated_before_any_alarm(
     tmp_path: Path,
 ) -> None:
-    separation, said = meeting(tmp_path, "hold")
+    separation, shown = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
-    assert separation["held"] == sum("[landing-queue]" in line for line in said)  # over the goal
+    assert separation["held"] == sum("[landing-queue]" in line for line in shown)  # over the goal
     assert separation["climbed"] == 0
     assert separation["first_routes"] == {"predicted": 1, "by_height": 0}
     assert separation["plans_in_flight"]["by_height"] >= 1
     assert separation["plans_in_flight"]["unresolved"] == 0
-    assert not any("vehicle 2 in " in line for line in said if line.startswith("uav1: "))
-    assert any("vehicle 1 in " in line for line in said if line.startswith("uav2: "))
+    assert not any("vehicle 2 in " in line for line in shown if line.startswith("uav1: "))
+    assert any("vehicle 1 in " in line for line in shown if line.startswith("uav2: "))
 
 
 def flown_after_waiting(folder: Path, **simulate: float) -> None:
@@ -184,7 +184,7 @@ def test_new_routes_without_comparison_lead_vehicles_into_each_other(tmp_path: P
 
 
 def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) -> None:
-    separation, said = drawn_together(tmp_path)
+    separation, shown = drawn_together(tmp_path)
     assert separation["too_close"] == []
     assert separation["least_distance"]["vertical_m"] > 3.0
     plans = separation["plans_in_flight"]
@@ -193,8 +193,8 @@ def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) ->
     assert plans["unresolved"] == 0
     assert any(f": {plans['predicted']}; " in line for line in separation["lines"])
     # Both had changed before either knew: of the two it is the one with the higher system id.
-    assert coded(said, "uav2", "route-conflict") or coded(said, "uav2", "height-change")
-    assert not [line for line in said if line.startswith("uav1: ") and re.search(CONFLICTS, line)]
+    assert coded(shown, "uav2", "route-conflict") or coded(shown, "uav2", "height-change")
+    assert not [line for line in shown if line.startswith("uav1: ") and re.search(CONFLICTS, line)]
 
 
 @pytest.mark.full

@@ -23,7 +23,7 @@ MOST_M = 13.0
 """Largest position error [m]; the comparison of plans allows for 20 m at the vehicle's speed."""
 
 
-class Told:
+class TrajectoryRecorder:
     """Record of the trajectory told at each change of plan, and of the vehicles' positions."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,7 +59,7 @@ class Told:
 def test_a_changed_plan_is_flown_at_the_broadcast_times(
     autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = Told(monkeypatch)
+    recorder = TrajectoryRecorder(monkeypatch)
     scenario = small(
         threats={"count": len(HOSTILES), "hostiles": HOSTILES},
         planner={"w": 0.9},
@@ -67,6 +67,6 @@ def test_a_changed_plan_is_flown_at_the_broadcast_times(
     )
     report = fly(scenario, tmp_path)
     assert report.all_arrived
-    off_m = told.off_m()
+    off_m = recorder.off_m()
     assert len(off_m) >= 6
     assert max(off_m) <= MOST_M, [round(x, 1) for x in off_m]

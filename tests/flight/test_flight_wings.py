@@ -155,6 +155,6 @@ def test_fixed_wings_arrive_together_above_their_minimum_speed(autopilot: str, t
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["arrival"]["kept"]
     lines = (tmp_path / "evidence.jsonl").read_text().splitlines()
-    told = [entry["what"] for entry in map(json.loads, lines) if entry["kind"] == "command"]
-    speeds = [what["param2"] for what in told if what.get("command") == "DO_CHANGE_SPEED"]
+    commands = [entry["what"] for entry in map(json.loads, lines) if entry["kind"] == "command"]
+    speeds = [what["param2"] for what in commands if what.get("command") == "DO_CHANGE_SPEED"]
     assert min(speeds) == 13.5, "it would be told 12.6 otherwise"

@@ -27,8 +27,16 @@ def test_a_forwarded_station_sees_the_whole_flight_and_the_evidence_is_whole(tmp
     (tmp_path / "watched.yaml").write_text(SMALL)
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", source_system=250)
     port = station.port.getsockname()[1]
-    nobody = "tcpout:127.0.0.1:9"
-    words = ["fly", "--config", "watched.yaml", "--forward", f"udpout:127.0.0.1:{port}", "--forward", nobody]
+    closed_endpoint = "tcpout:127.0.0.1:9"
+    words = [
+        "fly",
+        "--config",
+        "watched.yaml",
+        "--forward",
+        f"udpout:127.0.0.1:{port}",
+        "--forward",
+        closed_endpoint,
+    ]
     seen: set[tuple[int, str]] = set()
     armed: set[int] = set()
     ends = time.monotonic() + LIMIT_S
@@ -42,11 +50,11 @@ def test_a_forwarded_station_sees_the_whole_flight_and_the_evidence_is_whole(tmp
                     seen.add((message.get_srcSystem(), message.get_type()))
                     if message.get_type() == "HEARTBEAT" and message.base_mode & 128:
                         armed.add(message.get_srcSystem())
-            said = flight.stdout.read() if flight.stdout is not None else ""
+            output = flight.stdout.read() if flight.stdout is not None else ""
         finally:
             flight.kill()
             station.close()
-    assert flight.returncode == 0, said
+    assert flight.returncode == 0, output
     assert armed == {1, 2}
     for system in (1, 2):
         assert {(system, "HEARTBEAT"), (system, "GLOBAL_POSITION_INT"), (system, "COMMAND_ACK")} <= seen

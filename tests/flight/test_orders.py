@@ -160,7 +160,7 @@ MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder]
 
 
 @pytest.mark.parametrize(
-    ("begun", "order", "outcome", "note", "told", "phase"),
+    ("begun", "order", "outcome", "note", "sent", "phase"),
     MATRIX,
     ids=[f"{begun.__name__}-{order}" for begun, order, *_ in MATRIX],
 )
@@ -169,7 +169,7 @@ def test_an_agent_answers_an_order_by_its_phase(
     order: FlightOrder,
     outcome: str,
     note: str,
-    told: list[FlightOrder],
+    sent: list[FlightOrder],
     phase: Phase,
 ) -> None:
     story = begun()
@@ -179,7 +179,7 @@ def test_an_agent_answers_an_order_by_its_phase(
     assert answer.answer.outcome == outcome
     assert note in answer.answer.note
     assert bool(note) == bool(answer.answer.note)
-    assert orders(effects) == told
+    assert orders(effects) == sent
     assert story.state.phase is phase
 
 

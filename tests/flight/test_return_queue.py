@@ -108,8 +108,8 @@ def test_a_silent_holding_vehicle_does_not_block_the_queue() -> None:
 def lands(**changes: Any) -> bool:
     """Return whether vehicle 2, 40 m above home, may land with this state of vehicle 3."""
     peers = Peers()
-    told: dict[str, Any] = {"lat_deg": OWN.lat_deg, "lon_deg": OWN.lon_deg, "alt_amsl_m": 330.0, **changes}
-    peers.told[3] = msgspec.structs.replace(state(0.0, Phase.HOLDING), **told)
+    fields: dict[str, Any] = {"lat_deg": OWN.lat_deg, "lon_deg": OWN.lon_deg, "alt_amsl_m": 330.0, **changes}
+    peers.told[3] = msgspec.structs.replace(state(0.0, Phase.HOLDING), **fields)
     return peers.turns.may_land(OWN, 0.0)
 
 

@@ -63,11 +63,11 @@ def test_an_attempt_is_repeated_until_it_succeeds_or_the_policy_gives_up(
     async def main() -> tuple[str, float]:
         policy = Backoff(attempts=3, first_s=2.0)
         try:
-            said = await retrying(attempt, policy, ConnectionError)
+            answer = await retrying(attempt, policy, ConnectionError)
         except ConnectionError as error:
-            said = str(error)
-        return said, asyncio.get_running_loop().time()
+            answer = str(error)
+        return answer, asyncio.get_running_loop().time()
 
-    said, now = run_virtual(main())
-    assert (said, made) == ("done" if fails < 3 else "not yet", tries)
+    answer, now = run_virtual(main())
+    assert (answer, made) == ("done" if fails < 3 else "not yet", tries)
     assert now == pytest.approx(ends_s)

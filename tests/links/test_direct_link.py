@@ -176,9 +176,9 @@ def test_a_full_disk_ends_the_tlog_with_one_message_but_not_the_link():
             await asyncio.sleep(10)
             await link.upload(north(3))
             link.close()
-        (said,) = world.said
-        assert said.startswith("/dev/full: No space left on device")
-        assert said.endswith("[log-ended]")
+        (line,) = world.said
+        assert line.startswith("/dev/full: No space left on device")
+        assert line.endswith("[log-ended]")
 
     play(story())
 
@@ -219,10 +219,10 @@ def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
             await asyncio.sleep(0.5)
             await world.front.close()
             await asyncio.sleep(0.01)
-            told = len(world.to_vehicles)
+            n_sent = len(world.to_vehicles)
             assert world.to_vehicles[-1][0][7:10] == b"\x2f\0\0", "MISSION_ACK: that the upload is over"
             await asyncio.sleep(120)
-            assert len(world.to_vehicles) == told
+            assert len(world.to_vehicles) == n_sent
             assert failures == []
             with pytest.raises(LinkError, match=r"\[interrupted\]"):
                 await uploading

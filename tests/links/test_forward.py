@@ -70,10 +70,10 @@ def test_a_watcher_sees_all_vehicles_and_what_is_sent_to_them() -> None:
             for link in links:
                 await link.connect(10)
                 await link.prepare(30, lambda _: None)
-            heard = world.watching.heard()
-            beats = {m.get_srcSystem() for m in heard if m.get_type() == "HEARTBEAT"}
+            received = world.watching.heard()
+            beats = {m.get_srcSystem() for m in received if m.get_type() == "HEARTBEAT"}
             assert beats == {1, 2, 255}
-            assert {(m.get_type(), m.get_srcSystem()) for m in heard} >= {
+            assert {(m.get_type(), m.get_srcSystem()) for m in received} >= {
                 ("GLOBAL_POSITION_INT", 1),
                 ("GLOBAL_POSITION_INT", 2),
                 ("COMMAND_LONG", 255),
@@ -171,9 +171,9 @@ def test_a_forced_arming_or_disarming_of_another_station_is_never_passed_on(arms
             world.watching.say(HOLD)
             await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
             assert 400 not in [command for command, _ in world.copters[1].commands]
-            (said,) = world.said
-            assert said.startswith("station 252 at memory:watcher ")
-            assert said.endswith("[forced]")
+            (line,) = world.said
+            assert line.startswith("station 252 at memory:watcher ")
+            assert line.endswith("[forced]")
             assert world.front.refused.endswith(": 2")
 
     play(story())

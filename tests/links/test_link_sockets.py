@@ -261,28 +261,28 @@ def test_tcp_in_serves_the_vehicle_that_connects():
 
 def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
     async def story():
-        ours, theirs = os.openpty()
-        tty.setraw(ours)
-        tty.setraw(theirs)
+        own_end, their_end = os.openpty()
+        tty.setraw(own_end)
+        tty.setraw(their_end)
         copter = Copter(1, AWAKE)
         loop = asyncio.get_running_loop()
 
         def answer():
-            for frame in copter.receive(os.read(ours, 4096), copter_s()):
-                os.write(ours, frame)
+            for frame in copter.receive(os.read(own_end, 4096), copter_s()):
+                os.write(own_end, frame)
 
-        loop.add_reader(ours, answer)
-        device = Endpoint("serial", os.ttyname(theirs), baud=57600)
+        loop.add_reader(own_end, answer)
+        device = Endpoint("serial", os.ttyname(their_end), baud=57600)
         async with front_end() as front:
             alpha = link(front, device)
-            async with playing(copter, lambda f: os.write(ours, f)):
+            async with playing(copter, lambda f: os.write(own_end, f)):
                 await alpha.connect(10)
                 await alpha.hold()
-            loop.remove_reader(ours)
-            os.close(ours)
+            loop.remove_reader(own_end)
+            os.close(own_end)
             await until(lambda: front.trouble_on(device))
             assert "device" in front.trouble_on(device)
-        os.close(theirs)
+        os.close(their_end)
 
     play(story())
 

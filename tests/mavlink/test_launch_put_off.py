@@ -48,8 +48,8 @@ def test_an_obstacle_before_arming_leaves_the_vehicle_unchanged() -> None:
 
 def test_an_obstacle_before_the_take_off_disarms_the_vehicle() -> None:
     bench = Bench().prepared()
-    said: Iterator[str] = iter(["", WHY])
-    assert launched(bench, lambda: next(said)) == LaunchBlocked(WHY, was_armed=True)
+    reasons: Iterator[str] = iter(["", WHY])
+    assert launched(bench, lambda: next(reasons)) == LaunchBlocked(WHY, was_armed=True)
     assert given(bench) == [(ARM, 1.0), (ARM, 0.0)]
     assert not bench.copter.armed
 
@@ -58,8 +58,8 @@ def test_a_vehicle_that_does_not_disarm_has_a_failed_launch() -> None:
     bench = Bench().prepared()
     arms = bench.copter.arm
     bench.copter.arm = lambda p1, *rest: arms(p1, *rest) if p1 else 4  # type: ignore[method-assign]
-    said: Iterator[str] = iter(["", WHY])
-    result = launched(bench, lambda: next(said))
+    reasons: Iterator[str] = iter(["", WHY])
+    result = launched(bench, lambda: next(reasons))
     assert not isinstance(result, LaunchBlocked)
     assert result.failure is not None
     assert WHY in result.failure
@@ -70,18 +70,18 @@ def test_a_vehicle_that_does_not_disarm_has_a_failed_launch() -> None:
 def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
     """It may have been taken: who is in the way by then is asked for before it takes off."""
     bench, n_lost = Bench().prepared(), 0
-    hears = bench.copter.on_command_long
+    on_command = bench.copter.on_command_long
 
     def deaf_to_the_first(message: Any) -> None:
         nonlocal n_lost
         if message.command == ARM and n_lost < lost:
             n_lost += 1
         else:
-            hears(message)
+            on_command(message)
 
     bench.copter.on_command_long = deaf_to_the_first  # type: ignore[method-assign]
-    said: Iterator[str] = iter(["", WHY])
-    assert launched(bench, lambda: next(said)) == LaunchBlocked(WHY, was_armed=True)
+    reasons: Iterator[str] = iter(["", WHY])
+    assert launched(bench, lambda: next(reasons)) == LaunchBlocked(WHY, was_armed=True)
     assert not bench.copter.armed
 
 
@@ -93,8 +93,8 @@ def test_a_vehicle_that_may_be_in_the_air_is_never_disarmed(
     """It tells that it flies, or not that it stands; by its height it has not left the ground."""
     monkeypatch.setattr(Copter, "landed_state", landed)
     bench = Bench(Script(stays_on_ground=True)).prepared()
-    said: Iterator[str] = iter(["", WHY if blocked else ""])
-    result = launched(bench, lambda: next(said))
+    reasons: Iterator[str] = iter(["", WHY if blocked else ""])
+    result = launched(bench, lambda: next(reasons))
     assert bench.session.state.landed is landed
     assert given(bench) == [(ARM, 1.0), *([] if blocked else [(START, 0.0)])]
     assert bench.copter.armed

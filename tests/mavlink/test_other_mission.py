@@ -159,12 +159,12 @@ def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
     return mavlink.MAVLink(None).decode(bytearray(known._pack(station, known.crc_extra, payload)))
 
 
-@pytest.mark.parametrize("heard", [(6, 8), (6,)])
-def test_the_own_mission_uploaded_again_may_have_another_id(heard: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("mission_ids", [(6, 8), (6,)])
+def test_the_own_mission_uploaded_again_may_have_another_id(mission_ids: tuple[int, ...]) -> None:
     """A swap goes back. The mission read back differs slightly from the one sent; an answer may be lost."""
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
-    for mission_id in heard:
+    for mission_id in mission_ids:
         watch.receive_own_transfer(accepted(mission_id))
     watch.own_procedure_ended(SEVEN, 10.0)
     assert not any(watch.shows_other_mission(current(7, 8), 13.0 + second) for second in range(9))

@@ -105,7 +105,7 @@ def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
 
 
 @pytest.mark.parametrize(
-    ("script", "flying", "says"),
+    ("script", "flying", "part"),
     [
         (Script(refuse_item=3), "old", "INVALID"),
         (Script(refuse_item=3, refusals_left=99), "hold", "INVALID"),
@@ -117,12 +117,12 @@ def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_failed_swap_leaves_and_reports_a_whole_plan_or_hold(script, flying, says):
+def test_a_failed_swap_leaves_and_reports_a_whole_plan_or_hold(script, flying, part):
     bench = Bench().flying(OLD)
     bench.copter.script = replace(script, partial_lists=False)
     result = bench.swap(NEW)
     assert result.flying == flying
-    assert says in result.failure
+    assert part in result.failure
     assert bench.copter.mode_name == ("GUIDED" if flying == "hold" else "AUTO")
     if flying == "old":
         assert bench.mission_is(OLD)

@@ -65,7 +65,7 @@ def of_gps(present: bool, healthy: bool):
 
 
 @pytest.mark.parametrize(
-    ("told", "gps_ok"),
+    ("reports", "gps_ok"),
     [
         ([], None),
         ([(False, True)], None),
@@ -85,8 +85,8 @@ def of_gps(present: bool, healthy: bool):
         "a fix again",
     ],
 )
-def test_a_gps_receiver_that_stops_reporting_is_lost(told, gps_ok):
-    assert folded(*(of_gps(*bits) for bits in told)).state.gps_ok is gps_ok
+def test_a_gps_receiver_that_stops_reporting_is_lost(reports, gps_ok):
+    assert folded(*(of_gps(*bits) for bits in reports)).state.gps_ok is gps_ok
 
 
 def test_a_gps_from_before_a_reboot_does_not_count():
@@ -219,7 +219,7 @@ def test_a_vehicle_is_ready_only_after_all_messages_arrived():
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "kind", "says"),
+    ("autopilot", "kind", "name"),
     [
         (12, 20, "VTOL quadrotor of PX4"),
         (3, 10, "ground rover of ArduPilot"),
@@ -227,8 +227,8 @@ def test_a_vehicle_is_ready_only_after_all_messages_arrived():
         (3, 199, "199 of ArduPilot"),
     ],
 )
-def test_other_vehicles_are_refused_by_name(autopilot, kind, says):
-    with pytest.raises(Unsupported, match=says):
+def test_other_vehicles_are_refused_by_name(autopilot, kind, name):
+    with pytest.raises(Unsupported, match=name):
         dialect_for(autopilot, kind)
 
 
@@ -256,15 +256,15 @@ def test_a_plan_becomes_home_takeoff_waypoints_land(plan, commands):
 
 
 @pytest.mark.parametrize(
-    ("plan", "says"),
+    ("plan", "name"),
     [
         (FlightPlan(float("nan"), (A,), B), "take-off altitude"),
         (FlightPlan(20.0, (A, Waypoint(91.0, 0.0, 1.0)), B), "waypoint 1"),
         (FlightPlan(20.0, (A,), Waypoint(float("nan"), 0.0, 20.0)), "landing"),
     ],
 )
-def test_a_plan_that_cannot_be_flown_is_refused(plan, says):
-    with pytest.raises(ValueError, match=says):
+def test_a_plan_that_cannot_be_flown_is_refused(plan, name):
+    with pytest.raises(ValueError, match=name):
         COPTER.mission_items(plan)
 
 
@@ -346,7 +346,7 @@ def test_missing_streams_are_requested_again_and_more_and_more_rarely():
     assert times == [3, 9, 21, 45, 75]
 
 
-def told(session: Session, now: float, *messages) -> list:
+def events_of(session: Session, now: float, *messages) -> list:
     events = []
     for message in messages:
         message.get_header().srcSystem, message.get_header().srcComponent = 1, 1
@@ -356,20 +356,20 @@ def told(session: Session, now: float, *messages) -> list:
 
 def test_a_session_reports_a_closed_list_of_events():
     session = Session(MavlinkPeer(1))
-    first = told(session, 0.0, heartbeat(0))
+    first = events_of(session, 0.0, heartbeat(0))
     assert first == [FirstHeartbeat(3, 2), StateChanged(session.state)]
-    assert told(session, 0.5, text("Init", 6)) == [StatusText(6, "Init")]
-    assert told(session, 1.0, position()) == [StateChanged(session.state)]
+    assert events_of(session, 0.5, text("Init", 6)) == [StatusText(6, "Init")]
+    assert events_of(session, 1.0, position()) == [StateChanged(session.state)]
     assert session.next_deadline == 5.0
     assert session.tick(5.0).events == [VehicleLost(5.0)]
-    assert told(session, 9.0, heartbeat(0)) == [VehicleRestored(9.0), StateChanged(session.state)]
+    assert events_of(session, 9.0, heartbeat(0)) == [VehicleRestored(9.0), StateChanged(session.state)]
 
 
 def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ended_it():
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat(3, armed=True))
+    events_of(session, 0.0, heartbeat(3, armed=True))
     session.tick(5.0)
-    restored, changed = told(session, 9.0, heartbeat(5, armed=True))
+    restored, changed = events_of(session, 9.0, heartbeat(5, armed=True))
     assert restored == VehicleRestored(9.0)
     assert (changed.state.mode, changed.state.mode_role) == ("LOITER", "other")
 
@@ -382,10 +382,10 @@ def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ende
 def test_another_sender_with_the_autopilots_component_id_is_ignored(stranger):
     """Companions are often set up with the vehicle's own system id and component 1."""
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat(3, armed=True))
+    events_of(session, 0.0, heartbeat(3, armed=True))
     looks = lambda ctx: (yield RequestUntil(ctx.peer, lambda: True, 5.0))  # noqa: E731
     session.begin("look", looks, 0.5)
-    assert told(session, 1.0, stranger) == []
+    assert events_of(session, 1.0, stranger) == []
     assert session.busy_with == "look"
     assert (session.state.mode, session.state.armed) == ("AUTO", True)
     assert session.age_s(1.0) == 1.0
@@ -399,7 +399,7 @@ def test_a_session_runs_one_procedure_at_a_time_after_the_identity_is_known():
 
     with pytest.raises(IllegalEvent):
         session.begin("first", endless, 0.0)
-    told(session, 0.0, heartbeat())
+    events_of(session, 0.0, heartbeat())
     session.begin("first", endless, 0.0)
     with pytest.raises(IllegalEvent, match=r"second .*first"):
         session.begin("second", endless, 0.0)
@@ -416,7 +416,7 @@ def test_a_session_runs_one_procedure_at_a_time_after_the_identity_is_known():
 )
 def test_only_the_mark_of_the_built_in_simulator_identifies_it(uid2, simulated):
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat())
+    events_of(session, 0.0, heartbeat())
     version = M.MAVLink_autopilot_version_message(0, 0x040602FF, 0, 0, 0, b"", b"", b"", 0, 0, 0, list(uid2))
     identity = session.identity(version)
     assert identity == Identity(1, 3, 2, "ArduPilot 4.6.2", uid2)
@@ -482,10 +482,10 @@ def system_time(boot_ms: int):
 def test_a_vehicle_without_positions_still_gives_a_snapshot_every_second():
     """PX4 sends none without a valid one: battery, GPS and mode are judged by all the same."""
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
+    events_of(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
     states = []
     for second in range(1, 61):
-        events = told(session, float(second), heartbeat(3, armed=True), sys_status(percent=3))
+        events = events_of(session, float(second), heartbeat(3, armed=True), sys_status(percent=3))
         states += [event.state for event in events if isinstance(event, StateChanged)]
     assert 55 <= len(states) <= 65
     assert states[-1].battery_percent == 3
@@ -493,38 +493,38 @@ def test_a_vehicle_without_positions_still_gives_a_snapshot_every_second():
 
 def test_an_old_position_is_dropped_until_the_next_one_comes():
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat(), position())
-    told(session, 2.0, heartbeat())
+    events_of(session, 0.0, heartbeat(), position())
+    events_of(session, 2.0, heartbeat())
     assert session.state.has_position
-    told(session, 4.0, heartbeat())
+    events_of(session, 4.0, heartbeat())
     assert (session.state.lat_deg, session.state.lon_deg, session.state.alt_rel_m) == (None, None, None)
     assert session.state.alt_amsl_m is None
     assert session.state.position_s == 0.0
-    told(session, 5.0, position(6000))
+    events_of(session, 5.0, position(6000))
     assert session.state.has_position
     assert session.state.position_s == 5.0
 
 
 def test_its_clock_goes_on_without_a_position():
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat(), position(1000))
-    told(session, 1.0, heartbeat(), system_time(2000))
+    events_of(session, 0.0, heartbeat(), position(1000))
+    events_of(session, 1.0, heartbeat(), system_time(2000))
     assert session.state.time_boot_s == 1.0  # as of the position
-    told(session, 9.0, heartbeat(), system_time(10_000))
+    events_of(session, 9.0, heartbeat(), system_time(10_000))
     assert session.state.time_boot_s == 10.0
 
 
 def test_a_clock_without_positions_shows_a_reboot_too():
     session = Session(MavlinkPeer(1))
-    told(session, 0.0, heartbeat(), position(60_000))
-    assert VehicleRebooted() in told(session, 4.0, heartbeat(), system_time(3000))
+    events_of(session, 0.0, heartbeat(), position(60_000))
+    assert VehicleRebooted() in events_of(session, 4.0, heartbeat(), system_time(3000))
 
 
 def test_a_state_has_the_times_of_its_parts():
     session = Session(MavlinkPeer(1))
-    told(session, 1.0, heartbeat())
-    told(session, 2.0, sys_status())
-    told(session, 3.0, position())
+    events_of(session, 1.0, heartbeat())
+    events_of(session, 2.0, sys_status())
+    events_of(session, 3.0, position())
     state = session.state
     assert (state.heartbeat_s, state.status_s, state.position_s) == (1.0, 2.0, 3.0)
 

@@ -48,7 +48,7 @@ def test_parameters_that_fly_sets_are_no_failure_and_are_set_before_arming(
     assert "FAILS" not in text
     ui = Ui()
     assert fly(scenario, tmp_path / "fly", ui=ui).all_arrived
-    assert any("FENCE_ENABLE 0 → 1" in said for said in ui.said)
+    assert any("FENCE_ENABLE 0 → 1" in line for line in ui.said)
 
 
 def test_wrong_parameters_fail_if_fly_does_not_set_them(

@@ -159,4 +159,4 @@ def test_a_vehicle_that_does_not_report_its_rally_points_fails(
     ui = Ui()
     report = fly(small(simulate=swarm), tmp_path, options=NEVER, ui=ui)
     assert set(failing(report)) == {("uav1", "rally")}
-    assert any(said.startswith("uav1") and "rally points" in said for said in ui.said)
+    assert any(line.startswith("uav1") and "rally points" in line for line in ui.said)

@@ -117,7 +117,7 @@ def entry(kind: str, **what: object) -> dict[str, object]:
 
 
 def test_a_digest_pairs_commands_with_answers_and_effects() -> None:
-    told = digest(
+    summary = digest(
         [
             entry("command", command="DO_SET_MODE"),
             entry("acknowledgement", message="COMMAND_ACK", command="DO_SET_MODE", result="ACCEPTED"),
@@ -129,26 +129,26 @@ def test_a_digest_pairs_commands_with_answers_and_effects() -> None:
             entry("waiver", check="gps", because="indoors"),
         ]
     )
-    mode, arming = told.rows
+    mode, arming = summary.rows
     assert (mode.sent, dict(mode.answers), mode.unanswered, dict(mode.seen)) == (
         1, {"ACCEPTED": 1}, 0, {"mode GUIDED": 1},
     )  # fmt: skip
     assert (arming.sent, arming.refused, arming.unanswered, dict(arming.seen)) == (2, 1, 1, {})
-    assert told.unasked == {"uav1": {"mode LOITER": 1}}
-    assert [e["kind"] for e in told.people] == ["waiver"]
+    assert summary.unasked == {"uav1": {"mode LOITER": 1}}
+    assert [e["kind"] for e in summary.people] == ["waiver"]
 
 
 def test_a_px4_integer_parameter_is_recorded_as_its_value() -> None:
     three = struct.unpack("<f", struct.pack("<i", 3))[0]
     asks = mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", three, mavlink.MAV_PARAM_TYPE_INT32)
-    tells = mavlink.MAVLink_param_value_message(
+    value = mavlink.MAVLink_param_value_message(
         b"NAV_DLL_ACT", three, mavlink.MAV_PARAM_TYPE_INT32, 1, 0xFFFF
     )
-    tells.pack(mavlink.MAVLink(None, 1, 1))
+    value.pack(mavlink.MAVLink(None, 1, 1))
     traffic = Traffic()
     traffic.received(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 3, 3))
     ((_, command),) = traffic.sent(asks)
-    ((_, answer),) = traffic.received(tells)
+    ((_, answer),) = traffic.received(value)
     assert (command["param_value"], answer["param_value"]) == (3.0, 3.0)
 
 
@@ -167,14 +167,14 @@ def effect(changed: str, before: object, after: object) -> dict[str, object]:
 @pytest.mark.parametrize("turned", [False, True], ids=["landed first", "disarmed first"])
 def test_disarming_after_a_landing_is_not_unasked(turned: bool) -> None:
     down = [effect("landed", "IN_AIR", "ON_GROUND"), effect("armed", True, False)]
-    told = digest([effect("landed", "UNDEFINED", "IN_AIR"), *(reversed(down) if turned else down)])
-    assert told.unasked == {}
-    assert told.landed == {"alpha": 1}
+    summary = digest([effect("landed", "UNDEFINED", "IN_AIR"), *(reversed(down) if turned else down)])
+    assert summary.unasked == {}
+    assert summary.landed == {"alpha": 1}
 
 
 def test_disarming_in_the_air_is_unasked() -> None:
-    told = digest([effect("landed", "UNDEFINED", "IN_AIR"), effect("armed", True, False)])
-    assert told.unasked == {"alpha": {"armed False": 1}}
+    summary = digest([effect("landed", "UNDEFINED", "IN_AIR"), effect("armed", True, False)])
+    assert summary.unasked == {"alpha": {"armed False": 1}}
 
 
 def partial(seq: int):
@@ -182,12 +182,12 @@ def partial(seq: int):
 
 
 def appended(traffic: Traffic, seqs: list[int], *, copies: int = 1) -> list[tuple[str, dict[str, object]]]:
-    said = []
+    entries = []
     for seq in seqs:
         for message in (*[partial(seq)] * copies, *[item(seq)] * copies):
-            said += traffic.sent(message)
-        said += traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))
-    return said
+            entries += traffic.sent(message)
+        entries += traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))
+    return entries
 
 
 @pytest.mark.parametrize("copies", [1, 3])
@@ -231,8 +231,10 @@ def test_refused_partial_lists_are_recorded_with_their_items() -> None:
     traffic = Traffic()
     appended(traffic, [11])
     assert traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 1)) == []
-    told = traffic.so_far()
-    assert [(what.get("result"), what.get("times")) for kind, what in told if kind == "acknowledgement"] == [
+    entries = traffic.so_far()
+    assert [
+        (what.get("result"), what.get("times")) for kind, what in entries if kind == "acknowledgement"
+    ] == [
         ("ACCEPTED", 1),
         ("ERROR", 1),
     ]
@@ -244,12 +246,12 @@ def test_refused_partial_lists_are_recorded_with_their_items() -> None:
 def test_a_running_transfer_is_recorded_so_far_and_only_once() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
-    told = []
+    counts = []
     for seqs in ((0,), (0,), (1, 2)):
         for seq in seqs:
             traffic.sent(item(seq))
-        told.append([what["items"] for _, what in traffic.so_far()])
-    assert told == [[1], [], [3]]
+        counts.append([what["items"] for _, what in traffic.so_far()])
+    assert counts == [[1], [], [3]]
     assert [kind for kind, _ in traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))] == [
         "acknowledgement"
     ]
@@ -258,8 +260,8 @@ def test_a_running_transfer_is_recorded_so_far_and_only_once() -> None:
 def test_a_digest_counts_a_transfer_of_many_lines_once() -> None:
     begins, items = entry("command", message="MISSION_COUNT"), entry("command", message="MISSION_ITEM_INT")
     accepted = entry("acknowledgement", message="MISSION_ACK", result="ACCEPTED")
-    told = digest([begins, items, items, accepted, begins, items, accepted, begins, items])
-    row = told.rows[1]
+    summary = digest([begins, items, items, accepted, begins, items, accepted, begins, items])
+    row = summary.rows[1]
     assert (row.command, row.sent, dict(row.answers), row.unanswered) == (
         "MISSION_ITEM_INT", 3, {"ACCEPTED": 2}, 1,
     )  # fmt: skip

@@ -109,7 +109,7 @@ def one_of_another_swarm(folder: Path) -> None:
 
 
 FOLDER_CASES: list[tuple[Callable[[Path], None], int, list[str]]] = [
-    # what was done, days later, what is said
+    # what was done, days later, the lines
     (nothing, 0, []),
     (copied_to_a_companion, 0, []),
     (all_gone, 0, ["keys/uav1: "]),
@@ -119,14 +119,14 @@ FOLDER_CASES: list[tuple[Callable[[Path], None], int, list[str]]] = [
 ]
 
 
-@pytest.mark.parametrize(("done", "days", "said"), FOLDER_CASES)
+@pytest.mark.parametrize(("done", "days", "lines"), FOLDER_CASES)
 def test_unusable_keys_are_found_before_they_are_needed(
-    folder: Path, done: Callable[[Path], None], days: int, said: list[str]
+    folder: Path, done: Callable[[Path], None], days: int, lines: list[str]
 ) -> None:
     done(folder)
     found = list(find_problems(folder, NAMES, NOW + dt.timedelta(days=days)))
-    assert len(found) == len(said), found
-    for line, part in zip(found, said, strict=True):
+    assert len(found) == len(lines), found
+    for line, part in zip(found, lines, strict=True):
         assert part in line
 
 
@@ -290,29 +290,29 @@ def config(tmp_path: Path) -> Path:
 
 def test_keys_are_made_for_all_participants_of_a_configuration(config: Path, tmp_path: Path) -> None:
     out = tmp_path / "keys"
-    told = CliRunner().invoke(
+    result = CliRunner().invoke(
         commands(), ["keys", "--config", str(config), "--out", str(out), "--host", "router=ground"]
     )
-    assert told.exit_code == 0, told.output
+    assert result.exit_code == 0, result.output
     assert {path.name for path in out.iterdir()} == {"ca", "uav1", "uav2", "operator", "router"}
     now = dt.datetime.now(dt.UTC)
     (router,) = make_keys(out, ["router"], 1, now)
     assert router.hosts == ("router", "localhost", "127.0.0.1", "10.0.0.7", "ground")
     for word in ("uav1", "operator", "valid until", str(out / "ca")):
-        assert word in told.output
+        assert word in result.output
 
 
 def test_a_host_without_a_participant_is_refused(config: Path, tmp_path: Path) -> None:
-    told = CliRunner().invoke(commands(), ["keys", "--config", str(config), "--host", "ground"])
-    assert told.exit_code == 2
-    assert "NAME=HOST" in told.output
+    result = CliRunner().invoke(commands(), ["keys", "--config", str(config), "--host", "ground"])
+    assert result.exit_code == 2
+    assert "NAME=HOST" in result.output
 
 
 def test_a_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
     make_keys(tmp_path / "keys", ["router"], 30, dt.datetime.now(dt.UTC))
-    told = CliRunner().invoke(commands(), ["router", "--config", str(config), "--print"])
-    assert told.exit_code == 0, told.output
-    printed = json.loads(told.output)
+    result = CliRunner().invoke(commands(), ["router", "--config", str(config), "--print"])
+    assert result.exit_code == 0, result.output
+    printed = json.loads(result.output)
     assert printed["mode"] == "router"
     assert printed["listen"]["endpoints"] == ["tls/10.0.0.7:7447"]
     assert printed["access_control"]["default_permission"] == "deny"
@@ -328,23 +328,23 @@ def test_a_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_router_that_cannot_start_says_why(options: list[str], code: int, why: str, config: Path) -> None:
-    told = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
-    assert told.exit_code == code
-    assert why in " ".join(told.output.split())
+    result = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
+    assert result.exit_code == code
+    assert why in " ".join(result.output.split())
 
 
 def test_making_again_names_the_folders_to_copy_again(config: Path, tmp_path: Path) -> None:
     words = ["keys", "--config", str(config), "--out", str(tmp_path / "keys")]
-    said = []
+    outputs = []
     for gone in ("", "", "uav2"):
         if gone:
             shutil.rmtree(tmp_path / "keys" / gone)
-        told = CliRunner().invoke(commands(), words)
-        assert told.exit_code == 0, told.output
-        said.append(told.output)
-    assert "uav1" in said[0]
-    assert "Copy" not in said[1]
-    table, again = said[2].split("Copy these")
+        result = CliRunner().invoke(commands(), words)
+        assert result.exit_code == 0, result.output
+        outputs.append(result.output)
+    assert "uav1" in outputs[0]
+    assert "Copy" not in outputs[1]
+    table, again = outputs[2].split("Copy these")
     assert table.count("changed") == 3  # all but the one that is made anew know another signer
     for name in ("uav1", "uav2", "operator", "router"):
         assert str(tmp_path / "keys" / name) in again

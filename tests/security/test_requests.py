@@ -60,9 +60,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("data", "said"), REFUSED.values(), ids=REFUSED)
-def test_an_invalid_command_is_refused(data: bytes, said: str) -> None:
-    with pytest.raises(BadMessage, match=said):
+@pytest.mark.parametrize(("data", "reason"), REFUSED.values(), ids=REFUSED)
+def test_an_invalid_command_is_refused(data: bytes, reason: str) -> None:
+    with pytest.raises(BadMessage, match=reason):
         verifier().verify(KEY, data, NOW)
 
 

@@ -167,12 +167,12 @@ def test_a_folder_that_other_users_can_write_to_is_refused(no_flight: Path) -> N
 
 def test_a_flight_that_cannot_be_registered_shows_its_endpoint(no_flight: Path) -> None:
     no_flight.write_text("in the way")
-    said: list[str] = []
+    lines: list[str] = []
 
     async def scene() -> None:
-        with open_bus("test", "tcp/127.0.0.1:0", said.append) as bus:
+        with open_bus("test", "tcp/127.0.0.1:0", lines.append) as bus:
             assert bus.endpoint is not None
-            assert f"--connect {bus.endpoint}" in said[0]
+            assert f"--connect {bus.endpoint}" in lines[0]
 
     asyncio.run(scene())
 
@@ -182,15 +182,15 @@ def test_a_flight_that_cannot_be_registered_shows_its_endpoint(no_flight: Path) 
     [("tcp/127.0.0.1:0", False), ("tcp/localhost:0", False), ("none", False), ("tcp/0.0.0.0:0", True)],
 )
 def test_an_endpoint_open_to_other_machines_is_a_warning(listen: str, warned: bool, no_flight: Path) -> None:
-    said: list[str] = []
+    lines: list[str] = []
 
     async def scene() -> None:
-        with open_bus("test", listen, said.append) as bus:
+        with open_bus("test", listen, lines.append) as bus:
             found = [entry.endpoint for entry in directory.running_swarms()]
             assert found == ([bus.endpoint.reachable] if bus.endpoint is not None else [])
 
     asyncio.run(scene())
-    assert any("[open-endpoint]" in text for text in said) is warned
+    assert any("[open-endpoint]" in text for text in lines) is warned
 
 
 def listening(**communication: object) -> Any:
@@ -308,9 +308,9 @@ def test_a_command_is_given_and_answered(no_flight: Path) -> None:
         words = "set --all --w 0.2 --direct 0.7 --first-neighbour 0.3 --second-neighbour 0.1"
         result = CliRunner().invoke(cli, words.split())
     assert result.exit_code == 0
-    said = "w = 0.2 and firing strengths 0.7, 0.3, 0.1 from plan 5 on"
-    said += "; plan 5 follows if another route is better"
-    assert result.stdout.splitlines() == [f"uav1: {said}", f"uav2: {said}"]
+    lines = "w = 0.2 and firing strengths 0.7, 0.3, 0.1 from plan 5 on"
+    lines += "; plan 5 follows if another route is better"
+    assert result.stdout.splitlines() == [f"uav1: {lines}", f"uav2: {lines}"]
     assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
 
 

@@ -30,17 +30,17 @@ def test_a_client_is_named_as_in_the_configuration(participant: str, shown_as: s
         probe.bind(("127.0.0.1", 0))
         at = BusEndpoint("127.0.0.1", probe.getsockname()[1], "tls")
     configuration = zenoh_config.router(at, "test", [1, 2], load_keyring(tmp_path, "router", now).credentials)
-    said: list[str] = []
+    lines: list[str] = []
     has_come = asyncio.Event()
 
     def say(text: str) -> None:
-        said.append(text)
+        lines.append(text)
         if text.endswith("has connected"):
             has_come.set()
 
     async def scene() -> None:
         routing = asyncio.create_task(router.run(configuration, say, {1: "alpha", 2: "uav2"}))
-        while not said:  # noqa: ASYNC110 - it listens
+        while not lines:  # noqa: ASYNC110 - it listens
             await asyncio.sleep(0.05)
         with ZenohBus(zenoh_config.client(at, load_keyring(tmp_path, participant, now).credentials)):
             async with asyncio.timeout(20.0):
@@ -49,5 +49,5 @@ def test_a_client_is_named_as_in_the_configuration(participant: str, shown_as: s
         await routing
 
     asyncio.run(scene())
-    assert said[0] == f"listening at {at}"
-    assert said[1].startswith(f"{shown_as} at tls/127.0.0.1:")
+    assert lines[0] == f"listening at {at}"
+    assert lines[1].startswith(f"{shown_as} at tls/127.0.0.1:")

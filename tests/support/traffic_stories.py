@@ -13,5 +13,5 @@ AMSL_M = 330.0
 MID_M = GRID.centre_m((4, 4))
 
 
-def told(effects: list[ev.Effect]) -> list[str]:
+def operator_texts(effects: list[ev.Effect]) -> list[str]:
     return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]

@@ -42,5 +42,5 @@ class Watching(Story):
         self.other(uav, MID_M[0], MID_M[1] - 110.0, (0.0, 10.0, 0.0), **changes)
 
 
-def told(effects: list[ev.Effect]) -> list[str]:
+def operator_texts(effects: list[ev.Effect]) -> list[str]:
     return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]
