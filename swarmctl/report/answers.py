@@ -21,5 +21,5 @@ def weights_line(w: float | None, strength: FiringStrength | None, answer: Vehic
     if strength is not None:
         fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)
         parts.append("firing strengths " + ", ".join(f"{value:g}" for value in fs))
-    note = f" ({answer.note})" if answer.note else ""
+    note = f"; {answer.note}" if answer.note else ""
     return f"{answer.name}: {' and '.join(parts)} from plan {answer.from_plan} on{note}"
