@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from agent_stories import codes, orders, publications
-from watching_stories import MID_M, Watching, operator_texts
+from collision_stories import MID_M, Watching, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase

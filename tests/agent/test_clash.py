@@ -6,9 +6,9 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from drawn_trajectories import flights
 from hypothesis import given
 from hypothesis import strategies as st
+from random_trajectories import flights
 
 from swarmctl.agent.traffic.separation.approach import Limits, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M, find_clashes

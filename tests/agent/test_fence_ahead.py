@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from facts import Judged, at, facts
+from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import fence_ahead
 from swarmctl.agent.failsafes.base import DemandKind, FailsafeFacts, Fence
@@ -21,7 +21,7 @@ def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any
 
 def blown_north(speed_m_s: float, **changes: Any) -> dict[int, DemandKind]:
     """Return the distance from the fence [m] at which each demand first appears, blown off its route."""
-    rule, found = Judged(fence_ahead, off_route_m=15.0, seconds=2.0), {}
+    rule, found = RuleRunner(fence_ahead, off_route_m=15.0, seconds=2.0), {}
     for north_m in range(0, 230, 2):
         demand = rule(float(north_m), there(500.0, float(north_m), speed_m_s, **changes))
         if demand is not None and demand.kind not in found.values():
@@ -47,20 +47,20 @@ def test_a_fixed_wing_returns_while_it_has_room_to_turn(radius_m: float, turns_m
 
 
 def test_on_its_route_it_may_fly_near_the_fence() -> None:
-    rule = Judged(fence_ahead)
+    rule = RuleRunner(fence_ahead)
     near = Fence(((-10.0, -20.0), (1005.0, -20.0), (1005.0, 20.0), (-10.0, 20.0)), 60.0)
     for east_m in range(0, 1000, 5):
         assert rule(float(east_m), there(float(east_m), 5.0, 20.0, fence=near)) is None
 
 
 def test_flight_along_the_fence_is_allowed() -> None:
-    rule = Judged(fence_ahead)
+    rule = RuleRunner(fence_ahead)
     for east_m in range(0, 1000, 5):
         assert rule(float(east_m), there(float(east_m), 195.0)) is None
 
 
 def test_a_position_above_the_ceiling_is_outside() -> None:
-    rule, high = Judged(fence_ahead), facts(at(0.0, 0.0, alt_rel_m=61.0), fence=FENCE)
+    rule, high = RuleRunner(fence_ahead), facts(at(0.0, 0.0, alt_rel_m=61.0), fence=FENCE)
     rule(0.0, high)
     demand = rule(0.25, high)
     assert demand is not None
@@ -77,7 +77,7 @@ def test_the_rule_is_silent_without_a_fence_on_the_ground_or_with_a_lost_link(
 
 
 def test_a_position_outside_counts_only_with_the_next_one() -> None:
-    rule = Judged(fence_ahead)
+    rule = RuleRunner(fence_ahead)
     assert rule(0.0, there(0.0, 0.0)) is None
     assert rule(0.25, there(9000.0, 0.0)) is None
     # Other messages arrive meanwhile; the position is still the same.
@@ -92,7 +92,7 @@ def test_a_position_outside_counts_only_with_the_next_one() -> None:
 
 
 def test_the_weaker_demand_of_two_positions_is_followed() -> None:
-    rule = Judged(fence_ahead)
+    rule = RuleRunner(fence_ahead)
     rule(0.0, there(500.0, 170.0))
     assert rule(0.25, there(500.0, 175.0)) is None
     demand = rule(0.5, there(500.0, 9000.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from facts import Judged, at, facts
+from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import lost_link, taken_over
 from swarmctl.agent.failsafes.base import DemandKind
@@ -21,7 +21,7 @@ from swarmctl.agent.failsafes.base import DemandKind
     ],
 )
 def test_the_warning_announces_the_configured_reaction(does: Any, part: str) -> None:
-    demand = Judged(lost_link, does=does, after_s=10.0)(0.0, facts(lost=True))
+    demand = RuleRunner(lost_link, does=does, after_s=10.0)(0.0, facts(lost=True))
     assert demand is not None
     assert demand.kind is DemandKind.WARN
     assert "preflight.policy.lost_link" in demand.reason
@@ -42,20 +42,20 @@ def test_the_warning_announces_the_configured_reaction(does: Any, part: str) -> 
 )
 def test_the_warning_names_the_last_mode_or_the_reaction(mode: str, role: Any, does: Any, part: str) -> None:
     vehicle = at(0.0, 0.0, mode=mode, mode_role=role)
-    demand = Judged(lost_link, does=does, after_s=10.0)(0.0, facts(vehicle, doing="hold", lost=True))
+    demand = RuleRunner(lost_link, does=does, after_s=10.0)(0.0, facts(vehicle, doing="hold", lost=True))
     assert demand is not None
     assert part in demand.reason
     assert ("10 s" in demand.reason) is (part == "10 s")
 
 
 def test_the_rule_is_silent_with_a_link_or_on_the_ground() -> None:
-    rule = Judged(lost_link)
+    rule = RuleRunner(lost_link)
     assert rule(0.0, facts()) is None
     assert rule(0.0, facts(lost=True, doing="ground")) is None
 
 
 def test_an_old_mode_during_a_lost_link_is_no_takeover() -> None:
-    rule = Judged(taken_over)
+    rule = RuleRunner(taken_over)
     held = at(0.0, 0.0, mode="GUIDED", mode_role="hold")
     rule(0.0, facts(held))
     assert rule(60.0, facts(held, lost=True)) is None

@@ -6,7 +6,7 @@ from itertools import pairwise
 from math import hypot
 
 import pytest
-from facts import Judged, at, facts
+from failsafe_facts import RuleRunner, at, facts
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,7 +18,7 @@ LIMITS = {"metres": 50.0, "seconds": 10.0}
 
 
 def test_a_vehicle_off_its_route_returns() -> None:
-    rule = Judged(not_following, **LIMITS)
+    rule = RuleRunner(not_following, **LIMITS)
     assert rule(0.0, facts()) is None
     for second in range(1, 11):
         assert rule(float(second), facts(at(200.0, 51.0))) is None
@@ -29,14 +29,14 @@ def test_a_vehicle_off_its_route_returns() -> None:
 
 
 def test_a_gust_raises_no_demand() -> None:
-    rule = Judged(not_following, **LIMITS)
+    rule = RuleRunner(not_following, **LIMITS)
     for second in range(60):
         north_m = 80.0 if second % 8 else 0.0
         assert rule(float(second), facts(at(200.0, north_m))) is None
 
 
 def test_a_vehicle_that_stands_still_in_its_mission_is_reported() -> None:
-    rule = Judged(not_following, **LIMITS, action="warn")
+    rule = RuleRunner(not_following, **LIMITS, action="warn")
     stands = at(200.0, 0.0, ground_speed_m_s=0.1)
     assert rule(0.0, facts(stands)) is None
     demand = rule(10.0, facts(stands))
@@ -49,13 +49,13 @@ def test_a_vehicle_that_stands_still_in_its_mission_is_reported() -> None:
 
 @pytest.mark.parametrize("changes", [{"doing": "hold"}, {"route": None}, {"lost": True}])
 def test_the_rule_is_silent_without_a_mission_or_link(changes: dict[str, object]) -> None:
-    rule = Judged(not_following, **LIMITS)
+    rule = RuleRunner(not_following, **LIMITS)
     for second in range(60):
         assert rule(float(second), facts(at(0.0, 900.0, ground_speed_m_s=0.0), **changes)) is None
 
 
 def test_a_new_plan_begins_where_the_vehicle_is() -> None:
-    rule = Judged(not_following, **LIMITS)
+    rule = RuleRunner(not_following, **LIMITS)
     for second in range(10):
         rule(float(second), facts(at(200.0, 200.0)))
     route = facts().route

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from facts import Judged, at, facts
+from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import taken_over
 from swarmctl.agent.failsafes.base import Activity, DemandKind
@@ -17,7 +17,7 @@ GUIDED = at(0.0, 0.0, mode="GUIDED", mode_role="hold")
 
 
 def test_a_mode_that_no_agent_sets_releases_at_once() -> None:
-    rule = Judged(taken_over)
+    rule = RuleRunner(taken_over)
     assert rule(0.0, facts()) is None
     demand = rule(0.1, facts(LOITER))
     assert demand is not None
@@ -26,21 +26,21 @@ def test_a_mode_that_no_agent_sets_releases_at_once() -> None:
 
 
 def test_an_own_mode_may_be_an_old_heartbeat_for_a_moment() -> None:
-    rule = Judged(taken_over)
+    rule = RuleRunner(taken_over)
     assert rule(0.0, facts(GUIDED)) is None
     assert rule(STALE_MODE_S - 0.1, facts(GUIDED)) is None
     assert rule(STALE_MODE_S, facts(GUIDED)) is not None
 
 
 def test_each_order_restarts_that_moment() -> None:
-    rule = Judged(taken_over)
+    rule = RuleRunner(taken_over)
     for second in range(10):
         assert rule(float(second), facts(GUIDED, orders=second)) is None
 
 
 def test_only_a_recent_status_text_is_quoted() -> None:
     for silence_s, told in ((1.0, True), (3.0, False)):
-        rule = Judged(taken_over)
+        rule = RuleRunner(taken_over)
         rule(0.0, facts(at(0.0, 0.0, status_text="Mode change failed")))
         rule(5.0, facts(at(0.0, 0.0, status_text="EKF Failsafe")))
         demand = rule(5.0 + silence_s, facts(replace(LOITER, status_text="EKF Failsafe")))
@@ -50,7 +50,7 @@ def test_only_a_recent_status_text_is_quoted() -> None:
 
 @pytest.mark.parametrize("armed", [True, False])
 def test_arming_a_waiting_vehicle_takes_it_over(armed: bool) -> None:
-    demand = Judged(taken_over)(0.0, facts(at(0.0, 0.0, armed=armed), doing="ground"))
+    demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, armed=armed), doing="ground"))
     assert (demand is not None) is armed
 
 
@@ -60,7 +60,7 @@ def test_a_boot_mode_releases_only_after_some_time() -> None:
         doing="ground",
         own_roles=frozenset({"hold", "mission"}),
     )
-    rule = Judged(taken_over)
+    rule = RuleRunner(taken_over)
     assert [rule(second, on_ground) for second in (0.0, 1.0, BOOTS_S - 0.1)] == [None] * 3
     demand = rule(BOOTS_S, on_ground)
     assert demand is not None
@@ -72,7 +72,7 @@ OTHER = {"other_mission": True, "mission_total": 21}
 
 @pytest.mark.parametrize("doing", ["launch", "mission", "goal"])
 def test_a_foreign_mission_in_use_releases_the_vehicle(doing: Activity) -> None:
-    demand = Judged(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
+    demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
     assert demand is not None
     assert demand.kind is DemandKind.LET_GO
     assert "21 items" in demand.reason
@@ -80,14 +80,14 @@ def test_a_foreign_mission_in_use_releases_the_vehicle(doing: Activity) -> None:
 
 def test_a_foreign_mission_warns_on_the_ground_and_is_ignored_during_a_return() -> None:
     ground = at(0.0, 0.0, mode="GUIDED", mode_role="hold", armed=False, **OTHER)
-    demand = Judged(taken_over)(0.0, facts(ground, doing="ground", own_roles=frozenset({"hold"})))
+    demand = RuleRunner(taken_over)(0.0, facts(ground, doing="ground", own_roles=frozenset({"hold"})))
     assert demand is not None
     assert demand.kind is DemandKind.WARN
     home = facts(
         at(0.0, 0.0, mode="RTL", mode_role="return", **OTHER), doing="return", own_roles=frozenset({"return"})
     )
-    assert Judged(taken_over)(0.0, home) is None
+    assert RuleRunner(taken_over)(0.0, home) is None
     switched = facts(at(0.0, 0.0, mode="LOITER", mode_role="other", **OTHER), doing="return")
-    demand = Judged(taken_over)(0.0, switched)
+    demand = RuleRunner(taken_over)(0.0, switched)
     assert demand is not None
     assert "LOITER" in demand.reason

@@ -7,9 +7,9 @@ from contextlib import closing
 from functools import partial
 
 import pytest
-from ether import state
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from node_swarm import state
 from profiles import examples
 
 from swarmctl.bus import network

@@ -11,9 +11,9 @@ from contextlib import AbstractContextManager, closing
 
 import numpy as np
 import pytest
-from ether import state
 from hypothesis import given
 from hypothesis import strategies as st
+from node_swarm import state
 
 from swarmctl.bus import keys
 from swarmctl.bus.network import Network, RunClock

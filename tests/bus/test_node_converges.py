@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from ether import COLS, ROWS, UNIX_S, Ether, at_once
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from node_swarm import COLS, ROWS, UNIX_S, NodeSwarm, at_once
 from profiles import examples
 
 from swarmctl.bus.node.exchange import NodeOptions
@@ -28,23 +28,23 @@ cells = st.lists(
     max_size=9,
     unique_by=lambda cell: cell[:2],
 )
-Act = Callable[[Ether], None]
+Act = Callable[[NodeSwarm], None]
 
 
 def observes(uav: int, seen: list[tuple[int, int, bool]], times: int) -> Act:
-    def act(ether: Ether) -> None:
+    def act(swarm: NodeSwarm) -> None:
         for _ in range(times):
-            ether.uavs[uav].observe(*seen)
+            swarm.uavs[uav].observe(*seen)
 
     return act
 
 
 def starts_again(uav: int) -> Act:
-    return lambda ether: ether.uavs[uav].start()
+    return lambda swarm: swarm.uavs[uav].start()
 
 
 def passes(seconds: float) -> Act:
-    return lambda ether: ether.run(seconds)
+    return lambda swarm: swarm.run(seconds)
 
 
 def becomes(loss: float, delay_s: float, jitter_s: float, group: frozenset[int], seed: int) -> Act:
@@ -56,8 +56,8 @@ def becomes(loss: float, delay_s: float, jitter_s: float, group: frozenset[int],
             return None
         return delay_s + jitter_s * float(rng.random())
 
-    def act(ether: Ether) -> None:
-        ether.carry = carry
+    def act(swarm: NodeSwarm) -> None:
+        swarm.carry = carry
 
     return act
 
@@ -83,166 +83,166 @@ acts = st.one_of(
 def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
     history: list[Act], k: int | None, relay: bool
 ) -> None:
-    ether = Ether(IDS, NodeOptions(ROWS, COLS, k=k, relay=relay, round_trip_s=6.0))
+    swarm = NodeSwarm(IDS, NodeOptions(ROWS, COLS, k=k, relay=relay, round_trip_s=6.0))
     for act in history:
-        act(ether)
-    becomes(0.0, 0.05, 0.0, frozenset(), 0)(ether)
-    ether.run(HEALED_S * (1 if k is None else 3))
-    assert ether.agree()
+        act(swarm)
+    becomes(0.0, 0.05, 0.0, frozenset(), 0)(swarm)
+    swarm.run(HEALED_S * (1 if k is None else 3))
+    assert swarm.agree()
     # What was on its way when its sender was started again has been overtaken.
-    assert all(uav.node.counters.refused.keys() <= {RefusalReason.REPLAY} for uav in ether.uavs.values()), (
-        ether.said
+    assert all(uav.node.counters.refused.keys() <= {RefusalReason.REPLAY} for uav in swarm.uavs.values()), (
+        swarm.said
     )
 
 
 @given(st.lists(acts, max_size=30))
 @settings(max_examples=examples(30), deadline=None, phases=PHASES)
 def test_beliefs_have_only_observed_cells(history: list[Act]) -> None:
-    ether = Ether(IDS)
+    swarm = NodeSwarm(IDS)
     seen: set[tuple[int, int, bool]] = set()
-    for uav in ether.uavs.values():
+    for uav in swarm.uavs.values():
         observe = uav.observe
         uav.observe = lambda *c, observe=observe: (seen.update(c), observe(*c))[1]  # type: ignore[method-assign]
     for act in history:
-        act(ether)
-    ether.run(5.0)
-    for uav in ether.uavs.values():
+        act(swarm)
+    swarm.run(5.0)
+    for uav in swarm.uavs.values():
         hits = {(int(r), int(c)) for r, c in np.argwhere(uav.belief.hits > 0)}
         assert hits <= {(r, c) for r, c, occupied in seen if occupied}
 
 
 def test_a_lost_message_is_requested_after_the_next_one() -> None:
-    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
-    ether.run(2.0)
-    ether.carry = lambda *_: None
-    ether.uavs[1].observe((0, 0, True))
-    ether.carry = lambda *_: 0.01
-    ether.uavs[1].observe((1, 1, False))
-    ether.run(0.5)
-    assert ether.agree()
+    swarm = NodeSwarm((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    swarm.run(2.0)
+    swarm.carry = lambda *_: None
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.carry = lambda *_: 0.01
+    swarm.uavs[1].observe((1, 1, False))
+    swarm.run(0.5)
+    assert swarm.agree()
 
 
 def test_the_next_state_reveals_a_lost_last_message() -> None:
-    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
-    ether.run(2.0)
-    ether.carry = lambda *_: None
-    ether.uavs[1].observe((0, 0, True))
-    ether.carry = lambda *_: 0.01
-    ether.run(1.5)
-    assert ether.agree()
+    swarm = NodeSwarm((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    swarm.run(2.0)
+    swarm.carry = lambda *_: None
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.carry = lambda *_: 0.01
+    swarm.run(1.5)
+    assert swarm.agree()
 
 
 def test_a_late_joiner_gets_everything_from_its_first_peer() -> None:
-    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
-    ether.carry = lambda sender, to, _now: None if 3 in (sender, to) else 0.01
+    swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    swarm.carry = lambda sender, to, _now: None if 3 in (sender, to) else 0.01
     for row in range(ROWS):
-        ether.uavs[1].observe(*((row, col, (row + col) % 5 == 0) for col in range(COLS)))
-    ether.run(5.0)
-    ether.carry = lambda sender, to, _now: None if 1 in (sender, to) else 0.01
-    ether.uavs[3].start()
-    ether.run(2.0)
-    assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[1].belief.looks)
-    assert ether.uavs[2].node.counters.snapshots_served >= 1
+        swarm.uavs[1].observe(*((row, col, (row + col) % 5 == 0) for col in range(COLS)))
+    swarm.run(5.0)
+    swarm.carry = lambda sender, to, _now: None if 1 in (sender, to) else 0.01
+    swarm.uavs[3].start()
+    swarm.run(2.0)
+    assert np.array_equal(swarm.uavs[3].belief.looks, swarm.uavs[1].belief.looks)
+    assert swarm.uavs[2].node.counters.snapshots_served >= 1
 
 
 def test_a_uav_outside_all_ranges_keeps_requesting() -> None:
-    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1))
+    swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, k=1))
     for uav, lat_deg in ((1, 46.0), (2, 46.02), (3, 46.021)):  # 1 speaks to 2, and 2 and 3 to each other
-        ether.uavs[uav].where = (lat_deg, 14.0)
-    ether.run(20.0)
-    ether.uavs[2].where = (46.001, 14.0)  # 3 speaks to 2, which speaks to 1
-    ether.run(5.0)
-    ether.uavs[1].observe((0, 0, True))
-    ether.run(12.0)
-    assert ether.agree()
+        swarm.uavs[uav].where = (lat_deg, 14.0)
+    swarm.run(20.0)
+    swarm.uavs[2].where = (46.001, 14.0)  # 3 speaks to 2, which speaks to 1
+    swarm.run(5.0)
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.run(12.0)
+    assert swarm.agree()
 
 
 def test_memory_stays_bounded_in_a_long_flight() -> None:
-    ether = Ether((1, 2, 3))
+    swarm = NodeSwarm((1, 2, 3))
     n = 4 * COMPACT_AFTER
     for i in range(n):
-        for uav in ether.uavs.values():
+        for uav in swarm.uavs.values():
             uav.observe((i % ROWS, uav.uav, i % 3 == 0), (i % ROWS, uav.uav + 4, False))
-        ether.run(0.2)
-    ether.run(5.0)
-    assert ether.agree()
+        swarm.run(0.2)
+    swarm.run(5.0)
+    assert swarm.agree()
     most = 3 * (COMPACT_AFTER + 2 * CHECKPOINT_EVERY)
-    for uav in ether.uavs.values():
+    for uav in swarm.uavs.values():
         assert uav.belief.looks.sum() == 3 * 2 * n
         assert len(list(uav.belief.items())) <= most
     # A late joiner gets all that is known, but not the whole history.
-    ether.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
-    sent_before = ether.uavs[2].node.counters.sent_bytes
-    ether.uavs[3].start()
-    ether.run(2.0)
-    assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[2].belief.looks)
-    assert ether.uavs[2].node.counters.sent_bytes - sent_before < 200 * most
+    swarm.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
+    sent_before = swarm.uavs[2].node.counters.sent_bytes
+    swarm.uavs[3].start()
+    swarm.run(2.0)
+    assert np.array_equal(swarm.uavs[3].belief.looks, swarm.uavs[2].belief.looks)
+    assert swarm.uavs[2].node.counters.sent_bytes - sent_before < 200 * most
 
 
 def test_a_checkpoint_without_new_observations_reaches_the_agent_later() -> None:
-    ether = Ether((1, 2))
+    swarm = NodeSwarm((1, 2))
     for i in range(2 * COMPACT_AFTER):
-        ether.uavs[1].observe((i % ROWS, i % COLS, False))
-        ether.run(0.1)
-        before = ether.uavs[2].belief
-        ether.run(0.1)
-        assert ether.uavs[2].belief is before
+        swarm.uavs[1].observe((i % ROWS, i % COLS, False))
+        swarm.run(0.1)
+        before = swarm.uavs[2].belief
+        swarm.run(0.1)
+        assert swarm.uavs[2].belief is before
     assert len(list(before.items())) < 2 * COMPACT_AFTER
 
 
 def test_separated_groups_find_each_other_again() -> None:
-    ether = Ether((1, 2, 3, 4), NodeOptions(ROWS, COLS, k=1))
-    ether.run(20.0)
-    ether.carry = lambda sender, to, _now: None if (sender <= 2) != (to <= 2) else 0.01
-    ether.run(60.0)
-    ether.uavs[1].observe((0, 0, True))
-    ether.uavs[4].observe((4, 4, True))
-    ether.carry = lambda *_: 0.01
-    ether.run(20.0)
-    assert ether.agree()
+    swarm = NodeSwarm((1, 2, 3, 4), NodeOptions(ROWS, COLS, k=1))
+    swarm.run(20.0)
+    swarm.carry = lambda sender, to, _now: None if (sender <= 2) != (to <= 2) else 0.01
+    swarm.run(60.0)
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.uavs[4].observe((4, 4, True))
+    swarm.carry = lambda *_: 0.01
+    swarm.run(20.0)
+    assert swarm.agree()
 
 
 def test_without_sync_what_is_lost_stays_lost_as_in_the_paper() -> None:
-    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
-    ether.carry = lambda *_: None
-    ether.uavs[1].observe((0, 0, True))
-    ether.carry = lambda *_: 0.01
-    ether.uavs[1].observe((1, 1, True))
-    ether.run(60.0)
-    assert ether.uavs[2].belief.looks.sum() == 1
-    assert ether.uavs[2].node.counters.sent.keys() == {"inform/state"}
+    swarm = NodeSwarm((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
+    swarm.carry = lambda *_: None
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.carry = lambda *_: 0.01
+    swarm.uavs[1].observe((1, 1, True))
+    swarm.run(60.0)
+    assert swarm.uavs[2].belief.looks.sum() == 1
+    assert swarm.uavs[2].node.counters.sent.keys() == {"inform/state"}
 
 
 def test_a_swarm_with_range_0_sends_nothing() -> None:
-    ether = Ether(IDS, NodeOptions(ROWS, COLS, k=0))
-    ether.uavs[1].observe((0, 0, True))
-    ether.run(30.0)
-    assert sum(u.node.counters.sent.total() for u in ether.uavs.values()) == 0
+    swarm = NodeSwarm(IDS, NodeOptions(ROWS, COLS, k=0))
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.run(30.0)
+    assert sum(u.node.counters.sent.total() for u in swarm.uavs.values()) == 0
 
 
 def test_a_swarm_with_equal_beliefs_sends_no_requests() -> None:
-    ether = Ether(IDS)
-    for uav in ether.uavs.values():
+    swarm = NodeSwarm(IDS)
+    for uav in swarm.uavs.values():
         uav.observe((uav.uav, 0, True))
-    ether.run(20.0)
-    before = [u.node.counters.snapshots_asked for u in ether.uavs.values()]
-    ether.run(60.0)
-    assert ether.agree()
-    assert [u.node.counters.snapshots_asked for u in ether.uavs.values()] == before
+    swarm.run(20.0)
+    before = [u.node.counters.snapshots_asked for u in swarm.uavs.values()]
+    swarm.run(60.0)
+    assert swarm.agree()
+    assert [u.node.counters.snapshots_asked for u in swarm.uavs.values()] == before
 
 
 @pytest.mark.parametrize("relay", [False, True])
 def test_relaying_reaches_uavs_beyond_the_observers_range_at_once(relay: bool) -> None:
-    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1, relay=relay, sync_every_s=4.0))
+    swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, k=1, relay=relay, sync_every_s=4.0))
     for uav, lat_deg in ((1, 46.0), (2, 46.01), (3, 46.015)):  # 1 reaches 2, which reaches 3
-        ether.uavs[uav].where = (lat_deg, 14.0)
-    ether.run(30.2)
-    ether.uavs[1].observe((0, 0, True))
-    ether.run(0.3)
-    assert ether.uavs[2].belief.looks.sum() == 1
-    assert ether.uavs[3].belief.looks.sum() == relay
-    ether.run(20.0)
-    assert ether.agree()
+        swarm.uavs[uav].where = (lat_deg, 14.0)
+    swarm.run(30.2)
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.run(0.3)
+    assert swarm.uavs[2].belief.looks.sum() == 1
+    assert swarm.uavs[3].belief.looks.sum() == relay
+    swarm.run(20.0)
+    assert swarm.agree()
 
 
 # --- where they will be
@@ -252,47 +252,47 @@ def intent(plan_id: int) -> IntentShared:
     return IntentShared(plan_id, (IntentPoint(0.0, 46.0, 14.0, 330.0), IntentPoint(9.0, 46.01, 14.0, 330.0)))
 
 
-def shares_intent(ether: Ether, uav: int, plan_id: int) -> None:
-    speaker = ether.uavs[uav]
-    ether.take(speaker, speaker.node.say(intent(plan_id), ether.now_s, ether.unix_s))
+def shares_intent(swarm: NodeSwarm, uav: int, plan_id: int) -> None:
+    speaker = swarm.uavs[uav]
+    swarm.take(speaker, speaker.node.say(intent(plan_id), swarm.now_s, swarm.unix_s))
 
 
-def known(ether: Ether, uav: int) -> dict[int, int]:
+def known(swarm: NodeSwarm, uav: int) -> dict[int, int]:
     """The plans of the others as it knows them."""
-    return {other: intent.plan_id for other, (intent, _) in ether.uavs[uav].node.intents().items()}
+    return {other: intent.plan_id for other, (intent, _) in swarm.uavs[uav].node.intents().items()}
 
 
 def test_the_newest_intent_is_known_to_all_receivers() -> None:
-    ether = Ether((1, 2, 3))
+    swarm = NodeSwarm((1, 2, 3))
     delays = iter((2.0, 2.0, 0.1, 0.1))
-    ether.carry = lambda sender, _to, _now: next(delays) if sender == 1 else 0.1
-    shares_intent(ether, 1, 5)
-    ether.now_s += 0.5
-    shares_intent(ether, 1, 6)
-    ether.carry = at_once
-    ether.run(3.0)
-    assert known(ether, 2) == known(ether, 3) == {1: 6}
-    said_s = ether.uavs[2].node.intents()[1][1]
+    swarm.carry = lambda sender, _to, _now: next(delays) if sender == 1 else 0.1
+    shares_intent(swarm, 1, 5)
+    swarm.now_s += 0.5
+    shares_intent(swarm, 1, 6)
+    swarm.carry = at_once
+    swarm.run(3.0)
+    assert known(swarm, 2) == known(swarm, 3) == {1: 6}
+    said_s = swarm.uavs[2].node.intents()[1][1]
     assert said_s == pytest.approx(UNIX_S + 0.5)
 
 
 def test_snapshots_have_intents() -> None:
-    ether = Ether((1, 2, 3))
-    ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
-    ether.uavs[1].observe((0, 0, True))
-    ether.run(2.0)
-    shares_intent(ether, 1, 5)
-    ether.run(1.0)
-    ether.uavs[3].start()
-    ether.run(8.0)
-    assert known(ether, 3) == {1: 5}
+    swarm = NodeSwarm((1, 2, 3))
+    swarm.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
+    swarm.uavs[1].observe((0, 0, True))
+    swarm.run(2.0)
+    shares_intent(swarm, 1, 5)
+    swarm.run(1.0)
+    swarm.uavs[3].start()
+    swarm.run(8.0)
+    assert known(swarm, 3) == {1: 5}
 
 
 def test_a_forged_intent_is_refused() -> None:
-    ether = Ether((1, 2, 3))
-    ether.run(2.0)
-    speaker = ether.uavs[3]
-    (out,) = speaker.node.say(intent(5), ether.now_s, ether.unix_s).messages
-    ether.deliver(1, 2, out.act, out.data)
-    assert known(ether, 2) == {}
-    assert ether.uavs[2].node.counters.refused[RefusalReason.SOURCE] == 1
+    swarm = NodeSwarm((1, 2, 3))
+    swarm.run(2.0)
+    speaker = swarm.uavs[3]
+    (out,) = speaker.node.say(intent(5), swarm.now_s, swarm.unix_s).messages
+    swarm.deliver(1, 2, out.act, out.data)
+    assert known(swarm, 2) == {}
+    assert swarm.uavs[2].node.counters.refused[RefusalReason.SOURCE] == 1

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from ether import COLS, ROWS, UNIX_S, Ether, state
 from hypothesis import given
 from hypothesis import strategies as st
+from node_swarm import COLS, ROWS, UNIX_S, NodeSwarm, state
 
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.node import MAX_WRONG
@@ -157,119 +157,119 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
 }
 
 
-def of(ether: Ether, uav: int) -> dict[str, int]:
-    return dict(ether.uavs[uav].node.counters.refused)
+def of(swarm: NodeSwarm, uav: int) -> dict[str, int]:
+    return dict(swarm.uavs[uav].node.counters.refused)
 
 
 @pytest.mark.parametrize(("sender", "act", "data", "why"), WRONG.values(), ids=WRONG)
 def test_invalid_messages_are_refused_and_counted(
     sender: int, act: str, data: bytes, why: RefusalReason
 ) -> None:
-    ether = Ether((1, 2, 3, 4))
-    before = ether.uavs[4].belief
-    ether.deliver(sender, 4, act, data)
-    assert of(ether, 4) == {why: 1}
-    assert ether.uavs[4].belief is before
-    assert ether.said
+    swarm = NodeSwarm((1, 2, 3, 4))
+    before = swarm.uavs[4].belief
+    swarm.deliver(sender, 4, act, data)
+    assert of(swarm, 4) == {why: 1}
+    assert swarm.uavs[4].belief is before
+    assert swarm.said
 
 
 def test_a_repeated_message_is_a_replay() -> None:
-    ether = Ether((1, 2))
+    swarm = NodeSwarm((1, 2))
     data = SEAL.encode(frame(seen()))
     for _ in range(3):
-        ether.deliver(1, 2, "inform/observation", data)
-    assert of(ether, 2) == {RefusalReason.REPLAY: 2}
-    assert ether.uavs[2].belief.looks.sum() == 1
+        swarm.deliver(1, 2, "inform/observation", data)
+    assert of(swarm, 2) == {RefusalReason.REPLAY: 2}
+    assert swarm.uavs[2].belief.looks.sum() == 1
 
 
 def test_a_message_from_before_a_restart_is_a_replay() -> None:
-    ether = Ether((1, 2))
-    ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), incarnation=5)))
-    ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=7, incarnation=4)))
-    assert of(ether, 2) == {RefusalReason.REPLAY: 1}
+    swarm = NodeSwarm((1, 2))
+    swarm.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), incarnation=5)))
+    swarm.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=7, incarnation=4)))
+    assert of(swarm, 2) == {RefusalReason.REPLAY: 1}
 
 
 def test_replays_do_not_use_up_the_senders_rate() -> None:
-    ether = Ether((1, 2))
+    swarm = NodeSwarm((1, 2))
     data = SEAL.encode(frame(seen()))
     for _ in range(MOST + 10):
-        ether.deliver(1, 2, "inform/observation", data)
-    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(2, (2, 2, False)), n=2)))
-    assert ether.uavs[2].belief.looks[2, 2] == 1
+        swarm.deliver(1, 2, "inform/observation", data)
+    swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(2, (2, 2, False)), n=2)))
+    assert swarm.uavs[2].belief.looks[2, 2] == 1
 
 
 def test_a_flood_is_refused_and_later_messages_are_accepted() -> None:
-    ether = Ether((1, 2, 3))
+    swarm = NodeSwarm((1, 2, 3))
     for n in range(MOST + 100):
-        ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
-    assert of(ether, 2) == {RefusalReason.TOO_FAST: 100}
-    ether.deliver(3, 2, "inform/observation", SEAL.encode(frame(seen(observer=3), sender=3)))
-    assert ether.uavs[2].belief.looks.sum() == 1  # a sender within its rate is heard meanwhile
+        swarm.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
+    assert of(swarm, 2) == {RefusalReason.TOO_FAST: 100}
+    swarm.deliver(3, 2, "inform/observation", SEAL.encode(frame(seen(observer=3), sender=3)))
+    assert swarm.uavs[2].belief.looks.sum() == 1  # a sender within its rate is heard meanwhile
 
 
 def test_answers_to_questions_are_limited() -> None:
-    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
-    ether.uavs[2].observe((0, 0, True))
+    swarm = NodeSwarm((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
+    swarm.uavs[2].observe((0, 0, True))
     for n in range(100):
-        ether.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=n + 1)))
-    served = ether.uavs[2].node.counters.snapshots_served
+        swarm.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=n + 1)))
+    served = swarm.uavs[2].node.counters.snapshots_served
     assert 1 <= served < 100
-    assert of(ether, 2) == {RefusalReason.TOO_FAST: 100 - served}
+    assert of(swarm, 2) == {RefusalReason.TOO_FAST: 100 - served}
 
 
 def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
-    ether = Ether((1, 2))
-    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, False)))))
-    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, True)), n=2)))
-    assert of(ether, 2) == {RefusalReason.TWO_CONTENTS: 1}
-    assert ether.uavs[2].belief.hits.sum() == 0
+    swarm = NodeSwarm((1, 2))
+    swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, False)))))
+    swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, True)), n=2)))
+    assert of(swarm, 2) == {RefusalReason.TWO_CONTENTS: 1}
+    assert swarm.uavs[2].belief.hits.sum() == 0
 
 
 def test_a_uav_that_sends_two_contents_is_flagged_by_both_receivers() -> None:
-    ether = Ether((1, 2, 3))
+    swarm = NodeSwarm((1, 2, 3))
     for to, occupied in ((2, False), (3, True)):
-        ether.deliver(1, to, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, occupied)))))
-    ether.carry = lambda sender, _to, _now_s: None if sender == 1 else 0.01
-    ether.run(30.0)
+        swarm.deliver(1, to, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, occupied)))))
+    swarm.carry = lambda sender, _to, _now_s: None if sender == 1 else 0.01
+    swarm.run(30.0)
     for uav in (2, 3):
-        assert ether.uavs[uav].node.counters.flagged == {1: 1}
-    assert any("[two-contents]" in line for line in ether.said)
+        assert swarm.uavs[uav].node.counters.flagged == {1: 1}
+    assert any("[two-contents]" in line for line in swarm.said)
 
 
 def test_a_checkpoint_of_other_observations_is_refused_and_its_observer_flagged() -> None:
-    ether = Ether((1, 2))
+    swarm = NodeSwarm((1, 2))
     observed = seen(1, (0, 0, False))
-    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(observed)))
+    swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(observed)))
     other = checkpoint(None, [seen(1, (0, 0, True))], COLS, ROWS * COLS)
     assert other is not None
-    ether.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((SEAL.encode(frame(other)),)), n=2)))
-    assert of(ether, 2) == {RefusalReason.TWO_CONTENTS: 1}
-    assert ether.uavs[2].node.counters.flagged == {1: 1}
-    assert ether.uavs[2].belief.hits.sum() == 0
+    swarm.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((SEAL.encode(frame(other)),)), n=2)))
+    assert of(swarm, 2) == {RefusalReason.TWO_CONTENTS: 1}
+    assert swarm.uavs[2].node.counters.flagged == {1: 1}
+    assert swarm.uavs[2].belief.hits.sum() == 0
 
 
 def test_a_second_process_of_the_same_vehicle_is_refused_and_reported() -> None:
-    ether = Ether((1, 2))
+    swarm = NodeSwarm((1, 2))
     frame_of_second_process = SEAL.encode(frame(seen(7, (0, 0, True)), n=50))
-    ether.deliver(
+    swarm.deliver(
         2,
         1,
         "inform/relayed",
         SEAL.encode(frame(Relayed((frame_of_second_process,)), sender=2, incarnation=2)),
     )
-    assert of(ether, 1) == {RefusalReason.TWO_CONTENTS: 1}
-    assert "vehicle 1" in ether.said[0]
-    assert "[two-contents]" in ether.said[0]
+    assert of(swarm, 1) == {RefusalReason.TWO_CONTENTS: 1}
+    assert "vehicle 1" in swarm.said[0]
+    assert "[two-contents]" in swarm.said[0]
 
 
 def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> None:
-    ether = Ether((1, 2))
-    ether.uavs[2].observe((3, 3, False), (3, 4, True))
-    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True), (3, 4, True)))))
-    assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
-    assert all(part in ether.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
-    assert ether.uavs[2].belief.looks[3, 3] == 2
-    output = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
+    swarm = NodeSwarm((1, 2))
+    swarm.uavs[2].observe((3, 3, False), (3, 4, True))
+    swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True), (3, 4, True)))))
+    assert dict(swarm.uavs[2].node.counters.flagged) == {1: 1}
+    assert all(part in swarm.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
+    assert swarm.uavs[2].belief.looks[3, 3] == 2
+    output = swarm.uavs[2].node.say(state(), swarm.now_s, swarm.unix_s)
     content = SEAL.decode(output.messages[0].data).content
     assert isinstance(content, StateShared)
     assert content.flagged == (1,)  # the shared state reports the flag
@@ -279,10 +279,10 @@ def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> N
     st.binary(max_size=400), st.integers(0, 300), st.sampled_from(("inform/state", "inform/snapshot", "x/y"))
 )
 def test_any_bytes_are_handled(data: bytes, sender: int, act: str) -> None:
-    ether = Ether((1, 2))
-    ether.deliver(sender, 2, act, data)
-    ether.deliver(sender, 2, act, bytes((VERSION, 0)) + data)
-    assert sum(of(ether, 2).values()) == 2
+    swarm = NodeSwarm((1, 2))
+    swarm.deliver(sender, 2, act, data)
+    swarm.deliver(sender, 2, act, bytes((VERSION, 0)) + data)
+    assert sum(of(swarm, 2).values()) == 2
 
 
 # --- signatures
@@ -335,37 +335,37 @@ FORGED: dict[str, tuple[str, bytes, RefusalReason]] = {
 
 @pytest.mark.parametrize(("act", "data", "why"), FORGED.values(), ids=FORGED)
 def test_a_frame_without_the_uavs_key_is_refused(act: str, data: bytes, why: RefusalReason) -> None:
-    ether = Ether((1, 2, 3), seal=SIGNED)
-    before = ether.uavs[2].belief
-    ether.deliver(1, 2, act, data)
-    assert of(ether, 2) == {why: 1}
-    assert ether.uavs[2].belief is before
+    swarm = NodeSwarm((1, 2, 3), seal=SIGNED)
+    before = swarm.uavs[2].belief
+    swarm.deliver(1, 2, act, data)
+    assert of(swarm, 2) == {why: 1}
+    assert swarm.uavs[2].belief is before
 
 
 def test_relayed_frames_are_checked_by_their_observers_signature() -> None:
-    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, relay=True), seal=SIGNED)
-    ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
-    ether.run(5.0)
-    ether.uavs[1].observe((2, 2, True))
-    ether.run(1.0)
-    assert ether.agree()
-    assert ether.uavs[3].belief.hits[2, 2] == 1
-    assert not any(uav.node.counters.refused for uav in ether.uavs.values())
+    swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, relay=True), seal=SIGNED)
+    swarm.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
+    swarm.run(5.0)
+    swarm.uavs[1].observe((2, 2, True))
+    swarm.run(1.0)
+    assert swarm.agree()
+    assert swarm.uavs[3].belief.hits[2, 2] == 1
+    assert not any(uav.node.counters.refused for uav in swarm.uavs.values())
 
 
 def test_a_forger_can_only_forge_its_own_observations() -> None:
     """A UAV that is taken over has its own key and no other."""
-    ether = Ether((1, 2, 3), seal=SIGNED)
-    ether.uavs[2].observe((0, 0, False))
-    ether.run(2.0)
+    swarm = NodeSwarm((1, 2, 3), seal=SIGNED)
+    swarm.uavs[2].observe((0, 0, False))
+    swarm.run(2.0)
     lie = forged(1, seen(1, (0, 0, True), (5, 5, True)), by=1)
-    ether.deliver(1, 2, "inform/observation", lie)
+    swarm.deliver(1, 2, "inform/observation", lie)
     for content in (seen(1, observer=3), state(), SnapshotAsked((), ())):
-        ether.deliver(3, 2, frame(content).act, forged(3, content, by=1))
-    belief = ether.uavs[2].belief
+        swarm.deliver(3, 2, frame(content).act, forged(3, content, by=1))
+    belief = swarm.uavs[2].belief
     assert np.argwhere(belief.hits).tolist() == [[0, 0], [5, 5]]
-    assert of(ether, 2) == {RefusalReason.SIGNATURE: 3}
-    assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
+    assert of(swarm, 2) == {RefusalReason.SIGNATURE: 3}
+    assert dict(swarm.uavs[2].node.counters.flagged) == {1: 1}
 
 
 # --- what a UAV that has been taken over may try
@@ -376,39 +376,39 @@ def relayed(*frames: bytes, n: int, by: int = 1) -> bytes:
 
 
 def test_many_incarnations_of_a_forger_do_not_outvote_observations() -> None:
-    ether = Ether((1, 2, 3))
-    ether.uavs[3].observe((4, 4, True))
-    ether.run(0.5)
+    swarm = NodeSwarm((1, 2, 3))
+    swarm.uavs[3].observe((4, 4, True))
+    swarm.run(0.5)
     most = [Observation(1, 1, 0.0, ((4, 4, True),), 0)]
     for i in range(300):
         made = checkpoint(None, most, COLS, ROWS * COLS)
         assert made is not None
         looks = zlib.compress(np.array([4 * COLS + 4, 65_535, 65_535], "<u4").tobytes())
         output = SEAL.encode(frame(Checkpoint(1, i + 1, 1, looks, 0), incarnation=i + 1))
-        ether.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((output,)), n=i + 10, incarnation=1)))
-    belief = ether.uavs[2].belief
+        swarm.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((output,)), n=i + 10, incarnation=1)))
+    belief = swarm.uavs[2].belief
     assert belief.hits[4, 4] >= 1
     assert (belief.looks >= belief.hits).all()
-    assert of(ether, 2)[RefusalReason.TOO_FAST] == 300 - MAX_INCARNATIONS
+    assert of(swarm, 2)[RefusalReason.TOO_FAST] == 300 - MAX_INCARNATIONS
 
 
 def test_a_message_with_many_invalid_frames_is_not_decoded_to_its_end() -> None:
-    ether = Ether((1, 2))
-    ether.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
-    assert of(ether, 2) == {RefusalReason.MALFORMED: MAX_WRONG}
+    swarm = NodeSwarm((1, 2))
+    swarm.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
+    assert of(swarm, 2) == {RefusalReason.MALFORMED: MAX_WRONG}
 
 
 def test_a_forged_observation_is_flagged_after_the_uavs_own() -> None:
-    ether = Ether((1, 2, 3))
-    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True)), n=50)))
-    ether.uavs[2].observe((3, 3, False), (3, 4, False))
-    assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
-    assert all(part in ether.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
+    swarm = NodeSwarm((1, 2, 3))
+    swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True)), n=50)))
+    swarm.uavs[2].observe((3, 3, False), (3, 4, False))
+    assert dict(swarm.uavs[2].node.counters.flagged) == {1: 1}
+    assert all(part in swarm.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
 
 
 def test_a_request_fits_into_a_message_with_any_gaps() -> None:
     ids = tuple(range(1, 61))
-    ether = Ether(ids, NodeOptions(ROWS, COLS, k=3))
+    swarm = NodeSwarm(ids, NodeOptions(ROWS, COLS, k=3))
     for uav in ids[1:]:
         for incarnation in range(1, MAX_INCARNATIONS + 1):
             frames = [
@@ -419,8 +419,8 @@ def test_a_request_fits_into_a_message_with_any_gaps() -> None:
                 )
                 for seq in (3, 5, 7, 9, 300, 1000)
             ]
-            ether.deliver(2, 1, "inform/relayed", relayed(*frames, n=uav * 10 + incarnation, by=2))
-    node = ether.uavs[1].node
+            swarm.deliver(2, 1, "inform/relayed", relayed(*frames, n=uav * 10 + incarnation, by=2))
+    node = swarm.uavs[1].node
     out = [
         o
         for t in range(60)
@@ -432,24 +432,24 @@ def test_a_request_fits_into_a_message_with_any_gaps() -> None:
 
 
 def test_a_peer_with_false_claims_gets_fewer_and_fewer_requests() -> None:
-    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
-    ether.uavs[1].tell_state = lambda: None  # type: ignore[method-assign]
+    swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    swarm.uavs[1].tell_state = lambda: None  # type: ignore[method-assign]
     for second in range(100):
         claim = msgspec.structs.replace(state(), last_seq=2**50, knows=second)
-        claimed = frame(claim, n=100 + 2 * second, unix_s=ether.unix_s)
-        ether.deliver(1, 2, "inform/state", SEAL.encode(claimed))
-        answer = frame(Snapshot((), True), n=101 + 2 * second, unix_s=ether.unix_s)
-        ether.deliver(1, 2, "inform/snapshot", SEAL.encode(answer))
-        ether.run(1.0)
-    assert ether.uavs[2].node.counters.sent["query-ref/snapshot"] <= 20
+        claimed = frame(claim, n=100 + 2 * second, unix_s=swarm.unix_s)
+        swarm.deliver(1, 2, "inform/state", SEAL.encode(claimed))
+        answer = frame(Snapshot((), True), n=101 + 2 * second, unix_s=swarm.unix_s)
+        swarm.deliver(1, 2, "inform/snapshot", SEAL.encode(answer))
+        swarm.run(1.0)
+    assert swarm.uavs[2].node.counters.sent["query-ref/snapshot"] <= 20
 
 
 def test_an_old_relayed_state_is_ignored() -> None:
-    ether = Ether((1, 2, 3))
+    swarm = NodeSwarm((1, 2, 3))
     old = SEAL.encode(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
-    ether.deliver(1, 2, "inform/relayed", relayed(old, n=10))
+    swarm.deliver(1, 2, "inform/relayed", relayed(old, n=10))
     # The asker is told of no state that it could not trust itself.
-    ether.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=11)))
-    answer = SEAL.decode(ether.on_the_way[-1][-1]).content
+    swarm.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=11)))
+    answer = SEAL.decode(swarm.on_the_way[-1][-1]).content
     assert isinstance(answer, Snapshot)
     assert answer.frames == ()

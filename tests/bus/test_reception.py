@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from ether import COLS, ROWS, UNIX_S, state
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from node_swarm import COLS, ROWS, UNIX_S, state
 from profiles import examples
 
 from swarmctl.bus.node.decoding import frame_decoder

@@ -15,7 +15,7 @@ import msgspec
 import namespaces
 import numpy as np
 import pytest
-from namespaces import Ether, Process, ether, until
+from namespaces import BridgedNetwork, Process, bridged_network, until
 from recorded import effects, events
 from swarmctl_process import SWARMCTL, run
 
@@ -50,7 +50,7 @@ REACHED, MISSING = "[network-reached]", "[network-missing]"
 class Swarm:
     """A configuration and its keys in a folder, and the machines that have it."""
 
-    net: Ether
+    net: BridgedNetwork
     folder: Path
     names: list[str]
     starts: int = 0
@@ -127,7 +127,7 @@ def swarm(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Swarm]:
     (tmp_path / "swarm.yaml").write_text(CONFIG.format(count=count, cols=cols, communication=communication))
     made = run("keys", "--config", "swarm.yaml", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
-    with ether(*bridges) as net:
+    with bridged_network(*bridges) as net:
         yield Swarm(net, tmp_path, [f"uav{n}" for n in range(1, count + 1)])
 
 

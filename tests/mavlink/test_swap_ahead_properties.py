@@ -11,8 +11,8 @@ import pytest
 from flying_bench import Faults, FlyingBench
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from metric_plans import most_back_m, place, plan
 from profiles import examples
-from way_bench import most_back_m, place, plan
 
 from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.mavlink.procedures import basic

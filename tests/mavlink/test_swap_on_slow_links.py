@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 from flying_bench import FlyingBench
+from metric_plans import most_back_m, place, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from way_bench import most_back_m, place, plan
 
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track

@@ -1,7 +1,7 @@
 """Batteries: charge and voltage follow the load, and endurance the flight."""
 
-import bodies
 import numpy as np
+import physics_bench
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -86,16 +86,16 @@ def test_charge_is_never_won_and_nothing_leaves_its_range(loads_w: list[float], 
 
 def used_mah(manoeuvre: str, wind: WindSettings | None = None) -> float:
     """Charge that half a minute of a manoeuvre takes."""
-    world = bodies.world(wind=wind)
-    body = bodies.copter(world)
+    world = physics_bench.world(wind=wind)
+    body = physics_bench.copter(world)
     east, north, up = body.position_m
     if manoeuvre == "climb":
         body.fly_to(east, north, up + 200)
     elif manoeuvre == "fast":
         body.fly_to(east + 2000, north, up)
-    bodies.wait(world, 5.0)
+    physics_bench.wait(world, 5.0)
     before_mah = body.used_mah
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     return body.used_mah - before_mah
 
 
@@ -108,33 +108,33 @@ def test_climbing_speed_and_wind_cost_more_than_hovering() -> None:
 
 
 def test_a_plane_that_circles_pays_less_than_a_copter_that_hovers() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     assert body.current_a < 10
-    straight = bodies.plane(flying_straight := bodies.world(planes=True))
-    straight.fly_to(0, 3000, bodies.GROUND_M + 50)
-    bodies.wait(flying_straight, 20.0)
+    straight = physics_bench.plane(flying_straight := physics_bench.world(planes=True))
+    straight.fly_to(0, 3000, physics_bench.GROUND_M + 50)
+    physics_bench.wait(flying_straight, 20.0)
     assert straight.current_a < body.current_a  # lift for a turn has its drag
 
 
 def test_motors_idle_when_armed_and_rest_when_not() -> None:
-    world = bodies.world()
-    bodies.wait(world, 0.5)
-    body = bodies.copter(world, height_m=None)
+    world = physics_bench.world()
+    physics_bench.wait(world, 0.5)
+    body = physics_bench.copter(world, height_m=None)
     resting_a = body.current_a
-    bodies.wait(world, 0.5)
+    physics_bench.wait(world, 0.5)
     assert resting_a == pytest.approx(AVIONICS_W / 12.6, rel=0.01)
     assert body.current_a - resting_a == pytest.approx(16.0 / 12.6, rel=0.01)
 
 
 def test_a_copter_with_an_empty_battery_falls_and_is_broken() -> None:
-    world = bodies.world()
-    body = bodies.copter(world)
+    world = physics_bench.world()
+    body = physics_bench.copter(world)
     body.set_battery(capacity_mah=body.used_mah + 20.0, full_v=12.6)
-    bodies.until(world, lambda: body.battery_remaining == 0)
-    bodies.until(world, lambda: not body.airborne)
+    physics_bench.until(world, lambda: body.battery_remaining == 0)
+    physics_bench.until(world, lambda: not body.airborne)
     assert body.take_touchdown_m_s() == pytest.approx(TERMINAL_FALL_M_S, abs=0.1)
     assert body.crashed
-    body.fly_to(0, 0, bodies.GROUND_M + 20)
-    bodies.wait(world, 5.0)
+    body.fly_to(0, 0, physics_bench.GROUND_M + 20)
+    physics_bench.wait(world, 5.0)
     assert not body.airborne

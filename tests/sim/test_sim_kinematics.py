@@ -2,8 +2,8 @@
 
 import math
 
-import bodies
 import numpy as np
+import physics_bench
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -52,11 +52,11 @@ def test_every_plan_is_flown_to_its_end_within_the_limits(plan: Plan) -> None:
 def test_accelerations_stay_within_their_limits(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = 20
-    world = bodies.world(n)
-    fleet = [bodies.copter(world, index, height_m=None) for index in range(n)]
+    world = physics_bench.world(n)
+    fleet = [physics_bench.copter(world, index, height_m=None) for index in range(n)]
     for body in fleet:
         body.fly_to(0.0, 0.0, 400.0)
-    bodies.until(world, lambda: all(body.reached for body in fleet))
+    physics_bench.until(world, lambda: all(body.reached for body in fleet))
     dynamics = world.dynamics
 
     def watch() -> None:
@@ -76,7 +76,7 @@ def test_accelerations_stay_within_their_limits(seed: int) -> None:
                 body.stop()
             else:
                 body.fly_to(east_m, north_m, up_m, float(rng.choice((0.0, 5.0, 10.0))))
-        bodies.wait(world, 3.0, watch)
+        physics_bench.wait(world, 3.0, watch)
 
 
 def test_a_stop_from_full_speed_ends_where_braking_ends() -> None:

@@ -2,8 +2,8 @@
 
 import math
 
-import bodies
 import numpy as np
+import physics_bench
 import pytest
 
 from sim_vehicle.physics.gps import FIX, NO_FIX, GpsSettings
@@ -19,18 +19,18 @@ def off_m(world: World, index: int = 0) -> float:
 
 
 def test_without_noise_and_drift_it_knows_exactly() -> None:
-    world = bodies.world()
-    body = bodies.copter(world)
-    body.fly_to(100, 50, bodies.GROUND_M + 30)
-    bodies.wait(world, 7.0)
+    world = physics_bench.world()
+    body = physics_bench.copter(world)
+    body.fly_to(100, 50, physics_bench.GROUND_M + 30)
+    physics_bench.wait(world, 7.0)
     assert body.position_m == tuple(world.dynamics.position_m[0].tolist())
-    assert world.gps.position_m.tolist() != [[0, 0, bodies.GROUND_M]]
+    assert world.gps.position_m.tolist() != [[0, 0, physics_bench.GROUND_M]]
 
 
 def test_a_good_receivers_estimate_is_off_by_a_little() -> None:
-    world = bodies.world(50, gps=GpsSettings())
+    world = physics_bench.world(50, gps=GpsSettings())
     errors = []
-    bodies.wait(world, 60.0, lambda: errors.append(world.estimate_m - world.dynamics.position_m))
+    physics_bench.wait(world, 60.0, lambda: errors.append(world.estimate_m - world.dynamics.position_m))
     level = np.hypot(np.array(errors)[..., 0], np.array(errors)[..., 1])
     assert 0.02 < level.mean() < 0.15
     assert level.max() < 0.5
@@ -38,10 +38,10 @@ def test_a_good_receivers_estimate_is_off_by_a_little() -> None:
 
 
 def test_the_receiver_has_the_noise_and_drift_of_its_settings() -> None:
-    world = bodies.world(60, gps=GpsSettings(noise_m=2.0, drift_m=1.0))
+    world = physics_bench.world(60, gps=GpsSettings(noise_m=2.0, drift_m=1.0))
     samples = []
     for _ in range(300):
-        bodies.wait(world, 0.2)
+        physics_bench.wait(world, 0.2)
         samples.append((world.gps.position_m - world.dynamics.position_m)[:, :2])
     array = np.array(samples)
     assert array.std() == pytest.approx(math.hypot(2.0, 1.0), rel=0.08)
@@ -51,90 +51,90 @@ def test_the_receiver_has_the_noise_and_drift_of_its_settings() -> None:
 
 
 def test_it_holds_its_place_steadily_by_a_noisy_estimate() -> None:
-    world = bodies.world(gps=GpsSettings())
-    body = bodies.copter(world)
+    world = physics_bench.world(gps=GpsSettings())
+    body = physics_bench.copter(world)
     speeds = []
-    bodies.wait(world, 60.0, lambda: speeds.append(float(np.abs(world.dynamics.velocity[:, 0]).max())))
+    physics_bench.wait(world, 60.0, lambda: speeds.append(float(np.abs(world.dynamics.velocity[:, 0]).max())))
     assert off_m(world) < 0.5
     assert max(speeds) < 0.1
     assert body.airborne
 
 
 def test_a_glitch_is_not_believed_at_first_and_then_takes_the_vehicle_away() -> None:
-    world = bodies.world()
-    body = bodies.copter(world)
+    world = physics_bench.world()
+    body = physics_bench.copter(world)
     world.gps_offset_m[0] = (40.0, 0.0, 0.0)
-    bodies.wait(world, 5.0)
+    physics_bench.wait(world, 5.0)
     assert world.gps.position_m[0, 0] == pytest.approx(40.0, abs=0.5)
     assert off_m(world) < 1.0
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     assert truth_m(world) == pytest.approx((-40.0, 0.0), abs=0.5)
     assert body.position_m[:2] == pytest.approx((0, 0), abs=0.5)
     world.gps_offset_m[0] = 0.0
-    bodies.wait(world, 40.0)
+    physics_bench.wait(world, 40.0)
     assert off_m(world) < 0.5
 
 
 def test_a_slow_glitch_is_followed() -> None:
-    world = bodies.world()
-    bodies.copter(world)
+    world = physics_bench.world()
+    physics_bench.copter(world)
     for step in range(200):
         world.gps_offset_m[0] = (0.0, 0.1 * step, 0.0)
-        bodies.wait(world, 0.25)
-    bodies.wait(world, 20.0)
+        physics_bench.wait(world, 0.25)
+    physics_bench.wait(world, 20.0)
     assert truth_m(world) == pytest.approx((0.0, -19.9), abs=0.5)
 
 
 def test_height_is_the_barometers_and_no_glitch_moves_it() -> None:
-    world = bodies.world()
-    body = bodies.copter(world)
+    world = physics_bench.world()
+    body = physics_bench.copter(world)
     world.gps_offset_m[0] = (0.0, 0.0, 30.0)
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     assert world.gps.position_m[0, 2] - world.dynamics.position_m[0, 2] == pytest.approx(30.0)
-    assert body.alt_amsl_m == pytest.approx(bodies.GROUND_M + 50, abs=0.1)
+    assert body.alt_amsl_m == pytest.approx(physics_bench.GROUND_M + 50, abs=0.1)
 
 
 def test_after_the_gps_is_lost_it_reckons_drifts_and_gives_up_its_position() -> None:
-    world = bodies.world()
-    body = bodies.copter(world)
+    world = physics_bench.world()
+    body = physics_bench.copter(world)
     body.take_events()
     world.gps_lost[0] = True
-    bodies.wait(world, 7.0)
+    physics_bench.wait(world, 7.0)
     assert (body.gps_fix, body.position_ok) == (False, True)
     assert (world.gps.fix_type[0], world.gps.satellites[0]) == (NO_FIX, 0)
     assert not body.take_events()
     after_7_s_m = off_m(world)
-    bodies.wait(world, 2.0)
+    physics_bench.wait(world, 2.0)
     assert not world.position_ok[0]
     assert body.take_events()
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     assert off_m(world) > 5 * after_7_s_m > 0
     world.gps_lost[0] = False
-    bodies.wait(world, 0.5)
+    physics_bench.wait(world, 0.5)
     assert world.position_ok[0]
     assert body.take_events()
     assert world.gps.fix_type[0] == FIX
-    bodies.wait(world, 40.0)
+    physics_bench.wait(world, 40.0)
     assert off_m(world) < 0.5
 
 
 def test_the_duration_of_dead_reckoning_depends_on_the_autopilot() -> None:
-    world = bodies.world(2)
+    world = physics_bench.world(2)
     world.estimator.lost_after_s[:] = (5.0, 8.0)
     world.gps_lost[:] = True
-    bodies.wait(world, 6.0)
+    physics_bench.wait(world, 6.0)
     assert world.position_ok.tolist() == [False, True]
 
 
 def test_estimated_and_true_places_are_those_of_the_map() -> None:
-    world = bodies.world()
-    body = bodies.copter(world)
+    world = physics_bench.world()
+    body = physics_bench.copter(world)
     world.gps_offset_m[0] = (3.0, 0.0, 0.0)
-    bodies.wait(world, 60.0)
+    physics_bench.wait(world, 60.0)
     lat_deg, lon_deg = world.geodetic()
     estimated_lat_deg, estimated_lon_deg = world.estimated_geodetic()
     assert body.lat_lon_deg == (estimated_lat_deg[0], estimated_lon_deg[0])
-    east_m = (lon_deg[0] - estimated_lon_deg[0]) * 111_320 * math.cos(math.radians(bodies.LAT_DEG))
+    east_m = (lon_deg[0] - estimated_lon_deg[0]) * 111_320 * math.cos(math.radians(physics_bench.LAT_DEG))
     assert east_m == pytest.approx(-3.0, abs=0.1)
     assert lat_deg[0] == pytest.approx(estimated_lat_deg[0], abs=1e-6)
     gps_lat_deg, gps_lon_deg = world.gps.geodetic()

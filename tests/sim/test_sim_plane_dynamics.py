@@ -2,8 +2,8 @@
 
 import math
 
-import bodies
 import numpy as np
+import physics_bench
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,7 +14,7 @@ from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.physics.wind import WindSettings
 from sim_vehicle.physics.world import World
 
-UP_M = bodies.GROUND_M + 50
+UP_M = physics_bench.GROUND_M + 50
 
 
 def from_centre_m(body: Body, centre_m: tuple[float, float] = (0.0, 0.0)) -> float:
@@ -22,24 +22,24 @@ def from_centre_m(body: Body, centre_m: tuple[float, float] = (0.0, 0.0)) -> flo
 
 
 def test_it_rolls_to_flying_speed_climbs_out_straight_and_then_circles() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world, height_m=None)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world, height_m=None)
     body.loiter(0, 0, UP_M)
-    took_s = bodies.until(world, lambda: body.airborne)
+    took_s = physics_bench.until(world, lambda: body.airborne)
     assert took_s == pytest.approx(1.2 * 8.0 / 4.0, abs=0.2)  # 1.2 times the stall speed at 4 m/s2
     assert body.position_m[1] == pytest.approx((1.2 * 8.0) ** 2 / (2 * 4.0), abs=1.5)
-    bodies.until(world, lambda: body.position_m[2] > bodies.GROUND_M + 14)
+    physics_bench.until(world, lambda: body.position_m[2] > physics_bench.GROUND_M + 14)
     assert body.position_m[0] == pytest.approx(0, abs=0.01)
     assert body.heading_rad == pytest.approx(0, abs=1e-6)
-    bodies.until(world, lambda: body.reached)
+    physics_bench.until(world, lambda: body.reached)
     assert abs(body.position_m[2] - UP_M) <= 5
 
 
 def test_told_nothing_it_stays_on_the_ground() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world, height_m=None)
-    bodies.wait(world, 5.0)
-    assert body.position_m == pytest.approx((0, 0, bodies.GROUND_M))
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world, height_m=None)
+    physics_bench.wait(world, 5.0)
+    assert body.position_m == pytest.approx((0, 0, physics_bench.GROUND_M))
     assert not body.airborne
 
 
@@ -48,11 +48,11 @@ def test_told_nothing_it_stays_on_the_ground() -> None:
     [pytest.param(60.0, marks=pytest.mark.full), -60.0, pytest.param(100.0, marks=pytest.mark.full)],
 )
 def test_it_loiters_on_a_circle_instead_of_hovering(radius_m: float) -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.loiter(200, 100, UP_M, radius_m)
-    bodies.until(world, lambda: body.reached)
-    bodies.wait(world, 30.0)
+    physics_bench.until(world, lambda: body.reached)
+    physics_bench.wait(world, 30.0)
     off_m, turned_rad, headings = [], 0.0, [body.heading_rad]
 
     def watch() -> None:
@@ -61,7 +61,7 @@ def test_it_loiters_on_a_circle_instead_of_hovering(radius_m: float) -> None:
         turned_rad += math.remainder(body.heading_rad - headings[-1], 2 * math.pi)
         headings.append(body.heading_rad)
 
-    bodies.wait(world, 30.0, watch)
+    physics_bench.wait(world, 30.0, watch)
     assert max(map(abs, off_m)) < 1.0
     assert turned_rad == pytest.approx(30 * 15.0 / radius_m, rel=0.02)
     assert world.dynamics.airspeed_m_s[0] == pytest.approx(15.0, abs=1e-6)
@@ -70,27 +70,27 @@ def test_it_loiters_on_a_circle_instead_of_hovering(radius_m: float) -> None:
 
 
 def test_the_narrowest_turn_is_that_of_the_bank_limit() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.limit(bank_limit_deg=30.0)
     body.loiter(0, 0, UP_M, 5.0)  # narrower than it can fly
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     places = []
-    bodies.wait(world, 15.0, lambda: places.append(body.position_m[:2]))
+    physics_bench.wait(world, 15.0, lambda: places.append(body.position_m[:2]))
     wide_m = 15.0**2 / (GRAVITY_M_S2 * math.tan(math.radians(30.0)))
     steps = np.diff(np.array(places), axis=0)
     headings = np.unwrap(np.arctan2(steps[:, 0], steps[:, 1]))
-    fastest = np.abs(np.diff(headings)).max() / bodies.STEP_S
+    fastest = np.abs(np.diff(headings)).max() / physics_bench.STEP_S
     assert 15.0 / fastest == pytest.approx(wide_m, rel=0.02)
 
 
 def test_it_passes_a_waypoint_and_flies_on_along_the_leg() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.fly_to(0, 600, UP_M)
-    bodies.until(world, lambda: body.reached)
+    physics_bench.until(world, lambda: body.reached)
     assert from_centre_m(body, (0, 600)) <= 31
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     east_m, north_m, up_m = body.position_m
     assert north_m > 800
     assert up_m == pytest.approx(UP_M, abs=0.5)
@@ -98,22 +98,22 @@ def test_it_passes_a_waypoint_and_flies_on_along_the_leg() -> None:
 
 
 def test_the_next_leg_begins_where_the_last_one_ended() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.fly_to(0, 600, UP_M)
-    bodies.until(world, lambda: body.reached)
+    physics_bench.until(world, lambda: body.reached)
     body.fly_to(800, 600, UP_M)
-    bodies.wait(world, 25.0)
+    physics_bench.wait(world, 25.0)
     assert body.position_m[1] == pytest.approx(600, abs=2.0)  # on the leg, not on a line from where it turned
 
 
 def test_ground_speed_is_airspeed_plus_wind_and_it_holds_its_track() -> None:
-    world = bodies.world(planes=True, wind=WindSettings(8.0, 270.0))
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True, wind=WindSettings(8.0, 270.0))
+    body = physics_bench.plane(world)
     body.fly_to(0, 300, UP_M)
-    bodies.until(world, lambda: body.reached)
+    physics_bench.until(world, lambda: body.reached)
     body.fly_to(0, 3000, UP_M)
-    bodies.wait(world, 40.0)
+    physics_bench.wait(world, 40.0)
     # The wind triangle: it heads to the left of its track by asin(8 / 15).
     assert body.position_m[0] == pytest.approx(0, abs=0.5)
     assert math.remainder(body.heading_rad, 2 * math.pi) == pytest.approx(-math.asin(8.0 / 15.0), abs=0.01)
@@ -121,35 +121,35 @@ def test_ground_speed_is_airspeed_plus_wind_and_it_holds_its_track() -> None:
 
 
 def test_a_headwind_above_its_airspeed_blows_it_back() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.fly_to(0, 5000, UP_M)
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     body.set_wind(20.0, 0.0)
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     assert body.velocity_m_s[1] == pytest.approx(-5.0, abs=0.3)
     assert body.airborne
 
 
 def test_its_circle_over_the_ground_stays_round_in_wind() -> None:
-    world = bodies.world(planes=True, wind=WindSettings(6.0, 300.0))
-    body = bodies.plane(world)
-    bodies.wait(world, 40.0)
+    world = physics_bench.world(planes=True, wind=WindSettings(6.0, 300.0))
+    body = physics_bench.plane(world)
+    physics_bench.wait(world, 40.0)
     off_m = []
-    bodies.wait(world, 40.0, lambda: off_m.append(from_centre_m(body) - 60))
+    physics_bench.wait(world, 40.0, lambda: off_m.append(from_centre_m(body) - 60))
     assert max(map(abs, off_m)) < 5.0
 
 
 def test_it_climbs_and_sinks_within_its_limits() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     rates = []
     body.loiter(0, 0, UP_M + 100)
-    took_s = bodies.until(world, lambda: body.position_m[2] > UP_M + 90)
+    took_s = physics_bench.until(world, lambda: body.position_m[2] > UP_M + 90)
     assert took_s == pytest.approx(90 / 4.0, abs=2.0)
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     body.loiter(0, 0, UP_M)
-    bodies.wait(world, 40.0, lambda: rates.append(body.velocity_m_s[2]))
+    physics_bench.wait(world, 40.0, lambda: rates.append(body.velocity_m_s[2]))
     assert min(rates) == pytest.approx(-4.0, abs=0.01)
     assert body.position_m[2] == pytest.approx(UP_M, abs=0.5)
 
@@ -158,21 +158,21 @@ def test_it_climbs_and_sinks_within_its_limits() -> None:
     ("asked_m_s", "flown_m_s"), [pytest.param(18.0, 18.0, marks=pytest.mark.full), (40.0, 22.0), (2.0, 10.0)]
 )
 def test_it_flies_at_the_airspeed_asked_for_within_its_limits(asked_m_s: float, flown_m_s: float) -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.limit(speed_m_s=asked_m_s)
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     assert world.dynamics.airspeed_m_s[0] == pytest.approx(flown_m_s, abs=1e-6)
 
 
 def test_below_the_stall_speed_it_sinks() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.limit(airspeed_min_m_s=4.0, speed_m_s=5.0)
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     after_30_s_m = body.position_m[2]
     assert after_30_s_m < UP_M - 10
-    bodies.wait(world, 30.0)
+    physics_bench.wait(world, 30.0)
     assert body.position_m[2] < after_30_s_m - 10 or not body.airborne
 
 
@@ -185,24 +185,24 @@ def test_below_the_stall_speed_it_sinks() -> None:
     ],
 )
 def test_without_power_it_glides_down_eight_metres_forward_for_one(cause: str) -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.fly_to(0, 3000, UP_M)
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     if cause == "motor":
         world.motors_lost[0] = 1
     elif cause == "battery":
         world.batteries.used_mah[0] = 1e6
     else:
         body.arm(False)
-    bodies.wait(world, 8.0)
+    physics_bench.wait(world, 8.0)
     before_m = body.position_m
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     forward_m, down_m = body.position_m[1] - before_m[1], before_m[2] - body.position_m[2]
     assert forward_m / down_m == pytest.approx(8.0, rel=0.05)
     assert forward_m / 10 == pytest.approx(1.3 * 8.0, abs=0.3)  # best glide: 1.3 times the stall speed
     assert world.dynamics.throttle[0] == 0
-    bodies.until(world, lambda: not body.airborne)
+    physics_bench.until(world, lambda: not body.airborne)
     assert body.take_touchdown_m_s() < 1.0  # it flares by itself
     assert not body.crashed
 
@@ -216,40 +216,40 @@ def test_without_power_it_glides_down_eight_metres_forward_for_one(cause: str) -
     ],
 )
 def test_it_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) -> None:
-    world = bodies.world(planes=True, wind=wind)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True, wind=wind)
+    body = physics_bench.plane(world)
     body.fly_to(0, -600, UP_M)
-    bodies.until(world, lambda: body.reached)
+    physics_bench.until(world, lambda: body.reached)
     body.fly_to(0, -500, UP_M)
-    bodies.wait(world, 15.0)
+    physics_bench.wait(world, 15.0)
     body.land_at(0, 0)
-    bodies.until(world, lambda: not body.airborne)
+    physics_bench.until(world, lambda: not body.airborne)
     assert from_centre_m(body) < 50
     assert body.take_touchdown_m_s() < 1.0
     assert math.hypot(*body.velocity_m_s[:2]) > 3
     body.rest()
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     assert world.dynamics.velocity_m_s[0].tolist() == [0, 0, 0]
-    assert body.position_m[2] == bodies.GROUND_M
+    assert body.position_m[2] == physics_bench.GROUND_M
     assert not body.crashed
 
 
 def test_a_sinking_plane_continues_on_its_circle() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.move_vertically(-2.0)
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     assert body.velocity_m_s[2] == pytest.approx(-2.0, abs=0.01)
     assert from_centre_m(body) == pytest.approx(60, abs=2)
-    bodies.until(world, lambda: not body.airborne)
+    physics_bench.until(world, lambda: not body.airborne)
     assert body.take_touchdown_m_s() < 1.0
 
 
 def test_a_velocity_is_a_course_and_a_climb() -> None:
-    world = bodies.world(planes=True, wind=WindSettings(5.0, 0.0))
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True, wind=WindSettings(5.0, 0.0))
+    body = physics_bench.plane(world)
     body.move((10.0, 0.0, 2.0))
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     east, north, up = body.velocity_m_s
     assert math.degrees(math.atan2(east, north)) == pytest.approx(90, abs=1)
     assert up == pytest.approx(2.0, abs=1e-6)
@@ -257,13 +257,13 @@ def test_a_velocity_is_a_course_and_a_climb() -> None:
 
 
 def test_stop_circles_here() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     body.fly_to(0, 2000, UP_M)
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     here_m = body.position_m[:2]
     body.stop()
-    bodies.wait(world, 40.0)
+    physics_bench.wait(world, 40.0)
     assert from_centre_m(body, here_m) == pytest.approx(60, abs=2)
     assert body.reached
 
@@ -282,10 +282,10 @@ NUMBERS = st.floats(-1e4, 1e4)
 @settings(max_examples=examples(15, least=5), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 def test_any_orders_keep_a_plane_within_its_limits(orders: list[tuple[int, float, float, float]]) -> None:
-    world = bodies.world(planes=True, wind=WindSettings(7.0, 120.0, 2.0))
-    body = bodies.plane(world, height_m=None)
+    world = physics_bench.world(planes=True, wind=WindSettings(7.0, 120.0, 2.0))
+    body = physics_bench.plane(world, height_m=None)
     body.loiter(0, 0, UP_M)
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     for kind, a, b, c in orders:
         if kind == 0:
             body.fly_to(a, b, c, 5.0)
@@ -301,4 +301,4 @@ def test_any_orders_keep_a_plane_within_its_limits(orders: list[tuple[int, float
             body.move_vertically(c / 1000)
         else:
             body.arm(a > 0)
-        bodies.wait(world, 5.0, lambda: _limits_kept(world))
+        physics_bench.wait(world, 5.0, lambda: _limits_kept(world))

@@ -1,7 +1,7 @@
 """Wind: where it blows to, how strong its gusts are, and that each vehicle may have its own."""
 
-import bodies
 import numpy as np
+import physics_bench
 import pytest
 
 from sim_vehicle.physics.wind import GUST_TIME_S, WindSettings
@@ -11,44 +11,44 @@ from sim_vehicle.physics.wind import GUST_TIME_S, WindSettings
     ("from_deg", "east_north"), [(0.0, (0, -7)), (90.0, (-7, 0)), (180.0, (0, 7)), (270.0, (7, 0))]
 )
 def test_it_blows_away_from_where_it_comes(from_deg: float, east_north: tuple[float, float]) -> None:
-    world = bodies.world(2, wind=WindSettings(7.0, from_deg))
+    world = physics_bench.world(2, wind=WindSettings(7.0, from_deg))
     assert world.wind_m_s == pytest.approx(np.array([(*east_north, 0)] * 2), abs=1e-9)
-    bodies.wait(world, 1.0)
+    physics_bench.wait(world, 1.0)
     assert world.wind_m_s == pytest.approx(np.array([(*east_north, 0)] * 2), abs=1e-9)
 
 
 def test_gusts_have_the_deviation_and_the_memory_they_were_given() -> None:
-    world = bodies.world(40, wind=WindSettings(5.0, 270.0, 2.0))
+    world = physics_bench.world(40, wind=WindSettings(5.0, 270.0, 2.0))
     history = []
     for _ in range(4000):
-        world.wind.step(bodies.STEP_S)
+        world.wind.step(physics_bench.STEP_S)
         history.append(world.wind_m_s[:, :2])
     gusts = np.array(history)[400:] - (5.0, 0.0)
     assert gusts.mean() == pytest.approx(0.0, abs=0.1)
     assert gusts.std() == pytest.approx(2.0, rel=0.05)
-    later = round(GUST_TIME_S / bodies.STEP_S)
+    later = round(GUST_TIME_S / physics_bench.STEP_S)
     kept = (gusts[later:] * gusts[:-later]).mean() / gusts.var()
     assert kept == pytest.approx(1 / np.e, abs=0.06)
 
 
 def test_a_vehicle_may_have_its_own_wind_and_give_it_back() -> None:
-    world = bodies.world(2, wind=WindSettings(3.0, 0.0))
-    first = bodies.copter(world, 0, height_m=None)
+    world = physics_bench.world(2, wind=WindSettings(3.0, 0.0))
+    first = physics_bench.copter(world, 0, height_m=None)
     first.set_wind(9.0, 90.0)
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     assert world.wind_m_s == pytest.approx(np.array([(-9, 0, 0), (0, -3, 0)]), abs=1e-6)
     assert world.wind.known == pytest.approx(world.wind.now)
     first.set_wind(None, 0.0)
-    bodies.wait(world, 20.0)
+    physics_bench.wait(world, 20.0)
     assert world.wind_m_s == pytest.approx(np.array([(0, -3, 0)] * 2), abs=1e-6)
 
 
 def test_airspeed_is_against_the_air() -> None:
-    world = bodies.world(wind=WindSettings(6.0, 0.0))
-    body = bodies.copter(world, height_m=None)
+    world = physics_bench.world(wind=WindSettings(6.0, 0.0))
+    body = physics_bench.copter(world, height_m=None)
     assert world.dynamics.airspeed_m_s[0] == 0  # nothing is measured on the ground
-    body.fly_to(0, 0, bodies.GROUND_M + 20)
-    bodies.until(world, lambda: body.reached)
+    body.fly_to(0, 0, physics_bench.GROUND_M + 20)
+    physics_bench.until(world, lambda: body.reached)
     body.move((0.0, 8.0, 0.0))
-    bodies.wait(world, 10.0)
+    physics_bench.wait(world, 10.0)
     assert world.dynamics.airspeed_m_s[0] == pytest.approx(14.0, abs=0.01)

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-import bodies
 import numpy as np
+import physics_bench
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,15 +20,15 @@ WIND, GPS = WindSettings(5.0, 40.0, 1.5), GpsSettings()
 
 def flown(planes: Sequence[bool], seeds: Sequence[int]) -> World:
     """Return a world after the same flight of each vehicle, by its seed."""
-    world = bodies.world(len(planes), planes=planes, seeds=seeds, wind=WIND, gps=GPS)
+    world = physics_bench.world(len(planes), planes=planes, seeds=seeds, wind=WIND, gps=GPS)
     for index, seed in enumerate(seeds):
-        make = bodies.plane if planes[index] else bodies.copter
+        make = physics_bench.plane if planes[index] else physics_bench.copter
         body = make(world, index, height_m=None)
         if planes[index]:
-            body.loiter(10.0 * seed, 50.0, bodies.GROUND_M + 40)
+            body.loiter(10.0 * seed, 50.0, physics_bench.GROUND_M + 40)
         else:
-            body.fly_to(10.0 * seed, 50.0, bodies.GROUND_M + 40)
-    bodies.wait(world, 40.0)
+            body.fly_to(10.0 * seed, 50.0, physics_bench.GROUND_M + 40)
+    physics_bench.wait(world, 40.0)
     return world
 
 
@@ -80,38 +80,38 @@ def happened(body: Body, world: World) -> bool:
 
 
 def test_an_event_is_reported_once() -> None:
-    world = bodies.world()
-    body = bodies.copter(world, height_m=None)
-    bodies.wait(world, 1.0)
+    world = physics_bench.world()
+    body = physics_bench.copter(world, height_m=None)
+    physics_bench.wait(world, 1.0)
     assert not happened(body, world)
-    body.fly_to(0, 0, bodies.GROUND_M + 10)
-    bodies.wait(world, 0.1)
+    body.fly_to(0, 0, physics_bench.GROUND_M + 10)
+    physics_bench.wait(world, 0.1)
     assert happened(body, world)  # in the air
-    bodies.wait(world, 1.0)
+    physics_bench.wait(world, 1.0)
     assert not happened(body, world)
-    bodies.until(world, lambda: body.reached)
+    physics_bench.until(world, lambda: body.reached)
     assert happened(body, world)
-    bodies.wait(world, 5.0)
+    physics_bench.wait(world, 5.0)
     assert not happened(body, world)
     body.move_vertically(-1.0)
-    bodies.until(world, lambda: not body.airborne)
+    physics_bench.until(world, lambda: not body.airborne)
     assert happened(body, world)  # touchdown
     body.set_battery(capacity_mah=1.0, full_v=12.6)
-    bodies.wait(world, 0.2)
+    physics_bench.wait(world, 0.2)
     assert happened(body, world)  # empty
 
 
 def test_only_vehicles_with_an_event_are_woken() -> None:
-    world = bodies.world(3)
-    fleet = [bodies.copter(world, index, height_m=None) for index in range(3)]
-    fleet[1].fly_to(0, 0, bodies.GROUND_M + 10)
-    bodies.wait(world, 0.1)
+    world = physics_bench.world(3)
+    fleet = [physics_bench.copter(world, index, height_m=None) for index in range(3)]
+    fleet[1].fly_to(0, 0, physics_bench.GROUND_M + 10)
+    physics_bench.wait(world, 0.1)
     assert world.events.tolist() == [False, True, False]
 
 
 def test_limits_are_kept_where_the_equations_stand() -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world, height_m=None)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world, height_m=None)
     before = world.dynamics.speed_m_s[0]
     body.limit(speed_m_s=float("nan"), bank_limit_deg=float("inf"), radius_m=-5.0, acceleration_m_s2=0.0)
     assert world.dynamics.speed_m_s[0] == before
@@ -122,8 +122,8 @@ def test_limits_are_kept_where_the_equations_stand() -> None:
 
 @pytest.mark.parametrize("order", ["fly_to", "loiter", "land_at", "move"])
 def test_an_invalid_position_is_no_order(order: str) -> None:
-    world = bodies.world(planes=True)
-    body = bodies.plane(world)
+    world = physics_bench.world(planes=True)
+    body = physics_bench.plane(world)
     before = rows(world, 0)
     nan = float("nan")
     if order == "move":
@@ -133,5 +133,5 @@ def test_an_invalid_position_is_no_order(order: str) -> None:
     else:
         getattr(body, order)(nan, 0.0, 0.0)
     assert rows(world, 0) == before
-    bodies.wait(world, 5.0)
+    physics_bench.wait(world, 5.0)
     assert np.isfinite(world.dynamics.position).all()

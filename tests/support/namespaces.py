@@ -35,7 +35,7 @@ def why_not() -> str:
     if missing := [tool for tool in TOOLS if shutil.which(tool) is None]:
         return f"no network namespaces: {', '.join(missing)} not found (packages iproute2, util-linux)"
     try:
-        with ether("probe") as one:
+        with bridged_network("probe") as one:
             one.machine("a", "10.231.0.1", "probe")
     except (OSError, subprocess.CalledProcessError, RuntimeError) as error:
         said = error.stderr if isinstance(error, subprocess.CalledProcessError) else str(error)
@@ -106,7 +106,7 @@ class Process:
         return int(self._process.returncode)
 
 
-class Ether:
+class BridgedNetwork:
     """Machines on bridges; a machine can be cut off, and so can a bridge from the others."""
 
     def __init__(self, bridges: Sequence[str]) -> None:
@@ -188,9 +188,9 @@ class Ether:
 
 
 @contextlib.contextmanager
-def ether(*bridges: str) -> Iterator[Ether]:
+def bridged_network(*bridges: str) -> Iterator[BridgedNetwork]:
     """Make a network for a while; it ends with all processes in it."""
-    made = Ether(bridges)
+    made = BridgedNetwork(bridges)
     try:
         made.open()
         yield made

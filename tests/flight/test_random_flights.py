@@ -6,11 +6,11 @@ import importlib
 from pathlib import Path
 
 import pytest
-from drawn_flights import DrawnFlight, draw
+from flight_monitor import FlightMonitor, findings
 from flights import Ui, fly, small
 from gap_scenario import through_the_gap
+from random_flights import RandomFlight, draw
 from trouble import Trouble, inject, select_mode
-from witness import FlightMonitor, findings
 
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.state import AgentState
@@ -26,7 +26,7 @@ WAIVED = FlightOptions(waivers=(Waiver("separation"),))
 FILES = ("run.mcap", "evidence.jsonl", "summary.json", "map.png", "uav1.plan", "uav1.tlog", "uav2.tlog")
 
 
-def flown(drawn: DrawnFlight, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def flown(drawn: RandomFlight, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Fly and return a line for each broken rule."""
     witness = FlightMonitor(drawn)
     witness.attend()
@@ -60,8 +60,8 @@ def slow_wire(uav: int) -> Trouble:
 def test_a_mission_written_over_the_flown_one_is_found_as_a_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def plain() -> DrawnFlight:
-        return DrawnFlight(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
+    def plain() -> RandomFlight:
+        return RandomFlight(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
 
     assert flown(plain(), tmp_path / "behind", monkeypatch) == []
     monkeypatch.setattr(ArduPilot, "uploads_atomically", True)
@@ -76,11 +76,11 @@ def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: py
         state, ordered = command(state, ev.FlightOrder.HOLD, by_person=True)
         return state, [*released, *ordered]
 
-    def taken_over() -> DrawnFlight:
+    def taken_over() -> RandomFlight:
         trouble = slow_wire(1)
         trouble.faults.append({"fault": "absent_ack", "vehicles": [1], "at_s": 25.0})
         trouble.actions += [(30.0, select_mode(1, "LOITER")), (60.0, select_mode(1, "LAND"))]
-        return DrawnFlight(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
+        return RandomFlight(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
 
     assert flown(taken_over(), tmp_path / "let go", monkeypatch) == []
     monkeypatch.setattr(
@@ -95,8 +95,8 @@ def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: py
 def test_two_vehicles_too_close_without_a_warning_are_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def drawn_together() -> DrawnFlight:
-        return DrawnFlight(through_the_gap(), Trouble())
+    def drawn_together() -> RandomFlight:
+        return RandomFlight(through_the_gap(), Trouble())
 
     assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
     step = importlib.import_module("swarmctl.agent.step")

@@ -42,7 +42,7 @@ def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
     return replace(known, **changes)
 
 
-class Judged:
+class RuleRunner:
     """A rule, told one thing after the other."""
 
     def __init__(self, rule: Rule, **params: Any) -> None:

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from drawn_trajectories import flights
 from hypothesis import given
 from hypothesis import strategies as st
+from random_trajectories import flights
 
 from swarmctl.agent.traffic.separation import conflicts
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals, nearest

@@ -38,7 +38,7 @@ EXCUSED = frozenset({"reboot", "gps_loss", "gps_glitch", "stuck_mode"})
 
 
 @dataclass
-class DrawnFlight:
+class RandomFlight:
     """A randomly drawn flight."""
 
     scenario: Scenario
@@ -60,13 +60,13 @@ class DrawnFlight:
         self.trouble.actions.sort(key=lambda timed: timed[0])
 
 
-def draw(seed: int) -> DrawnFlight:
+def draw(seed: int) -> RandomFlight:
     """Return the flight of a seed."""
     rng = random.Random(seed)
     winged = rng.random() < 0.2
     n = rng.randint(2, 3)
     autopilots = rng.choices(WINGED if winged else KINDS, k=n)
-    drawn = DrawnFlight(_scenario(rng, seed, autopilots, winged=winged), Trouble())
+    drawn = RandomFlight(_scenario(rng, seed, autopilots, winged=winged), Trouble())
     if rng.random() < 0.2:
         drawn.trouble.wind = {"speed_m_s": rng.uniform(2.0, 10.0), "from_deg": rng.uniform(0.0, 360.0)}
     for _ in range(rng.randint(2, 6)):
@@ -115,7 +115,7 @@ def _network(rng: random.Random, n: int) -> dict[str, Any]:
 # --- events
 
 
-def _fault(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
+def _fault(drawn: RandomFlight, rng: random.Random, uav: int) -> None:
     lasts_s = rng.choice([2.0, 8.0, 30.0])
     name, params, for_s = rng.choice(
         [
@@ -143,7 +143,7 @@ def _fault(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
         drawn.excused.add(uav)
 
 
-def _other_station(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
+def _other_station(drawn: RandomFlight, rng: random.Random, uav: int) -> None:
     """Another station selects a mode and may give the vehicle back, or clears its mission.
 
     Later it lands the vehicle.
@@ -183,7 +183,7 @@ def _sends(fleet: Fleet, message: Any) -> None:
     fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
 
 
-def _operator(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
+def _operator(drawn: RandomFlight, rng: random.Random, uav: int) -> None:
     """Give up to three orders, possibly contradictory, to one vehicle or all; after a hold all return."""
     at_s, order = rng.uniform(LAUNCHED_S, UNTIL_S), ""
     for _ in range(rng.randint(1, 3)):
@@ -194,7 +194,7 @@ def _operator(drawn: DrawnFlight, rng: random.Random, uav: int) -> None:
         _order(drawn, at_s + 30.0, "return", None)
 
 
-def _order(drawn: DrawnFlight, at_s: float, order: Any, uavs: tuple[int, ...] | None) -> None:
+def _order(drawn: RandomFlight, at_s: float, order: Any, uavs: tuple[int, ...] | None) -> None:
     async def give() -> None:
         with contextlib.suppress(client.NoAnswer):  # the flight is over
             await client.ask(drawn.bus, STATION, GiveOrder(uavs, order))
@@ -207,7 +207,7 @@ def _order(drawn: DrawnFlight, at_s: float, order: Any, uavs: tuple[int, ...] | 
     drawn.at(at_s, f"{order} ordered of {uavs or 'all'}", action)
 
 
-def _ctrl_c(drawn: DrawnFlight, rng: random.Random, _uav: int) -> None:
+def _ctrl_c(drawn: RandomFlight, rng: random.Random, _uav: int) -> None:
     """Press Ctrl-C once or twice."""
     at_s = rng.uniform(FROM_S, UNTIL_S)
     for later_s in (0.0, 8.0) if rng.random() < 0.3 else (0.0,):

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from drawn_flights import ANSWERS_S, DrawnFlight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from random_flights import ANSWERS_S, RandomFlight
 from recorded import effects, messages
 
 from sim_vehicle.fleet import Fleet
@@ -82,7 +82,7 @@ def _same(one: FlownItems, other: FlownItems) -> bool:
 class FlightMonitor:
     """A monitor that records several times a second what the checks need after the flight."""
 
-    drawn: DrawnFlight
+    drawn: RandomFlight
     fleet: Fleet | None = None
     truth: Truth | None = None
     ways: dict[int, list[tuple[float, FlownItems, LatLon]]] = field(default_factory=dict)

@@ -23,7 +23,7 @@ def route(*points: tuple[float, float], leaves_ahead: bool = False) -> FlightPla
     return FlightPlan(20.0, track, track[-1], leaves_ahead=leaves_ahead)
 
 
-class ThinBench(FlyingBench):
+class LowBandwidthBench(FlyingBench):
     """Each way takes `rate_bytes_s`; a datagram that would wait longer than `BUFFER_S` is lost."""
 
     BUFFER_S = 1.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import count, pairwise
 
 import pytest
+from low_bandwidth_bench import FRAME, LowBandwidthBench, route
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from thin_bench import FRAME, ThinBench, route
 
 from swarmctl.mavlink.telemetry.instruments import read_instruments
 from swarmctl.mavlink.telemetry.streams import NEEDLESS, Streaming
@@ -20,7 +20,7 @@ INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 
 @BOTH
 def test_a_low_position_rate_keeps_the_whole_telemetry_small(personality: str) -> None:
-    bench = ThinBench(personality, 1500.0, SPARING).connected()
+    bench = LowBandwidthBench(personality, 1500.0, SPARING).connected()
     bench.run(30.0)
     bench.n_lost = 0
     bench.run(20.0)
@@ -32,7 +32,7 @@ def test_a_low_position_rate_keeps_the_whole_telemetry_small(personality: str) -
 
 @BOTH
 def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(personality: str) -> None:
-    bench = ThinBench(personality, 1000.0, SPARING)
+    bench = LowBandwidthBench(personality, 1000.0, SPARING)
     bench.flying(route((0.0, 60.0), (0.0, 120.0), (0.0, 600.0)))
     north_m = FRAME.to_local(*bench.vehicle.body.lat_lon_deg)[1]
     begun_s = bench.now
@@ -45,7 +45,7 @@ def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(pe
 @BOTH
 def test_too_few_positions_before_a_flight_are_reported_with_their_rate(personality: str) -> None:
     """PX4 comes down to a twentieth of its rates where its radio is full (`Mavlink::update_rate_mult`)."""
-    bench = ThinBench(personality, 6000.0).connected()
+    bench = LowBandwidthBench(personality, 6000.0).connected()
     bench.run(10.0)
     usual_s = bench.do("look", read_instruments).position_every_s
     assert usual_s == pytest.approx({"ardupilot": 0.25, "px4": 0.2}[personality], abs=0.06)
@@ -59,7 +59,7 @@ def test_too_few_positions_before_a_flight_are_reported_with_their_rate(personal
 
 @BOTH
 def test_every_fast_unneeded_stream_is_stopped_once(personality: str) -> None:
-    bench = ThinBench(personality, 20_000.0, Streaming(stops_others=True)).connected()
+    bench = LowBandwidthBench(personality, 20_000.0, Streaming(stops_others=True)).connected()
     bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD)
     bench.run(30.0)
     assert bench.do("look", read_instruments).gps is not None
@@ -72,7 +72,7 @@ def test_every_fast_unneeded_stream_is_stopped_once(personality: str) -> None:
 
 
 def test_a_stream_of_another_station_is_stopped_more_and_more_rarely() -> None:
-    bench = ThinBench("ardupilot", 20_000.0, Streaming(stops_others=True)).connected()
+    bench = LowBandwidthBench("ardupilot", 20_000.0, Streaming(stops_others=True)).connected()
     for _ in range(300):
         bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE)
         bench.run(1.0)
@@ -83,7 +83,7 @@ def test_a_stream_of_another_station_is_stopped_more_and_more_rarely() -> None:
 
 
 def test_after_a_boot_streams_are_stopped_again() -> None:
-    bench = ThinBench("px4", 20_000.0, Streaming(stops_others=True)).connected()
+    bench = LowBandwidthBench("px4", 20_000.0, Streaming(stops_others=True)).connected()
     bench.run(20.0)
     n_stopped = len(bench.sent)
     bench.inject("reboot:silence_s=1.5")

@@ -31,33 +31,33 @@ def state(lat_deg: float = 46.0, lon_deg: float = 14.0, phase: str = "flying") -
 class Uav:
     """A node, the belief its agent would have, and where it is."""
 
-    def __init__(self, ether: Ether, uav: int) -> None:
-        self.ether, self.uav = ether, uav
+    def __init__(self, swarm: NodeSwarm, uav: int) -> None:
+        self.swarm, self.uav = swarm, uav
         self.where = (46.0 + 0.001 * uav, 14.0)
         self.start()
 
     def start(self) -> None:
         """Start the UAV's program, or restart it; all earlier knowledge is gone."""
-        incarnation = next(self.ether.incarnations)
+        incarnation = next(self.swarm.incarnations)
         rng = np.random.default_rng((self.uav, incarnation))
-        self.node = Node(self.uav, self.ether.ids, self.ether.options, self.ether.seal, incarnation, rng)
+        self.node = Node(self.uav, self.swarm.ids, self.swarm.options, self.swarm.seal, incarnation, rng)
         self.belief = Belief.prior(ROWS, COLS, 5)
         self.seq = 0
 
     def observe(self, *cells: tuple[int, int, bool]) -> Observation:
         self.seq += 1
-        seen = Observation(self.uav, self.seq, self.ether.now_s, cells, self.node.incarnation)
+        seen = Observation(self.uav, self.seq, self.swarm.now_s, cells, self.node.incarnation)
         against = frozenset((row, col) for row, col, _ in self.belief.contradicted(cells))
         self.belief = self.belief.merge((seen,))
-        self.ether.take(self, self.node.say(seen, self.ether.now_s, self.ether.unix_s, against))
+        self.swarm.take(self, self.node.say(seen, self.swarm.now_s, self.swarm.unix_s, against))
         return seen
 
     def tell_state(self) -> None:
         message = state(*self.where)
-        self.ether.take(self, self.node.say(message, self.ether.now_s, self.ether.unix_s))
+        self.swarm.take(self, self.node.say(message, self.swarm.now_s, self.swarm.unix_s))
 
 
-class Ether:
+class NodeSwarm:
     """Carries bytes between nodes by `carry`, in simulated time; every UAV tells its state once a second."""
 
     def __init__(

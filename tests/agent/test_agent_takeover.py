@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from agent_stories import GRID, Story, orders, publications
-from watching_stories import MID_M, Watching
+from collision_stories import MID_M, Watching
 
 from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev
