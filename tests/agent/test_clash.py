@@ -1,4 +1,4 @@
-"""Clashes of planned flights: numbers by hand, against sampling, and the rule of priority."""
+"""Conflicts of planned flights: numbers by hand, against sampling, and the rule of priority."""
 
 from __future__ import annotations
 

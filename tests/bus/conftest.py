@@ -11,7 +11,7 @@ from swarmctl.bus.transports import process_exit, zenoh_config
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _nobody_is_inside_zenoh_at_the_end() -> Iterator[None]:
+def _no_thread_is_inside_zenoh_at_the_end() -> Iterator[None]:
     """Else the interpreter, which pytest ends in the usual way, may abort."""
     yield
     until_s = time.monotonic() + 2.0 * zenoh_config.OPENING_MS / 1e3

@@ -64,7 +64,7 @@ def test_the_oldest_messages_are_dropped_but_never_the_newest_state(
             if kind_of(one) is not Observation:
                 newer = [s for s in waiting if s.sender == one.sender and kind_of(s) is kind_of(one)]
                 to_whom = [s.to for s in newer if s.decoded.frame.n > one.decoded.frame.n]
-                assert set(one.to) <= {uav for whom in to_whom for uav in whom}
+                assert set(one.to) <= {uav for uavs in to_whom for uav in uavs}
         waiting = stays
         for _ in range(min(received, len(waiting))):
             assert backlog.popleft() is waiting.pop(0)

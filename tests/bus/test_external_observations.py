@@ -84,8 +84,8 @@ TAKEN: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
     "from a clock that is a little ahead": (report_of(cells=ONE, unix_s=NOW_S + 4.9), SEEN),
     "just not too old": (report_of(cells=ONE, unix_s=NOW_S - OLDEST_S), SEEN),
     "a time without a fraction": (report_of(cells=ONE, unix_s=int(NOW_S)), SEEN),
-    "with what later versions may add": (report_of(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
-    "said to be null": (report_of(cells=ONE, points=None, unix_s=None), SEEN),
+    "with fields of later versions": (report_of(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
+    "with null for what is missing": (report_of(cells=ONE, points=None, unix_s=None), SEEN),
 }
 REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "nothing": (b"", RejectReason.MALFORMED, "--schema"),
@@ -139,7 +139,7 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
         RejectReason.OUTSIDE,
         "point 45.0000000, 14.4000000 ",
     ),
-    "a latitude that is none": (
+    "an impossible latitude": (
         report_of(points=[{"lat_deg": 91.0, "lon_deg": 14.4, "occupied": True}]),
         RejectReason.MALFORMED,
         "<= 90",
@@ -356,7 +356,7 @@ async def answered(payload: Transport, data: bytes) -> ReportAnswer:
         if answers := await payload.ask(KEY, data, 5.0):
             return decode_answer(answers[0])
         await asyncio.sleep(0.01)
-    raise AssertionError("nobody answers")
+    raise AssertionError("no answer")
 
 
 def test_a_question_is_answered_with_the_accepted_cells(both: Both) -> None:

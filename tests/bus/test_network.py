@@ -278,7 +278,7 @@ def test_partitions_and_silence_come_and_go() -> None:
     quiet = RadioSettings(quiet=(RadioSilence(frozenset({1}), 10.0, 20.0),))
     assert [heard_after(quiet, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
     hearing = RadioSettings(quiet=(RadioSilence(frozenset({2}), 0.0, 99.0),))
-    assert heard_after(hearing) is not None  # who is quiet hears
+    assert heard_after(hearing) is not None  # a silenced vehicle receives
 
 
 @pytest.mark.parametrize(
@@ -376,7 +376,7 @@ async def in_turn(swarm: Swarm, seq: int) -> None:
         await asyncio.sleep(0.11)
 
 
-# --- whom a UAV speaks to
+# --- the receivers of a UAV
 
 HERE = (46.0, 14.0)
 Places = dict[int, tuple[float, float]]

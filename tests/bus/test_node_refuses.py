@@ -69,7 +69,7 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
         RefusalReason.VERSION,
     ),
     "too long": (1, "inform/state", bytes(MAX_FRAME_BYTES + 1), RefusalReason.OVERSIZE),
-    "a place that is none": (
+    "an impossible position": (
         1,
         "inform/state",
         SEAL.encode(frame(state())).replace(msgspec.msgpack.encode(46.0), msgspec.msgpack.encode(460.0)),
@@ -77,7 +77,7 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
     ),
     "under another's key": (2, "inform/state", SEAL.encode(frame(state())), RefusalReason.SOURCE),
     "under another act": (1, "inform/observation", SEAL.encode(frame(state())), RefusalReason.SOURCE),
-    "what another saw, as its own": (
+    "an observation of another UAV as its own": (
         1,
         "inform/observation",
         SEAL.encode(frame(seen(observer=2))),
@@ -95,7 +95,7 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
         SEAL.encode(frame(seen(1, (1, 1, True), (1, 1, False)))),
         RefusalReason.MALFORMED,
     ),
-    "a height that is none": (
+    "an impossible height": (
         1,
         "inform/state",
         SEAL.encode(frame(state())).replace(
@@ -103,7 +103,7 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
         ),
         RefusalReason.MALFORMED,
     ),
-    "what nobody could pass on": (1, "inform/observation", padded(seen()), RefusalReason.OVERSIZE),
+    "an oversized observation": (1, "inform/observation", padded(seen()), RefusalReason.OVERSIZE),
     "of another swarm's UAV": (
         9,
         "inform/state",
@@ -325,7 +325,7 @@ FORGED: dict[str, tuple[str, bytes, RefusalReason]] = {
         SIGNED.encode(frame(seen(1, (1, 1, False)))).replace(b"\x01\x01\xc2", b"\x01\x01\xc3"),
         RefusalReason.SIGNATURE,
     ),
-    "another's observation invented by who passes it on": (
+    "an observation forged by its relay": (
         "inform/relayed",
         SIGNED.encode(frame(Relayed((forged(3, seen(observer=3), by=1),)))),
         RefusalReason.SIGNATURE,

@@ -299,7 +299,7 @@ def test_a_vehicle_gets_no_new_weights_before_it_has_handled_the_last() -> None:
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
-        # Its answer comes after all: nobody waits for it, but it is free.
+        # Its answer comes too late for the sender, and frees the vehicle.
         station.service.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
         await client.ask(bus, there, SetWeights((2,), w=0.3))
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]

@@ -20,7 +20,7 @@ from swarmctl.bus.transports.renewal import (
 )
 
 SOON, LATE = "0000aa", "ffffbb"
-"""ids of who waits the shortest time, and the longest"""
+"""ids of the nodes with the shortest and the longest wait"""
 
 
 def test_a_neighbour_without_routes_causes_a_renewal_after_a_wait() -> None:
@@ -91,7 +91,7 @@ def test_a_whole_network_causes_no_renewal(links: list[str]) -> None:
 
 
 def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
-    """Two nodes and what each knows the other to hear; of `2`, `1` has not been told."""
+    """Of two nodes, `1` does not receive the subscription of `2`."""
     told_1: set[str] = set()
     told_2: set[str] = set()
 

@@ -1,4 +1,4 @@
-"""The same behaviour over every transport: who is told, in which order, what is counted."""
+"""The behaviour of every transport: receivers, order and counters."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def mesh(protocol: str) -> Callable[[], AbstractContextManager[Ends]]:
             own = credentials(protocol, name)
             return ZenohBus(zenoh_config.mesh_node(places[name], there, SWARM, UAVS, own))
 
-        # The first to open has nobody to connect to yet.
+        # The first node that opens has no neighbour yet.
         with (
             node("uav1", "uav3") as one,
             node("uav3") as _,
@@ -161,7 +161,7 @@ def test_messages_and_questions_reach_their_receiver_in_order(
             assert await net.operator.ask(weights, b"question", 5.0) == (b"answer",)
             assert await net.operator.ask(weights, bytes(MAX_QUESTION_BYTES + 1), 5.0) == (b"answer",)
             assert asked == [b"question", None]
-            assert await net.operator.ask(order, b"nobody serves", 5.0) == ()
+            assert await net.operator.ask(order, b"unserved", 5.0) == ()
 
     asyncio.run(scene())
 
@@ -238,7 +238,7 @@ def test_a_bug_in_a_receiver_stops_neither_the_others_nor_the_loop(which: int) -
 
 
 def test_a_subscription_to_anothers_inbox_does_not_divert_its_messages() -> None:
-    """A monitor on the same bus as a sender shadows nobody."""
+    """A monitor on the bus of a sender hides no receiver."""
 
     async def scene() -> None:
         with star("tcp")() as net:
@@ -272,7 +272,7 @@ def test_a_closed_bus_neither_sends_nor_receives() -> None:
 def test_messages_before_the_session_is_open_are_dropped_and_counted() -> None:
     async def scene() -> None:
         with ZenohBus(client_of(here("tcp"), "uav1")) as bus:
-            bus.put(state(2, 1), b"nobody there")
+            bus.put(state(2, 1), b"unreceived")
             assert (bus.dropped, bus.connected, bus.links) == (1, False, 0)
             assert await bus.ask(keys.request(SWARM, "weights", 2), b"", 1.0) == ()
 

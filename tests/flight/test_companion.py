@@ -55,7 +55,7 @@ def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> 
         for uav in NAMES:
             await swarm.until(uav, Phase.STANDBY)
         await asyncio.sleep(30.0)
-        assert {swarm.phase(uav) for uav in NAMES} == {Phase.STANDBY}  # nobody has ordered them to fly
+        assert {swarm.phase(uav) for uav in NAMES} == {Phase.STANDBY}  # no launch was ordered
 
         launched = await swarm.give(GiveOrder(None, "launch"))
         assert outcomes(launched) == dict.fromkeys(NAMES.values(), "taken")

@@ -90,7 +90,7 @@ def test_a_launch_without_permission_is_a_bug_and_no_take_off() -> None:
 
 
 TROUBLE: list[tuple[Exception, str]] = [
-    (NoAnswer("uav2: nobody answers", url="u", sysid=2, tried_s=1.0), "nobody answers"),
+    (NoAnswer("uav2: no answer", url="u", sysid=2, tried_s=1.0), "no answer"),
     (NotReady("uav2: not ready", reasons=("no GPS",)), "not ready"),
     (UploadFailed("uav2: not verified"), "not verified"),
 ]

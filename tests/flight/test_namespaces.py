@@ -278,7 +278,7 @@ async def main():
                 bus.put(keys.uav_message(swarm, other, "inform/state", uav), b"")
             await asyncio.sleep(0.2)
             now_s = time.monotonic()
-            hears = "hears " + " ".join(sorted(who for who, at_s in heard_s.items() if now_s - at_s < 1.5))
+            hears = "hears " + " ".join(sorted(name for name, at_s in heard_s.items() if now_s - at_s < 1.5))
             if hears != said:
                 print(said := hears, flush=True)
 

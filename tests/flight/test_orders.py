@@ -354,7 +354,7 @@ def test_an_unsigned_order_is_refused() -> None:
 
 
 def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> None:
-    """Neither its order nor its answer; and what nobody could open is not said each time."""
+    """Neither the order nor its answer waits, and unverifiable requests are not reported singly."""
 
     async def scene() -> None:
         bus, garbage = MemoryBus(), GARBAGE_PER_S * 4
@@ -552,7 +552,7 @@ ROUTER, OTHER = BusEndpoint("10.0.0.1", 7447), BusEndpoint("10.0.0.2", 7447)
 
 
 @pytest.fixture
-def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def no_other_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
@@ -561,14 +561,14 @@ def meant(communication: dict[str, object], connect: str | None = None) -> clien
     return client.find(None, config, connect, VEHICLES)
 
 
-@pytest.mark.usefixtures("nobody_flies")
+@pytest.mark.usefixtures("no_other_flight")
 def test_agents_in_several_processes_are_asked_at_the_router_or_in_the_mesh() -> None:
     assert meant(APART) == client.Station("small", ROUTER, agents=VEHICLES)
     assert meant(MESHED) == client.Station("small", ROUTER, (OTHER,), VEHICLES)
     assert meant(APART, "tcp/10.0.0.2:7447") == client.Station("small", OTHER, agents=VEHICLES)
 
 
-@pytest.mark.usefixtures("nobody_flies")
+@pytest.mark.usefixtures("no_other_flight")
 def test_a_flight_of_one_process_on_this_machine_comes_first() -> None:
     here = BusEndpoint("127.0.0.1", 4001)
     with directory.registered("small", here):

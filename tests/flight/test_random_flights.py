@@ -28,12 +28,12 @@ FILES = ("run.mcap", "evidence.jsonl", "summary.json", "map.png", "uav1.plan", "
 
 def flown(drawn: RandomFlight, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Fly and return a line for each broken rule."""
-    witness = FlightMonitor(drawn)
-    witness.attend()
+    monitor = FlightMonitor(drawn)
+    monitor.attend()
     with monkeypatch.context() as patched:
         inject(drawn.trouble, patched)
         report = fly(drawn.scenario, folder, ui=Ui(), options=WAIVED, bus=drawn.bus)
-    return findings(witness, report, folder)
+    return findings(monitor, report, folder)
 
 
 @pytest.mark.parametrize("seed", range(103, 111))

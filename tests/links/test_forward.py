@@ -1,4 +1,4 @@
-"""Forwarding: who watches sees everything as it was, and moves nothing unless that is allowed."""
+"""Forwarding: a watching station receives all frames unchanged, and commands only with permission."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Witness:
 
 
 class WatchedWorld(World):
-    """Copters, links to them, and somebody who is forwarded to."""
+    """Copters, links to them, and a station that receives forwarded frames."""
 
     def __init__(self, *copters: Copter, commands: bool = False) -> None:
         super().__init__(*copters)
@@ -55,7 +55,7 @@ class WatchedWorld(World):
     async def __aenter__(self) -> WatchedWorld:
         await super().__aenter__()
         await self.front.forward(WATCHER, commands=self._commands)
-        self.watching.wire.from_vehicle(b"", "station")  # who listens is known once it has spoken
+        self.watching.wire.from_vehicle(b"", "station")  # its address is known after its first packet
         await asyncio.sleep(0)
         return self
 

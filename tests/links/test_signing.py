@@ -233,7 +233,7 @@ class Disk:
 
 
 class Waited(Future[None]):
-    """Not for a moment, but it is noted for how long somebody would have."""
+    """A write that does not wait; the waits that were requested are noted."""
 
     def __init__(self, waited_s: list[float]) -> None:
         super().__init__()

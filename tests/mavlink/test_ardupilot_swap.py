@@ -127,7 +127,7 @@ def test_a_refused_item_leaves_the_old_mission_in_place():
 
 
 def test_a_swap_on_a_very_bad_link_ends_after_two_minutes_in_hold():
-    """It hovers on a battery that was counted on for the flight: whoever plans decides what to do instead."""
+    """Hovering uses the battery of the flight, so the agent decides what to do instead."""
     bench = FlyingBench("ardupilot").flying(OLD)
     new = bench.session.mission_items(plan(north=20, east=0.001))
     passed_s = -math.inf

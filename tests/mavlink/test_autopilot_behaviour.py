@@ -1,4 +1,4 @@
-"""Habits of real autopilots beside the protocol, each on the simulated autopilot that has it."""
+"""Behaviour of real autopilots beyond the protocol, each on the simulated autopilot that has it."""
 
 from __future__ import annotations
 

@@ -265,7 +265,7 @@ def test_an_unconfirmed_launch_does_not_disarm_a_flying_vehicle(personality):
     assert "[no-take-off]" in failure
     disarms = [m for m in bench.of("COMMAND_LONG") if m.command == ARM and m.param1 == 0.0]
     assert disarms, "it believes it on the ground"
-    assert bench.vehicle.armed, "who flies refuses it"
+    assert bench.vehicle.armed, "a flying vehicle refuses it"
     assert bench.vehicle.body.airborne
 
 

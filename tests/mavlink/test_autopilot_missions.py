@@ -243,7 +243,7 @@ def test_px4_gets_its_first_item_by_message_and_confirms_it():
     )
     assert bench.do("launch", basic.launch).failure is None
     assert [m.seq for m in bench.of("MISSION_SET_CURRENT")] == [0, 0, 0]
-    assert lost[1] - lost[0] >= 1.0, "nobody acknowledges it: it is waited for a second"
+    assert lost[1] - lost[0] >= 1.0, "no acknowledgement exists: the wait is one second"
 
 
 EMPTIES = {

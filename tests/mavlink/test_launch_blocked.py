@@ -1,4 +1,4 @@
-"""A launch in whose way somebody comes while it is under way."""
+"""A launch whose way another vehicle blocks while it is under way."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_vehicle_that_does_not_disarm_has_a_failed_launch() -> None:
 
 @pytest.mark.parametrize("lost", [1, 2])
 def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
-    """It may have been taken: who is in the way by then is asked for before it takes off."""
+    """The command may have been taken: obstacles are checked again before the take-off."""
     bench, n_lost = Bench().prepared(), 0
     on_command = bench.copter.on_command_long
 
@@ -85,7 +85,7 @@ def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
     assert not bench.copter.armed
 
 
-@pytest.mark.parametrize("blocked", [False, True], ids=["it does not rise", "somebody is in its way"])
+@pytest.mark.parametrize("blocked", [False, True], ids=["it does not rise", "its way is blocked"])
 @pytest.mark.parametrize("landed", [Landed.UNDEFINED, Landed.IN_AIR, Landed.TAKEOFF, Landed.LANDING])
 def test_a_vehicle_that_may_be_in_the_air_is_never_disarmed(
     landed: Landed, blocked: bool, monkeypatch: pytest.MonkeyPatch

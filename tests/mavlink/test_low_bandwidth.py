@@ -1,4 +1,4 @@
-"""Flights over radios of a kilobyte a second or two: what is asked of a vehicle, and what it costs."""
+"""Flights over radios of one or two kilobytes a second: the requests to a vehicle and their cost."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def test_an_overdue_item_is_sent_again_with_all_items_behind_it():
     again = [seq for seq in range(3, 11) for _ in range(2)]
     assert answers(upload, 3, 5.0) == again, "an answer takes 2 s, and 3 went 3 s ago"
     assert answers(upload, 3, 5.9) == [], "it is on its way"
-    assert answers(upload, 3, 6.1) == [3, 3], "but who has to wait gives up"
+    assert answers(upload, 3, 6.1) == [3, 3], "but without an answer the upload ends"
     assert answers(upload, 3, 7.0) == []
     assert answers(upload, 3, 8.0) == again
     assert answers(upload, 4, 10.0) == [11, 11], "twice, as long as something is lost"

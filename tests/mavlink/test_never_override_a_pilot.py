@@ -1,4 +1,4 @@
-"""A pilot takes over by radio control, asking nobody: nothing is commanded against that any more."""
+"""A pilot takes over by radio control: no command is sent against that."""
 
 from __future__ import annotations
 

@@ -242,7 +242,7 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
 
 @pytest.mark.full
 def test_a_pilots_hold_at_any_moment_of_a_swap_is_not_fought():
-    """It flies on while a swap writes: only somebody else has it hold."""
+    """The vehicle flies on during a swap; a hold comes from another station or a pilot."""
     held = 0
     for tenths in range(30):
         bench = FlyingBench("px4").flying(OLD)

@@ -1,4 +1,4 @@
-"""The router of a star: whom it names when somebody comes or goes."""
+"""The router of a star: the names of clients that connect and disconnect."""
 
 from __future__ import annotations
 

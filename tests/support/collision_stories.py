@@ -1,4 +1,4 @@
-"""An agent that watches another vehicle come near."""
+"""An agent whose vehicle another vehicle approaches."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
 
 
 class RuleRunner:
-    """A rule, told one thing after the other."""
+    """A rule with its memory, evaluated on one set of facts after the other."""
 
     def __init__(self, rule: Rule, **params: Any) -> None:
         self._rule, self._params = rule, rule.Params(**params)

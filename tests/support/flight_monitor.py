@@ -135,27 +135,27 @@ class FlightMonitor:
 # --- afterwards
 
 
-def findings(witness: FlightMonitor, report: Report, folder: Path) -> list[str]:
+def findings(monitor: FlightMonitor, report: Report, folder: Path) -> list[str]:
     """Return a line for each broken rule."""
     return [
-        *witness.bad,
-        *_mixtures(witness, folder),
-        *_orders(witness, folder),
-        *_unwarned(witness, folder),
-        *_untrue(witness, report),
+        *monitor.bad,
+        *_mixtures(monitor, folder),
+        *_orders(monitor, folder),
+        *_unwarned(monitor, folder),
+        *_untrue(monitor, report),
         *_records(folder),
     ]
 
 
-def _dialect(witness: FlightMonitor, uav: int) -> Dialect:
-    assert witness.fleet is not None
-    personality = witness.fleet.vehicles[witness.fleet.sysids.index(uav)].personality
+def _dialect(monitor: FlightMonitor, uav: int) -> Dialect:
+    assert monitor.fleet is not None
+    personality = monitor.fleet.vehicles[monitor.fleet.sysids.index(uav)].personality
     return dialect_for(personality.autopilot, personality.vehicle_type)
 
 
-def _plans(witness: FlightMonitor, folder: Path, uav: int, name: str) -> list[tuple[float, FlownItems]]:
+def _plans(monitor: FlightMonitor, folder: Path, uav: int, name: str) -> list[tuple[float, FlownItems]]:
     """Return the start time of each agent's plan, with every sequence of its items."""
-    dialect, spec = _dialect(witness, uav), witness.drawn.scenario.specs[uav - 1]
+    dialect, spec = _dialect(monitor, uav), monitor.drawn.scenario.specs[uav - 1]
     ways = []
     for recorded in effects(folder, "SwapMission", name):
         plan = msgspec.convert(recorded["effect"]["plan"], FlightPlan)
@@ -164,12 +164,12 @@ def _plans(witness: FlightMonitor, folder: Path, uav: int, name: str) -> list[tu
     return ways
 
 
-def _mixtures(witness: FlightMonitor, folder: Path) -> Iterator[str]:
+def _mixtures(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
     """Yield missions that were flown and are not one plan from some item on."""
-    for uav, flown in witness.ways.items():
-        if uav in witness.drawn.foreign:
+    for uav, flown in monitor.ways.items():
+        if uav in monitor.drawn.foreign:
             continue
-        plans = _plans(witness, folder, uav, f"uav{uav}")
+        plans = _plans(monitor, folder, uav, f"uav{uav}")
         for now, way, place in flown:
             if not _is_planned(way, place, [plan for since_s, plan in plans if since_s <= now]):
                 yield f"{now:.1f} s: {uav} flies items that no plan has: {way} [mixture]"
@@ -205,12 +205,12 @@ def _sent(folder: Path, name: str) -> Iterator[tuple[float, Any]]:
             yield time_us / 1e6 - VIRTUAL_EPOCH_NS / 1e9, codec.decode(bytearray(frame))
 
 
-def _orders(witness: FlightMonitor, folder: Path) -> Iterator[str]:
+def _orders(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
     """Yield orders to released vehicles that no operator gave, and orders to disarm in the air."""
-    for task in witness.drawn.scenario.tasks:
+    for task in monitor.drawn.scenario.tasks:
         releases = effects(folder, "Release", task.name)
         released_s = next((effect["now_s"] for effect in releases), math.inf)
-        ordered_s = witness.drawn.ordered_s.get(task.uav, [])
+        ordered_s = monitor.drawn.ordered_s.get(task.uav, [])
         for now, message in _sent(folder, task.name):
             command = getattr(message, "command", 0) if message.get_type() == "COMMAND_LONG" else 0
             by_operator = any(since_s <= now <= since_s + ANSWERS_S for since_s in ordered_s)
@@ -221,18 +221,18 @@ def _orders(witness: FlightMonitor, folder: Path) -> Iterator[str]:
                 continue
             if message.param2 != 0.0:
                 yield f"{now:.2f} s: {task.uav} is armed or disarmed by force: {message}"
-            if message.param1 == 0.0 and _height_m(witness, task.uav, now) > UP_M:
+            if message.param1 == 0.0 and _height_m(monitor, task.uav, now) > UP_M:
                 yield f"{now:.2f} s: {task.uav} is ordered to disarm in the air"
 
 
-def _height_m(witness: FlightMonitor, uav: int, now: float) -> float:
-    return next((height_m for at_s, height_m in witness.heights_m.get(uav, []) if at_s >= now), 0.0)
+def _height_m(monitor: FlightMonitor, uav: int, now: float) -> float:
+    return next((height_m for at_s, height_m in monitor.heights_m.get(uav, []) if at_s >= now), 0.0)
 
 
-def _unwarned(witness: FlightMonitor, folder: Path) -> Iterator[str]:
+def _unwarned(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
     """Yield pairs of vehicles without faults that come too close without a warning."""
-    for pair, at_s in witness.close.items():
-        if set(pair) & witness.drawn.excused or at_s[-1] - at_s[0] < CLOSE_FOR_S:
+    for pair, at_s in monitor.close.items():
+        if set(pair) & monitor.drawn.excused or at_s[-1] - at_s[0] < CLOSE_FOR_S:
             continue
         texts = [
             entry["log_time_ns"] / 1e9 - VIRTUAL_EPOCH_NS / 1e9
@@ -246,12 +246,12 @@ def _unwarned(witness: FlightMonitor, folder: Path) -> Iterator[str]:
             yield f"{at_s[0]:.1f} s: {pair} are too close without a warning [no-warning]"
 
 
-def _untrue(witness: FlightMonitor, report: Report) -> Iterator[str]:
+def _untrue(monitor: FlightMonitor, report: Report) -> Iterator[str]:
     """Yield final states and outcomes that contradict the simulator."""
-    truth = witness.truth
+    truth = monitor.truth
     assert truth is not None
     final_states = dict(line.split(": ", 1) for line in report.final_states)
-    for index, task in enumerate(witness.drawn.scenario.tasks):
+    for index, task in enumerate(monitor.drawn.scenario.tasks):
         state, line = report.states[task.uav], final_states[task.name]
         armed, height_m = bool(truth.armed[index]), float(truth.height_m[index])
         place = (float(truth.lat_deg[index]), float(truth.lon_deg[index]))
@@ -261,12 +261,12 @@ def _untrue(witness: FlightMonitor, report: Report) -> Iterator[str]:
             yield f"{task.uav} is armed, and the flight has ended: {line}"
         if not armed and height_m < UP_M and "in the air" in line and "lost" not in line:
             yield f"{task.uav} is down, and its final state is: {line}"
-        if task.uav in witness.drawn.excused or task.wings is not None:
+        if task.uav in monitor.drawn.excused or task.wings is not None:
             continue
-        cell = witness.drawn.scenario.grid.cell_at(*place)
+        cell = monitor.drawn.scenario.grid.cell_at(*place)
         if state.outcome == "arrived" and (armed or cell not in task.goals):
             yield f"{task.uav} has not arrived: it is in cell {cell}"
-        away_m = distance_m(place, witness.drawn.scenario.specs[index].start)
+        away_m = distance_m(place, monitor.drawn.scenario.specs[index].start)
         if state.outcome == "return ordered; landed" and (armed or away_m > AT_HOME_M):
             yield f"{task.uav} has not returned: it is {away_m:.0f} m from home"
 

@@ -1,4 +1,4 @@
-"""A vehicle of the simulator behind a thin radio: so many bytes a second, and a buffer that runs over."""
+"""A simulated vehicle behind a radio of low bandwidth, whose buffer overflows."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class LowBandwidthBench(FlyingBench):
         super().__init__(personality)
         self.session = Session(MavlinkPeer(1), streaming=streaming)
         self.down: list[tuple[float, bytes]] = []
-        """when it has got through, and what"""
+        """time of arrival [s], and the datagram"""
         self.n_lost = 0
         self.rate_bytes_s = rate_bytes_s
         self._free_s = {True: 0.0, False: 0.0}

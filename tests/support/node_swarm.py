@@ -1,4 +1,4 @@
-"""A swarm of nodes without sockets or clocks: what each says is carried, delayed or lost as wanted."""
+"""A swarm of nodes without sockets or clocks; a function delays or loses each message."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def state(lat_deg: float = 46.0, lon_deg: float = 14.0, phase: str = "flying") -
 
 
 class Uav:
-    """A node, the belief its agent would have, and where it is."""
+    """A node, the belief of its agent, and its position."""
 
     def __init__(self, swarm: NodeSwarm, uav: int) -> None:
         self.swarm, self.uav = swarm, uav
