@@ -22,8 +22,8 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.vehicle import STALE_MODE_S, Landed, VehicleState
 
 
-def unsaid(effects: list[ev.Effect]) -> list[ev.Effect]:
-    """But what it tells the others."""
+def without_messages(effects: list[ev.Effect]) -> list[ev.Effect]:
+    """Return the effects without messages to other vehicles."""
     return [e for e in effects if not isinstance(e, ev.Publish)]
 
 
@@ -252,7 +252,7 @@ def test_a_vehicle_taken_over_is_released() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
-    assert unsaid(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
+    assert without_messages(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
     assert story.state.phase is Phase.RELEASED
     assert "LOITER" in story.state.outcome
     assert story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is LOITER")) == []
@@ -264,13 +264,13 @@ def test_a_vehicle_taken_over_is_released() -> None:
 @pytest.mark.parametrize("role", ["return", "land"])
 def test_a_failsafe_return_is_not_overridden(role: str) -> None:
     story = Story().flying()
-    assert unsaid(story.over((4, 1), mode_role=role)) == [ev.Release()]
+    assert without_messages(story.over((4, 1), mode_role=role)) == [ev.Release()]
 
 
 def test_a_takeover_is_detected_without_a_position() -> None:
     story = Story().flying()
     lost_gps = VehicleState(mode="LAND", mode_role="land", armed=True)
-    assert unsaid(story(ev.TelemetryReceived(lost_gps))) == [ev.Release()]
+    assert without_messages(story(ev.TelemetryReceived(lost_gps))) == [ev.Release()]
 
 
 def test_a_foreign_hold_releases_it_but_a_late_heartbeat_of_its_own_swap_does_not() -> None:
@@ -280,7 +280,7 @@ def test_a_foreign_hold_releases_it_but_a_late_heartbeat_of_its_own_swap_does_no
     assert story.state.phase is Phase.FLYING
     story.over((4, 1), mode_role="hold")
     story.now += STALE_MODE_S
-    assert unsaid(story.over((4, 1), mode_role="hold")) == [ev.Release()]
+    assert without_messages(story.over((4, 1), mode_role="hold")) == [ev.Release()]
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
@@ -289,7 +289,7 @@ def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.Fl
     story(ev.OperatorCommand(order))
     story(ev.OrderFailed(order, "no answer"))
     story.now += RETRY_AFTER_S
-    assert unsaid(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
+    assert without_messages(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
 
 
 def test_an_order_not_followed_is_repeated() -> None:
@@ -306,13 +306,13 @@ def test_a_vehicle_armed_by_another_operator_is_not_launched() -> None:
     story(ev.Ready())
     story.swap()
     story.accept()
-    assert unsaid(story.over((4, 0), mode="LOITER", mode_role="other")) == [ev.Release()]
+    assert without_messages(story.over((4, 0), mode="LOITER", mode_role="other")) == [ev.Release()]
     assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
 
 
 def test_a_pilot_who_takes_over_during_the_launch_is_not_landed() -> None:
     story = Story().launching()
-    assert unsaid(story.over((4, 0), mode="ALT_HOLD", mode_role="other")) == [ev.Release()]
+    assert without_messages(story.over((4, 0), mode="ALT_HOLD", mode_role="other")) == [ev.Release()]
     assert story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "its mode is ALT_HOLD")) == []
 
 

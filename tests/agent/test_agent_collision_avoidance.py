@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from agent_stories import codes, orders, publications
-from collision_stories import MID_M, Watching, operator_texts
+from collision_stories import MID_M, Approached, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
@@ -23,7 +23,7 @@ def acknowledged(effects: list[ev.Effect]) -> tuple[int, ...]:
 
 
 def test_the_higher_system_id_holds_and_reports_it() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
@@ -34,7 +34,7 @@ def test_the_higher_system_id_holds_and_reports_it() -> None:
 
 
 def test_the_lower_system_id_continues_and_reports_it() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(3)
     effects = story.at(125.0)
     assert orders(effects) == []
@@ -46,7 +46,7 @@ def test_the_lower_system_id_gives_way_to_a_vehicle_that_does_not_acknowledge_he
     hears: tuple[int, ...],
 ) -> None:
     """A vehicle that does not hear another one cannot give way to it."""
-    story = Watching()
+    story = Approached()
     story.crossing(3, hears=hears)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
@@ -54,7 +54,7 @@ def test_the_lower_system_id_gives_way_to_a_vehicle_that_does_not_acknowledge_he
 
 
 def test_it_gives_way_as_soon_as_the_acknowledgement_ends() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(3)
     assert orders(story.at(125.0)) == []
     story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), hears=())
@@ -62,7 +62,7 @@ def test_it_gives_way_as_soon_as_the_acknowledgement_ends() -> None:
 
 
 def test_its_state_lists_the_vehicles_heard_recently() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
     story.other(4, 9000.0, 9000.0, (0.0, 0.0, 0.0))
@@ -75,7 +75,7 @@ def test_its_state_lists_the_vehicles_heard_recently() -> None:
 
 
 def test_an_alarm_is_reported_once() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(3)
     assert operator_texts(story.at(125.0)) != []
     story.crossing(3)
@@ -83,7 +83,7 @@ def test_an_alarm_is_reported_once() -> None:
 
 
 def test_action_none_only_reports_the_alarm() -> None:
-    story = Watching(action="none")
+    story = Approached(action="none")
     story.crossing(1)
     effects = story.at(125.0)
     assert orders(effects) == []
@@ -91,7 +91,7 @@ def test_action_none_only_reports_the_alarm() -> None:
 
 
 def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -112,7 +112,7 @@ def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
 
 
 def test_it_climbs_if_a_hold_would_be_too_close() -> None:
-    story = Watching()
+    story = Approached()
     story.other(1, 230.0, MID_M[1], (-10.0, 0.0, 0.0))  # head-on
     effects = story.at(125.0)
     assert orders(effects) == []
@@ -121,7 +121,7 @@ def test_it_climbs_if_a_hold_would_be_too_close() -> None:
 
 
 def test_a_climb_clears_all_vehicles_nearby() -> None:
-    story = Watching(action="climb")
+    story = Approached(action="climb")
     story.other(3, 150.0, MID_M[1] + 15.0, (10.0, 0.0, 0.0), alt_rel_m=34.0)
     story.crossing(1)
     story.at(125.0)
@@ -130,20 +130,20 @@ def test_a_climb_clears_all_vehicles_nearby() -> None:
 
 def test_heights_are_compared_above_the_sea() -> None:
     for amsl_m, alarmed in ((330.0, True), (336.0, False)):
-        story = Watching()
+        story = Approached()
         story.crossing(1, alt_amsl_m=amsl_m)
         assert bool(operator_texts(story.at(125.0, alt_amsl_m=330.0))) is alarmed
 
 
 @pytest.mark.parametrize("changes", [{"alt_rel_m": 0.2}, {"alt_rel_m": 34.0}])
 def test_a_vehicle_on_the_ground_or_high_enough_raises_no_alarm(changes: dict[str, float]) -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1, **changes)
     assert operator_texts(story.at(125.0)) == []
 
 
 def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
-    story, closeness = Watching(), SeparationStatistics()
+    story, closeness = Approached(), SeparationStatistics()
     for second in range(8):
         story.at(100.0 + 10.0 * second)
         closeness.moved(story.state, float(second), story.now)
@@ -156,7 +156,7 @@ def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
 
 
 def test_an_operators_order_takes_precedence() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     story.at(125.0)
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [ev.FlightOrder.RETURN]
@@ -167,7 +167,7 @@ def test_an_operators_order_takes_precedence() -> None:
 
 @pytest.mark.parametrize("phase", ["landing", "leaving", "holding", "released"])
 def test_the_lower_system_id_gives_way_to_a_vehicle_that_cannot(phase: str) -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(3, phase=phase)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
@@ -175,7 +175,7 @@ def test_the_lower_system_id_gives_way_to_a_vehicle_that_cannot(phase: str) -> N
 
 
 def test_it_gives_way_if_the_other_loses_the_ability_after_the_alarm() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(3)
     assert orders(story.at(125.0)) == []
     story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), phase="leaving")
@@ -183,7 +183,7 @@ def test_it_gives_way_if_the_other_loses_the_ability_after_the_alarm() -> None:
 
 
 def test_a_returning_vehicle_is_not_stopped() -> None:
-    story = Watching()
+    story = Approached()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story(ev.OrderDone(ev.FlightOrder.RETURN))
     story.other(1, 200.0, MID_M[1], (0.0, 0.0, 0.0))
@@ -194,14 +194,14 @@ def test_a_returning_vehicle_is_not_stopped() -> None:
 
 
 def test_an_evasive_climb_respects_the_ceiling() -> None:
-    story = Watching(action="climb", fence=Fence((), 36.0))
+    story = Approached(action="climb", fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
     assert story.tick() == []
     assert story.state.height_offset_m == 0.0
 
 
-def codes_while_holding(story: Watching, seconds: int, **standing: Any) -> list[str]:
+def codes_while_holding(story: Approached, seconds: int, **standing: Any) -> list[str]:
     """Return the codes of the messages while vehicle 1 blocks the route of vehicle 2, which holds 25 m
     away."""
     found_codes = []
@@ -213,7 +213,7 @@ def codes_while_holding(story: Watching, seconds: int, **standing: Any) -> list[
 
 
 def test_after_a_long_hold_it_resumes_above_the_other() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -223,7 +223,7 @@ def test_after_a_long_hold_it_resumes_above_the_other() -> None:
 
 
 def test_without_a_clear_height_it_holds_on_and_reports_repeatedly() -> None:
-    story = Watching(fence=Fence((), 36.0))
+    story = Approached(fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -232,7 +232,7 @@ def test_without_a_clear_height_it_holds_on_and_reports_repeatedly() -> None:
 
 
 def test_a_holding_vehicle_stays_clear_of_a_silent_one() -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -255,7 +255,7 @@ def test_the_lower_system_id_resumes_when_both_hold_too_close(
     uav: int, east_m: float, north_m: float, up_m: float, goes_on: bool
 ) -> None:
     """The route leads east, away from the one beside."""
-    story = Watching()
+    story = Approached()
     story.crossing(4, phase="landing")
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))

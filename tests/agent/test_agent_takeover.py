@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from agent_stories import GRID, Story, orders, publications
-from collision_stories import MID_M, Watching
+from collision_stories import MID_M, Approached
 
 from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev
@@ -77,7 +77,7 @@ def test_a_refused_return_is_repeated_while_it_flies_its_mission() -> None:
 
 @pytest.mark.parametrize("number", [1, None], ids=["operator", "this process"])
 def test_a_hold_ordered_while_it_gives_way_lasts(number: int | None) -> None:
-    story = Watching()
+    story = Approached()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))

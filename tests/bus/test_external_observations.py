@@ -319,11 +319,11 @@ def endpoint() -> BusEndpoint:
 
 
 @contextmanager
-def through_a_door() -> Iterator[tuple[Transport, Transport]]:
+def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
     """(the agent's bus, the payload's) where one process flies the swarm."""
-    anybodys = keys.sensor_report("test", "*")
+    key_of_any_vehicle = keys.sensor_report("test", "*")
     at = BusEndpoint("127.0.0.1", 0)
-    with ZenohBus(listen=at, open_keys=(anybodys,), put_keys=(anybodys,)) as agent:
+    with ZenohBus(listen=at, open_keys=(key_of_any_vehicle,), put_keys=(key_of_any_vehicle,)) as agent:
         assert agent.endpoint is not None
         with ZenohBus(connect=agent.endpoint) as payload:
             yield agent, payload
@@ -344,7 +344,7 @@ def over_a_router() -> Iterator[tuple[Transport, Transport]]:
 Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
 
 
-@pytest.fixture(params=[in_memory, through_a_door, over_a_router])
+@pytest.fixture(params=[in_memory, over_an_endpoint, over_a_router])
 def both(request: pytest.FixtureRequest) -> Both:
     made: Both = request.param
     return made
@@ -413,7 +413,7 @@ def test_a_put_report_is_accepted_or_counted(both: Both) -> None:
 )
 def test_a_report_under_a_wildcard_is_refused(key: str, comes_in: bool) -> None:
     async def scene() -> None:
-        with through_a_door() as (agent, payload):
+        with over_an_endpoint() as (agent, payload):
             vehicle = Vehicle(agent)
             await answered(payload, report_of(cells=ONE))
             assert await payload.ask(key, report_of(cells=[[1, 1, False]]), 5.0) == ()

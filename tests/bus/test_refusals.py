@@ -53,7 +53,7 @@ class Net:
     received: dict[str, list[str]] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
 
-    async def is_quiet_but_for(self, *expected: str) -> None:
+    async def check_received_only(self, *expected: str) -> None:
         """Check that only `expected` arrived beside a last message of uav2.
 
         By the time of that message, earlier messages on other links have been processed.
@@ -184,7 +184,7 @@ def test_a_foreign_certificate_has_no_rights(protocol: str, tmp_path: Path) -> N
                     stranger.put(keys.uav_message(SWARM, 1, "inform/state", sender), b"")
                     stranger.put(keys.to_station(SWARM, sender), b"")
                 assert await stranger.ask(keys.request(SWARM, "weights", 1), b"", 1.0) == ()
-                await net.is_quiet_but_for()
+                await net.check_received_only()
                 assert [key for key in received if not key.endswith("/9")] == [
                     key for key in received if key.endswith(("state/1", "state/2")) and "/2/" not in key
                 ]

@@ -246,7 +246,7 @@ def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
 
     # A request before all routes are back may be lost; the operator sees that and orders again.
     _until_all_follow(swarm, hold, "hold")
-    _until_all_tell_the_same(swarm)
+    _until_all_agree(swarm)
     for process in (*swarm.agents.values(), station):
         process.interrupt()
     for agent in swarm.agents.values():
@@ -307,10 +307,10 @@ def test_all_routes_of_a_mesh_return_after_each_cut(swarm: Swarm) -> None:
         swarm.net.heal("east")
         for node in nodes:
             node.says("hears", since=before[node], but_not=ALL)
-        until(lambda: all(node.lines()[-1] == ALL for node in nodes), lambda: _said_last(nodes), 40.0)
+        until(lambda: all(node.lines()[-1] == ALL for node in nodes), lambda: _last_lines(nodes), 40.0)
 
 
-def _said_last(nodes: Sequence[Process]) -> str:
+def _last_lines(nodes: Sequence[Process]) -> str:
     return "; ".join(f"{node.log.name}: {node.lines()[-1]}" for node in nodes)
 
 
@@ -326,7 +326,7 @@ def _until_all_follow(swarm: Swarm, process: Process, what: str) -> None:
     until(all_have_taken_it, lambda: given[-1].said, 30.0)
 
 
-def _until_all_tell_the_same(swarm: Swarm) -> None:
+def _until_all_agree(swarm: Swarm) -> None:
     """Wait until the station shows equal beliefs."""
     seen = ""
 

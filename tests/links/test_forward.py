@@ -20,7 +20,7 @@ from swarmctl.links.transports.udp import Udp
 from swarmctl.links.url import Endpoint, parse_url
 
 
-class Witness:
+class SentRecorder:
     def __init__(self) -> None:
         self.sent: list[tuple[int, str, str]] = []
         self.allows = True
@@ -41,13 +41,13 @@ class WatchedWorld(World):
 
     def __init__(self, *copters: Copter, commands: bool = False) -> None:
         super().__init__(*copters)
-        self.witness = Witness()
+        self.recorder = SentRecorder()
         self.watching = Watching()
         self.said: list[str] = []
         self.front = FrontEnd(
             wall_time_us=self._wall,
             memory={"test": self.wire, "watcher": self.watching.wire},
-            evidence=self.witness,
+            evidence=self.recorder,
             say=self.said.append,
         )
         self._commands = commands
@@ -134,7 +134,7 @@ def test_a_watchers_frames_reach_no_vehicle() -> None:
             world.watching.say(HOLD)
             await asyncio.sleep(5)
             assert [c for c in copter.commands[before:] if c[0] == 176] == []
-            assert all(not by for _, _, by in world.witness.sent)
+            assert all(not by for _, _, by in world.recorder.sent)
 
     play(story())
 
@@ -149,7 +149,7 @@ def test_a_permitted_command_of_another_station_arrives_and_is_recorded_under_it
             world.watching.say(HOLD)
             await until(lambda: copters[0].mode_name == "GUIDED", 5)
             assert copters[1].mode_name == "STABILIZE"
-            assert (1, "COMMAND_LONG", "station 252 at memory:watcher") in world.witness.sent
+            assert (1, "COMMAND_LONG", "station 252 at memory:watcher") in world.recorder.sent
             acks = [m for m in world.watching.heard() if m.get_type() == "COMMAND_ACK"]
             assert any(m.command == 176 for m in acks)
 
@@ -241,7 +241,7 @@ def test_a_command_that_may_not_be_recorded_is_not_passed_on() -> None:
         async with WatchedWorld(copter, commands=True) as world:
             await world.link(1).connect(10)
             await asyncio.sleep(5)
-            world.witness.allows = False
+            world.recorder.allows = False
             world.watching.say(HOLD)
             await asyncio.sleep(5)
             assert copter.mode_name == "STABILIZE"

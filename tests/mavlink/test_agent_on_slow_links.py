@@ -124,7 +124,7 @@ class Flight:
 
         return there
 
-    def hears_of(self, *cells: Cell) -> None:
+    def receives_hostiles(self, *cells: Cell) -> None:
         self._seq += 1
         self(
             ev.ObservationsReceived((Observation(2, self._seq, 0.0, tuple((*cell, True) for cell in cells)),))
@@ -167,7 +167,7 @@ def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str,
         cell = GRID.cell_at(*GRID.frame.to_geodetic(*flight.place))
         if cell is not None and told and cell[1] >= told[0] and flight.state.route is not None:
             ahead = cell[1] + 6
-            flight.hears_of(next(at for at in flight.state.route.cells if at[1] == ahead))
+            flight.receives_hostiles(next(at for at in flight.state.route.cells if at[1] == ahead))
             told.pop(0)
 
     flight.lands(news)

@@ -72,14 +72,14 @@ def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
     bench, n_lost = Bench().prepared(), 0
     on_command = bench.copter.on_command_long
 
-    def deaf_to_the_first(message: Any) -> None:
+    def drop_the_first(message: Any) -> None:
         nonlocal n_lost
         if message.command == ARM and n_lost < lost:
             n_lost += 1
         else:
             on_command(message)
 
-    bench.copter.on_command_long = deaf_to_the_first  # type: ignore[method-assign]
+    bench.copter.on_command_long = drop_the_first  # type: ignore[method-assign]
     reasons: Iterator[str] = iter(["", WHY])
     assert launched(bench, lambda: next(reasons)) == LaunchBlocked(WHY, was_armed=True)
     assert not bench.copter.armed

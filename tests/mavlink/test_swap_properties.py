@@ -44,7 +44,7 @@ def flying(way: str) -> FlyingBench:
     return bench
 
 
-class Witness:
+class MissionMonitor:
     """Check of the missions that a vehicle holds and flies while one plan replaces another."""
 
     def __init__(self, bench: FlyingBench, new: Items) -> None:
@@ -78,14 +78,14 @@ class Witness:
         return aim is not None and aim not in {(i.x, i.y) for i in (*self.old, *self.new)}
 
 
-def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -> tuple[Witness, Any]:
+def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -> tuple[MissionMonitor, Any]:
     """The swap over that wire, and what was true of the vehicle at every moment of it."""
     new = bench.session.mission_items(NEW)
-    witness = Witness(bench, new)
+    monitor = MissionMonitor(bench, new)
     bad: list[float] = []
 
     def watch() -> bool:
-        if witness.is_in_a_mixture() or witness.aims_elsewhere():
+        if monitor.is_in_a_mixture() or monitor.aims_elsewhere():
             bad.append(bench.now)
         return bench.session.busy_with is None
 
@@ -96,7 +96,7 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
     bench.heal()
     bench.run(3.0, lambda: watch() and False)  # what is still on its way arrives
     assert bad == []
-    return witness, result
+    return monitor, result
 
 
 def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
@@ -113,14 +113,14 @@ def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
 @given(wire=wires, cuts=outages)
 def test_a_swap_never_flies_a_mixture_and_its_result_is_true(way, wire, cuts):
     bench = flying(way)
-    witness, result = swapped(bench, wire, cuts)
+    monitor, result = swapped(bench, wire, cuts)
     assert agrees(bench, result)
     if not bench.vehicle.armed:
         return  # it has landed at the end of one of them meanwhile
     if result.flying == "new":
-        assert witness.flies_new()
+        assert monitor.flies_new()
     if result.flying == "old":
-        assert witness.flies_old()
+        assert monitor.flies_old()
     if result.flying == "hold":
         assert bench.mode == bench.session.dialect.hold_mode
 
@@ -177,13 +177,13 @@ def test_a_lost_link_in_a_swap_leaves_a_whole_plan(way, end_s):
     """Whatever the last message was that got through, the vehicle flies one plan to its end; or it holds."""
     bench = flying(way)
     new = bench.session.mission_items(NEW)
-    witness = Witness(bench, new)
+    monitor = MissionMonitor(bench, new)
     bench.spoil(Faults(max_delay_s=0.05, seed=5), (end_s, 1e9))
     bench.begin("swap", lambda c: basic.swap(c, new))
     mixtures = []
 
     def down() -> bool:
-        if witness.is_in_a_mixture() or witness.aims_elsewhere():
+        if monitor.is_in_a_mixture() or monitor.aims_elsewhere():
             mixtures.append(bench.now)
         return not bench.vehicle.armed
 

@@ -83,7 +83,7 @@ def test_a_fence_with_correct_parameters_is_enforced_before_arming(
     assert "altitude_max" in vehicle.fence_watch.find(*vehicle.body.lat_lon_deg, FAR_ABOVE_M)
 
 
-def deaf_to(command: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def drop_acknowledgements(command: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Drop all acknowledgements of `command` from now on."""
 
     def is_ack(frame: bytes) -> bool:
@@ -99,7 +99,7 @@ def deaf_to(command: int, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    deaf_to(int(mavlink.MAV_CMD_DO_FENCE_ENABLE), monkeypatch)
+    drop_acknowledgements(int(mavlink.MAV_CMD_DO_FENCE_ENABLE), monkeypatch)
     report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path)
     assert report.ended == "failed"
     ((which, found),) = failing(report).items()

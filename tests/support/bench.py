@@ -24,10 +24,10 @@ class Bench(WireBench):
         super().__init__(faults)
         self.copter = Copter(1, script or Script())
 
-    def vehicle_hears(self, data: bytes) -> Iterable[bytes]:
+    def vehicle_receives(self, data: bytes) -> Iterable[bytes]:
         return self.copter.receive(data, self.now)
 
-    def vehicle_goes_on(self) -> Iterable[bytes]:
+    def vehicle_steps(self) -> Iterable[bytes]:
         return self.copter.step(self.now)
 
     def items(self, plan: FlightPlan):

@@ -14,7 +14,7 @@ from swarmctl.core.frames import StateShared
 MID_M = GRID.centre_m((4, 4))
 
 
-class Watching(Story):
+class Approached(Story):
     """Vehicle 2 flies east along row 4 at 10 m/s; `other` tells of vehicle 1 or 3."""
 
     def __init__(self, action: AvoidanceAction = "hold", uav: int = 2, **changes: Any) -> None:

@@ -47,10 +47,10 @@ class FlyingBench(WireBench):
         self.vehicle = self.fleet.vehicles[0]
         self._other = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)
 
-    def vehicle_hears(self, data: bytes) -> Iterable[bytes]:
+    def vehicle_receives(self, data: bytes) -> Iterable[bytes]:
         return [frame for _, frame in self.fleet.receive(data, self.now, peer="station")]
 
-    def vehicle_goes_on(self) -> Iterable[bytes]:
+    def vehicle_steps(self) -> Iterable[bytes]:
         return [frame for _, frame in self.fleet.step(self.now)]
 
     def connected(self) -> Self:

@@ -63,11 +63,11 @@ class WireBench:
 
     # the vehicle
 
-    def vehicle_hears(self, data: bytes) -> Iterable[bytes]:
+    def vehicle_receives(self, data: bytes) -> Iterable[bytes]:
         """Its answers, a datagram each."""
         raise NotImplementedError
 
-    def vehicle_goes_on(self) -> Iterable[bytes]:
+    def vehicle_steps(self) -> Iterable[bytes]:
         """Return the datagrams that the vehicle has sent by itself, up to now."""
         raise NotImplementedError
 
@@ -109,7 +109,7 @@ class WireBench:
         while self._queue and self._queue[0][0] <= self.now:
             _, _, up, data = heapq.heappop(self._queue)
             if up:
-                self._down(self.vehicle_hears(data))
+                self._down(self.vehicle_receives(data))
             else:
                 self._hear(data)
         self._delivers = False
@@ -143,7 +143,7 @@ class WireBench:
             if until():
                 return True
             self.now += self.STEP_S
-            self._down(self.vehicle_goes_on())
+            self._down(self.vehicle_steps())
             self.take(self.session.tick(self.now))
         return bool(until())
 
