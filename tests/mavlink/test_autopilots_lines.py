@@ -20,7 +20,7 @@ NOT_OURS: dict[str, str] = {
 """Lines that do not concern this ground station, with the reason."""
 
 
-def tested_lines() -> dict[str, frozenset[str]]:
+def lines_of_autopilots() -> dict[str, frozenset[str]]:
     """The lines of AUTOPILOTS.md; those of MAVSDK.md are MAVSDK's."""
     return {line: of for line, of in LINES.items() if not line.startswith("MAVSDK")}
 
@@ -35,7 +35,10 @@ def all_marked() -> list[tuple[str, str, str]]:
 def test_every_line_is_tested_on_each_of_its_autopilots() -> None:
     met = {(line, of) for line, of, _ in all_marked()}
     wanted = {
-        (line, of) for line, autopilots in tested_lines().items() if line not in NOT_OURS for of in autopilots
+        (line, of)
+        for line, autopilots in lines_of_autopilots().items()
+        if line not in NOT_OURS
+        for of in autopilots
     }
     assert sorted(wanted - met) == []
 
@@ -44,13 +47,13 @@ def test_no_test_names_a_missing_line() -> None:
     strangers = [
         f"{test} meets {line!r} of {of}"
         for line, of, test in all_marked()
-        if line not in tested_lines()
+        if line not in lines_of_autopilots()
         or of not in BOTH
-        or (line not in NOT_OURS and of not in tested_lines()[line])
+        or (line not in NOT_OURS and of not in lines_of_autopilots()[line])
     ]
     assert strangers == []
 
 
 def test_a_line_that_does_not_apply_has_a_reason_and_no_test() -> None:
-    assert all(line in tested_lines() and why for line, why in NOT_OURS.items())
+    assert all(line in lines_of_autopilots() and why for line, why in NOT_OURS.items())
     assert {line for line, _, _ in all_marked()} & set(NOT_OURS) == set()
