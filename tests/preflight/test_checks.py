@@ -87,7 +87,7 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("telemetry", but(instruments=Instruments(FIX, 1.8e9, 10.0)), "2.5 s"),
     ("gps", but(instruments=None), "GPS_RAW_INT"),
     ("gps", but(instruments=Instruments(None, None, None)), "GPS_RAW_INT"),
-    ("gps", gps(fix_type=2), "fix type 2, 9 satellites, HDOP 1.20"),
+    ("gps", gps(fix_type=2), r"\b2, 9 .*HDOP 1\.20"),
     ("gps", gps(satellites=5), "5 satellites"),
     ("gps", gps(satellites=None), "unknown satellites"),
     ("gps", gps(hdop=2.1), "HDOP 2.10"),
@@ -99,16 +99,16 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("battery", but(endurance_s=None), "preflight.endurance_s"),
     ("battery", state(battery_percent=None), "SYS_STATUS"),
     ("battery", state(battery_percent=38), "38 %"),
-    ("battery", but(status_age_s=9.0), "80 %, reported 9 s ago"),
+    ("battery", but(status_age_s=9.0), r"80 %.* 9 s"),
     ("battery", but(trajectory=None), ""),
-    ("battery", low_at(0.1, reported_v=12.6), "BATT_LOW_VOLT 0.1 V at a voltage of 12.6 V"),
-    ("battery", low_at(10.5, reported_v=24.0), "BATT_LOW_VOLT 10.5 V at a voltage of 24.0 V"),
+    ("battery", low_at(0.1, reported_v=12.6), r"BATT_LOW_VOLT 0\.1 V .*12\.6 V"),
+    ("battery", low_at(10.5, reported_v=24.0), r"BATT_LOW_VOLT 10\.5 V .*24\.0 V"),
     ("battery", low_at(10.5, reported_v=None), "BATT_LOW_VOLT 10.5 V"),
     ("parameters", but(no_table="no table for X 1.0"), "no table for X 1.0"),
     ("parameters", but(parameters={}), "FENCE_ENABLE"),
     ("parameters", but(parameters={"FENCE_ENABLE": 0.0}), "FENCE_ENABLE 0"),
     ("fence", but(fence_items=None), ""),
-    ("fence", but(fence_items=()), "0 items instead of 4"),
+    ("fence", but(fence_items=()), r"\b0 .*\b4\b"),
     ("fence", but(fence_items=fence_items(SQUARE[1:] + SQUARE[:1])), "vertex 0"),
     ("fence", but(fence_failure="DO_FENCE_ENABLE: no answer"), "DO_FENCE_ENABLE: no answer"),
     ("rally", but(rally_points=None), ""),
@@ -122,10 +122,10 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("heading", but(airframe="plane"), "degrees"),
     ("heading", but(airframe="plane", state=replace(STATE, heading_deg=180.0)), "180 degrees"),
     ("heading", but(airframe="plane", plan=None), ""),
-    ("separation", other(airframe="plane"), "0 m over ground from uav2 after 0 s"),
+    ("separation", other(airframe="plane"), r"\b0 m .*uav2 .*\b0 s"),
     ("separation", other(airframe="plane", trajectory=None), "uav2"),
-    ("separation", other(altitude_m=42.5), "0 m over ground from uav2 after 0 s"),
-    ("separation", other(altitude_m=40.0, trajectory=None), "uav2, also at 40 m"),
+    ("separation", other(altitude_m=42.5), r"\b0 m .*uav2 .*\b0 s"),
+    ("separation", other(altitude_m=40.0, trajectory=None), r"uav2\b.* 40 m"),
     ("separation", but(trajectory=None, others=(replace(FIT.others[0], altitude_m=40.0),)), "uav1"),
 ]
 
@@ -138,7 +138,7 @@ def test_an_unfit_vehicle_fails_with_the_found_value_and_a_cure(
 ) -> None:
     result = finding(name, facts)
     assert not result.ok
-    assert value in f"{result.found}; {result.wanted}; {result.cure}"
+    assert re.search(value, f"{result.found}; {result.wanted}; {result.cure}")
     assert result.found
     assert result.wanted
     assert result.cure
