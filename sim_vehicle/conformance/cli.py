@@ -35,7 +35,9 @@ def conformance(
     allow_arm: Annotated[
         bool, typer.Option("--allow-arm", help="Allow arming and flying a vehicle that is not the simulator.")
     ] = False,
-    allow_reboot: Annotated[bool, typer.Option("--allow-reboot", help="Allow rebooting it.")] = False,
+    allow_reboot: Annotated[
+        bool, typer.Option("--allow-reboot", help="Allow rebooting the vehicle.")
+    ] = False,
     allow_alter: Annotated[
         bool,
         typer.Option("--allow-alter", help="Allow erasing logs, setting a signing key, calibrating sensors."),
@@ -55,9 +57,9 @@ def conformance(
 ) -> None:
     """Check one vehicle at a URL against MAVLink and the known behaviour of its autopilot.
 
-    A vehicle other than the simulator is armed, rebooted or altered only if an option allows it. Its mission,
-    fence and rally points are restored at the end, also after Ctrl-C. A plan without a saved copy is not
-    overwritten. No message that changes a vehicle is sent to another one.
+    A real vehicle is armed, rebooted or altered only if an option allows it. At the end, also after Ctrl-C,
+    the mission, fence and rally points are restored. A plan without a saved copy is not overwritten. Other
+    vehicles on the link receive no message that could change them.
 
     Exit codes: 0 no check failed; 1 a check failed; 2 a bad argument; 130 interrupted.
     """
@@ -95,7 +97,7 @@ def conformance(
 
 
 def _announce_end() -> None:
-    # Restoring the vehicle comes first, even if standard error is closed.
+    # A closed standard error must not stop the restoration of the vehicle.
     with contextlib.suppress(OSError):
         typer.echo(
             "sim_vehicle conformance: interrupted; the vehicle is landed and restored [restoring]", err=True

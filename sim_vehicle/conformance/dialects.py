@@ -23,9 +23,8 @@ class Dialect:
     """The known behaviour of one autopilot; None where it is unknown.
 
     modes: purpose of a mode -> custom_mode. ready_mode: the mode for arming and for commands. hold_mode: a
-    mode that stays in place without stick input. Results are MAV_RESULT. whole_parameters and
-    real_parameters: (name, value) of parameters that are safe to write; the first that the vehicle has is
-    used.
+    mode that stays in place without stick input. arm_refused, disarm_refused: MAV_RESULT. whole_parameters,
+    real_parameters: (name, value) of parameters that are safe to write, in the order of preference.
     """
 
     name: str

@@ -13,7 +13,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0
 READY_S, CLIMB_S, DOWN_S = 150.0, 90.0, 240.0
 PREARM_BIT = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
-HEARTBEAT_LAG_S = 2.5  # one period of 1 s, and a heartbeat already sent
+HEARTBEAT_LAG_S = 2.5  # longest time until a heartbeat shows a change
 REPOSITION_CHANGES_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
 FLIGHT_RATES_HZ = {"GLOBAL_POSITION_INT": 5.0, "EXTENDED_SYS_STATE": 5.0, "MISSION_CURRENT": 2.0}
 
@@ -63,7 +63,7 @@ def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
 
 
 def ready_mode(vehicle: VehicleUnderTest) -> None:
-    """Set the mode that the autopilot needs for arming, if any."""
+    """Set the autopilot's mode for arming, if it needs one."""
     if vehicle.dialect.ready_mode is not None:
         set_mode(vehicle, vehicle.dialect.ready_mode)
 
@@ -121,13 +121,13 @@ def position(vehicle: VehicleUnderTest) -> Any:
 
 
 def height_m(vehicle: VehicleUnderTest) -> float:
-    """Return the latest reported height above home."""
+    """Return the latest reported height above home [m]; NaN before the first report."""
     entry = vehicle.last.get("GLOBAL_POSITION_INT")
     return entry.message.relative_alt / 1000 if entry is not None else math.nan
 
 
 def speed_m_s(vehicle: VehicleUnderTest) -> float:
-    """Return the latest reported ground speed."""
+    """Return the latest reported ground speed [m/s]."""
     message = vehicle.last["GLOBAL_POSITION_INT"].message
     return math.hypot(message.vx, message.vy) / 100
 
@@ -154,7 +154,7 @@ def airborne(vehicle: VehicleUnderTest) -> bool:
 
 
 def takeoff_command(vehicle: VehicleUnderTest, height: float) -> Any:
-    """Return NAV_TAKEOFF to a height above home, in the autopilot's altitude frame."""
+    """Return NAV_TAKEOFF to a height above home [m], in the autopilot's altitude frame."""
     if vehicle.dialect.name != "px4":
         return vehicle.command_long(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height)
     amsl_m = vehicle.request("HOME_POSITION").altitude / 1000 + height
@@ -167,7 +167,7 @@ def takeoff_command(vehicle: VehicleUnderTest, height: float) -> Any:
 
 
 def ensure_airborne(vehicle: VehicleUnderTest) -> None:
-    """Take off unless airborne, start the streams and hold (a plane circles)."""
+    """Start the streams, take off unless airborne, and hold position (a plane circles)."""
     start_streams(vehicle)
     if not airborne(vehicle):
         if vehicle.identity.kind == "plane":
@@ -249,7 +249,7 @@ def _land_by_mission(vehicle: VehicleUnderTest) -> None:
 
 
 def base_amsl_m(vehicle: VehicleUnderTest) -> float:
-    """Return the altitude of home above sea level, from the latest position."""
+    """Return the altitude of home above sea level [m], from the latest position."""
     message = vehicle.last["GLOBAL_POSITION_INT"].message
     return float(message.alt - message.relative_alt) / 1000
 

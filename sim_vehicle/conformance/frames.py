@@ -1,4 +1,4 @@
-"""Frames beyond pymavlink's codec: malformed ones, and messages it does not know."""
+"""Frames beyond pymavlink's codec: malformed frames, and messages unknown to the codec."""
 
 import struct
 from typing import Any
@@ -60,12 +60,12 @@ def requested(
 ) -> tuple[Any, ...]:
     """Request a message unknown to the codec; return its fields in wire order.
 
-    Skip if the vehicle does not send it.
+    Skip if the vehicle refuses the request.
     """
     kind, mark = f"UNKNOWN_{message_id}", vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
     if result != mavlink.MAV_RESULT_ACCEPTED:
-        raise Skip(f"does not send message {message_id} on request ({result_name(result)})")
+        raise Skip(f"the vehicle does not send message {message_id} on request ({result_name(result)})")
     vehicle.expect(kind, mark=mark, what=f"message {message_id} after its request was accepted")
     return fields(vehicle.last[kind], layout)
 

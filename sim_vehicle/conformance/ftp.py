@@ -67,7 +67,7 @@ class FtpClient:
         self.vehicle.send(message)
 
     def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
-        """Return the first payload after a mark, and the mark after that payload; None after `within_s`."""
+        """Return the first payload after a mark, and the next mark; None after `within_s`."""
         place = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
         return (
             None
@@ -78,7 +78,7 @@ class FtpClient:
     def ask(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> Reply:
-        """Send a request and return its answer; without an answer, repeat it with the same number."""
+        """Send a request, repeated with the same number until its answer; return the answer."""
         mark = self.vehicle.mark()
         self.send(opcode, data, session=session, offset=offset, size=size)
         for _ in range(ATTEMPTS):

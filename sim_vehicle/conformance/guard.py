@@ -1,7 +1,7 @@
 """Permissions, and the frames that are never sent.
 
-Only frames without an effect may reach another system than the vehicle under test. Frames to that vehicle
-need its permission, and a plan without a saved copy is not overwritten.
+Other systems may receive only frames without an effect. A frame to the vehicle under test may need a
+permission. A plan without a saved copy is not overwritten.
 """
 
 from collections.abc import Set
@@ -14,7 +14,7 @@ from sim_vehicle.conformance.outgoing import OutgoingFrame
 ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"
 ALTER = "alter"  # a lasting change: logs, calibration, signing key
-SIMULATOR = "simulator"  # never done to a real vehicle
+SIMULATOR = "simulator"  # only for the simulator
 PERMISSIONS = frozenset({ARM, REBOOT, ALTER, SIMULATOR})
 
 
@@ -33,7 +33,7 @@ _MESSAGES = {
     "LOG_ERASE": ALTER,
     "SETUP_SIGNING": ALTER,
 }
-# Requests and greetings without an effect; only these may go to another system or to all.
+# Messages without an effect; only these may go to another system or to all systems.
 _READ_ONLY = frozenset(
     {"HEARTBEAT", "TIMESYNC", "PING", "PARAM_REQUEST_READ", "PARAM_REQUEST_LIST", "MISSION_REQUEST_LIST"}
 )
@@ -43,7 +43,7 @@ _READ_ONLY_COMMANDS = frozenset(
 _PLANS = frozenset(
     {"MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST", "MISSION_ITEM", "MISSION_ITEM_INT"}
 )
-_OLD_PLANS = {
+_LEGACY_PLANS = {
     "FENCE_POINT": int(mavlink.MAV_MISSION_TYPE_FENCE),
     "RALLY_POINT": int(mavlink.MAV_MISSION_TYPE_RALLY),
 }
@@ -78,19 +78,19 @@ def is_read_only(sent: OutgoingFrame) -> bool:
 
 
 def is_for(sent: OutgoingFrame, vehicle: int) -> bool:
-    """Return True if a frame is for this system alone; False before a vehicle is found (0)."""
+    """Return True if a frame is for this system alone; False for 0, before the connection."""
     return vehicle != 0 and sent.target == vehicle
 
 
 def refusal(sent: OutgoingFrame, permissions: Set[str], saved_plans: Set[int]) -> str | None:
     """Return the reason against sending a frame to the vehicle under test, or None.
 
-    `saved`: MAV_MISSION_TYPE of the plans with a saved copy.
+    `saved_plans`: MAV_MISSION_TYPE of the plans with a copy.
     """
     wanted = None if sent.message is None else permission_for(sent.message)
     if wanted is not None and wanted not in permissions:
         return f"{sent.kind} needs --allow-{wanted}"
-    plan = sent.message.mission_type if sent.kind in _PLANS else _OLD_PLANS.get(sent.kind)
+    plan = sent.message.mission_type if sent.kind in _PLANS else _LEGACY_PLANS.get(sent.kind)
     if plan is not None and plan not in saved_plans:
         return f"the {PLAN_NAMES.get(plan, f'plans of type {plan}')} could not be saved [plan-unsaved]"
     return None

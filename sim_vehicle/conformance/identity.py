@@ -35,7 +35,7 @@ class ReceivedFrame:
 
 @dataclass(frozen=True, slots=True)
 class VehicleIdentity:
-    """The identity of a vehicle; `capabilities` are MAV_PROTOCOL_CAPABILITY bits, 0 if unknown."""
+    """The identity of a vehicle, with its MAV_PROTOCOL_CAPABILITY bits (0 if unknown)."""
 
     sysid: int
     component: int

@@ -21,7 +21,7 @@ def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
     else:
         if vehicle.dialect.logs:
             raise CheckFailed("expected LOG_ENTRY for LOG_REQUEST_LIST, saw none")
-        raise Skip("does not answer LOG_REQUEST_LIST")
+        raise Skip("the vehicle does not answer LOG_REQUEST_LIST")
     total = vehicle.since(mark, "LOG_ENTRY")[0].num_logs
     for _ in range(20):
         found = {m.id: m for m in vehicle.since(mark, "LOG_ENTRY") if m.num_logs}
@@ -32,42 +32,44 @@ def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
 
 
 def newest(vehicle: VehicleUnderTest) -> Any:
-    """Return the LOG_ENTRY of the latest log that is not empty; Skip without one."""
+    """Return the LOG_ENTRY of the latest log with content; Skip without such a log."""
     found = [entry for entry in entries(vehicle).values() if entry.size > 0]
     if not found:
-        raise Skip("holds no logs")
+        raise Skip("the vehicle holds no logs")
     return max(found, key=lambda entry: entry.id)
 
 
 def data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> bytes:
-    """Return `count` bytes of a log, fewer at its end; request lost parts again."""
-    got: dict[int, bytes] = {}
+    """Return `count` bytes of a log, fewer at the log's end; lost parts are requested again."""
+    parts: dict[int, bytes] = {}
     end: int | None = None
     for _ in range(8):
-        at = offset
-        while at in got:
-            at += len(got[at])
-        if at >= offset + count or at == end:
+        position = offset
+        while position in parts:
+            position += len(parts[position])
+        if position >= offset + count or position == end:
             break
         mark = vehicle.mark()
         vehicle.send(
-            mavlink.MAVLink_log_request_data_message(*vehicle.target, log_id, at, offset + count - at)
+            mavlink.MAVLink_log_request_data_message(
+                *vehicle.target, log_id, position, offset + count - position
+            )
         )
         while vehicle.wait_for("LOG_DATA", lambda m: m.id == log_id, within_s=1.5, mark=mark) is not None:
             for message in vehicle.since(mark, "LOG_DATA"):
                 if message.id == log_id and message.count:
-                    got[message.ofs] = bytes(message.data[: message.count])
+                    parts[message.ofs] = bytes(message.data[: message.count])
                 if message.id == log_id and message.count < CHUNK:
                     end = message.ofs + message.count
             mark = vehicle.mark()
-            if sum(map(len, got.values())) >= count:
+            if sum(map(len, parts.values())) >= count:
                 break
     joined = bytearray()
-    while offset + len(joined) in got:
-        joined += got[offset + len(joined)]
+    while offset + len(joined) in parts:
+        joined += parts[offset + len(joined)]
     return bytes(joined[:count])
 
 
 def end_transfer(vehicle: VehicleUnderTest) -> None:
-    """Send LOG_REQUEST_END, after which the vehicle continues logging."""
+    """Send LOG_REQUEST_END, so that the vehicle continues logging."""
     vehicle.send(mavlink.MAVLink_log_request_end_message(*vehicle.target))

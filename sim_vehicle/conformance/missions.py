@@ -13,14 +13,14 @@ HEIGHT_M = 12.0
 def items(vehicle: VehicleUnderTest, *, landing: bool = True) -> list[PlanItem]:
     """Return a take-off and three corners from the current position, with or without a landing."""
     place = plans.current_position(vehicle)
-    flown = [plans.takeoff(place, HEIGHT_M), *[plans.waypoint(place, n, e, HEIGHT_M) for n, e in CORNERS]]
+    legs = [plans.takeoff(place, HEIGHT_M), *[plans.waypoint(place, n, e, HEIGHT_M) for n, e in CORNERS]]
     if landing:
-        flown.append(plans.land(place, *CORNERS[-1]))
-    return plans.plan(vehicle, *flown)
+        legs.append(plans.land(place, *CORNERS[-1]))
+    return plans.plan(vehicle, *legs)
 
 
 def rewind(vehicle: VehicleUnderTest) -> None:
-    """Make the first item current. The current item of an earlier mission may persist."""
+    """Make the first item current, because the current item of an earlier mission may persist."""
     first = int(vehicle.dialect.home_item)
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, first))
 
@@ -38,7 +38,7 @@ def start(vehicle: VehicleUnderTest) -> None:
 
 
 def resume(vehicle: VehicleUnderTest, seq: int) -> None:
-    """Fly the stored mission from item `seq` on; the vehicle is in the air."""
+    """Fly the stored mission from item `seq` on, with an airborne vehicle."""
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
     flying.set_mode(vehicle, "mission")
 
@@ -54,7 +54,7 @@ def first_waypoint(vehicle: VehicleUnderTest) -> int:
 
 
 def until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 120.0) -> float:
-    """Wait until an item or a later one is current; return the time taken [s]."""
+    """Wait until item `seq` or a later item is current; return the time taken [s]."""
     return vehicle.wait_until(lambda: current(vehicle) >= seq, f"item {seq} to be current", within_s)
 
 

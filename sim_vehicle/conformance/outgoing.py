@@ -1,4 +1,4 @@
-"""The frames in outgoing bytes, as any receiver could find them."""
+"""The frames that any receiver could find in outgoing bytes."""
 
 import struct
 from collections.abc import Iterator
@@ -26,10 +26,10 @@ class OutgoingFrame:
 
 
 def frames_in(data: bytes, begin: int = 0) -> Iterator[OutgoingFrame]:
-    """Yield each frame with a correct checksum that ends after `begin`, wherever it starts.
+    """Yield each frame with a correct checksum that ends after `begin`, from any start.
 
     A receiver may start reading anywhere, so frames inside frames and after garbage count. Signatures and
-    flags are ignored, because a receiver may ignore them too.
+    flags are not checked, because some receivers ignore them.
     """
     for at, start in enumerate(data):
         head = _HEADER_BYTES.get(start)

@@ -99,7 +99,7 @@ def write(vehicle: VehicleUnderTest, name: str, value: float, kind: int) -> Para
 
 
 def restore(vehicle: VehicleUnderTest, before: ParameterValue) -> None:
-    """Write back an earlier value; CheckFailed if it is refused."""
+    """Write back an earlier value; CheckFailed if the vehicle refuses it."""
     seen = write(vehicle, before.name, before.value, before.type).value
     if seen != before.value and not math.isnan(before.value):
         raise CheckFailed(f"{before.name}: expected {before.value:g}, saw {seen:g}")
@@ -126,11 +126,11 @@ def has(vehicle: VehicleUnderTest, name: str) -> bool:
         return name in vehicle.catalogue
     return any(
         vehicle.wait_for("PARAM_VALUE", lambda m: m.param_id == name, mark=mark) is not None
-        for mark in (_asked(vehicle, name) for _ in range(2))
+        for mark in (_request_value(vehicle, name) for _ in range(2))
     )
 
 
-def _asked(vehicle: VehicleUnderTest, name: str) -> int:
+def _request_value(vehicle: VehicleUnderTest, name: str) -> int:
     mark = vehicle.mark()
     vehicle.send(read_message(vehicle, name))
     return mark
@@ -144,7 +144,7 @@ def value_or_none(vehicle: VehicleUnderTest, name: str) -> float | None:
 def harmless_change(
     vehicle: VehicleUnderTest, candidates: tuple[tuple[str, float], ...]
 ) -> tuple[str, float]:
-    """Return the first candidate that the vehicle has, (name, value), with another than its present value."""
+    """Return (name, value) of the vehicle's first candidate; the value differs from the present value."""
     for name, value in candidates:
         if has(vehicle, name):
             return name, value if read(vehicle, name).value != value else value + 1
@@ -152,7 +152,7 @@ def harmless_change(
 
 
 def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
-    """Fetch the list by PARAM_REQUEST_LIST, lost entries by index, and keep it for later checks."""
+    """Fetch the list by PARAM_REQUEST_LIST, lost entries by index; keep and return the list."""
     by_index: dict[int, ParameterValue] = {}
     count, mark, began_s = None, vehicle.mark(), vehicle.now
     vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
@@ -176,5 +176,5 @@ def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
 
 
 def listed(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
-    """Return the list, fetched once a run."""
+    """Return the parameter list, which is fetched once a run."""
     return vehicle.catalogue or fetch_all(vehicle)

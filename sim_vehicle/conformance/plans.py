@@ -19,7 +19,7 @@ ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 M_PER_DEG = 111_319.5
 POSITION_S = 120.0
-BACKUP_ATTEMPTS = 3  # each requests every item up to three times
+BACKUP_ATTEMPTS = 3  # in each attempt every item is requested up to three times
 TRANSFER_ENDS_S = 6.0  # PX4 ends a broken transfer after 5 s
 REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 
@@ -39,7 +39,7 @@ class PlanItem:
         self, vehicle: VehicleUnderTest, seq: int, kind: int = MISSION, *, as_float: bool = False
     ) -> Any:
         """Return MISSION_ITEM_INT, or the legacy MISSION_ITEM."""
-        # `current` is 0, because PX4 would start at a marked item.
+        # The field `current` is 0, because PX4 would start at an item with 1.
         head = (*vehicle.target, seq, self.frame, self.command, 0, 1, *self.params)
         if as_float:
             frame = {5: 0, 6: 3, 11: 10}.get(self.frame, self.frame)
@@ -101,7 +101,7 @@ def land(place: tuple[int, int], north_m: float = 0.0, east_m: float = 0.0) -> P
 
 
 def plan(vehicle: VehicleUnderTest, *items: PlanItem) -> list[PlanItem]:
-    """Return the items as this vehicle needs them, on ArduPilot after a home placeholder."""
+    """Return the items for this vehicle: on ArduPilot, a home placeholder comes first."""
     if not vehicle.dialect.home_item:
         return list(items)
     return [
@@ -167,7 +167,7 @@ def upload(
     as_float: bool = False,
     source: tuple[int, int] = STATION,
 ) -> UploadResult:
-    """Announce and send a plan; return the acknowledgement with any result."""
+    """Announce and send a plan; return the outcome, also of a refusal."""
     began_s, requests = vehicle.now, list[tuple[str, int]]()
     mark = vehicle.mark()
     vehicle.send(count_message(vehicle, len(items), kind), source)
@@ -190,7 +190,7 @@ def upload(
         seq = entry.message.seq
         requests.append((entry.kind, seq))
         if seq >= len(items):
-            raise CheckFailed(f"upload: asked for item {seq} of {len(items)}")
+            raise CheckFailed(f"upload: the vehicle requested item {seq} of {len(items)}")
         vehicle.send(items[seq].message(vehicle, seq, kind, as_float=as_float), source)
 
 
@@ -203,13 +203,13 @@ def upload_or_fail(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: i
 
 
 def end_download(vehicle: VehicleUnderTest, kind: int = MISSION, source: tuple[int, int] = STATION) -> None:
-    """Acknowledge a download; PX4 accepts no upload before that or a time-out."""
+    """Acknowledge a download; PX4 accepts no upload before the acknowledgement or a time-out."""
     accepted = mavlink.MAV_MISSION_ACCEPTED
     vehicle.send(mavlink.MAVLink_mission_ack_message(*vehicle.target, accepted, kind), source)
 
 
 def open_list(vehicle: VehicleUnderTest, kind: int = MISSION, source: tuple[int, int] = STATION) -> int:
-    """Request the list and return its item count; `end_download` ends it."""
+    """Request the list and return its item count; `end_download` ends the download."""
     answer = vehicle.ask(
         request_list(vehicle, kind), "MISSION_COUNT", for_station(kind, source), source=source
     )
@@ -230,7 +230,7 @@ def download(
     as_float: bool = False,
     source: tuple[int, int] = STATION,
 ) -> list[Any]:
-    """Return all stored items as messages, and acknowledge them."""
+    """Download all stored items, acknowledge them, and return their messages."""
     maker = (
         mavlink.MAVLink_mission_request_message if as_float else mavlink.MAVLink_mission_request_int_message
     )
@@ -261,7 +261,7 @@ def coordinates(vehicle: VehicleUnderTest, items: Sequence[Any]) -> list[tuple[i
 
 
 def cancel_upload(vehicle: VehicleUnderTest) -> None:
-    """Cancel a transfer and wait until the vehicle has ended it."""
+    """Cancel an upload and wait until the vehicle has ended the transfer."""
     cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
     vehicle.send(mavlink.MAVLink_mission_ack_message(*vehicle.target, cancelled, MISSION))
     # ArduPilot ignores the cancellation and ends the transfer by its time-out.
@@ -281,7 +281,7 @@ def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) ->
 
 
 def store_and_read(vehicle: VehicleUnderTest, item: PlanItem) -> Any:
-    """Upload one item after a take-off and return it as read back."""
+    """Upload a take-off and one item; return the item as read back."""
     upload_or_fail(vehicle, plan(vehicle, takeoff(current_position(vehicle)), item))
     return download(vehicle)[-1]
 
@@ -290,42 +290,41 @@ def require_type(vehicle: VehicleUnderTest, kind: int) -> None:
     """Skip if the vehicle does not claim plans of this type."""
     capability = {FENCE: "MISSION_FENCE", RALLY: "MISSION_RALLY"}.get(kind)
     if capability is not None and not vehicle.identity.claims(capability):
-        raise Skip(f"does not claim {capability}")
+        raise Skip(f"the vehicle does not claim {capability}")
 
 
 class PlanBackup:
     """Copies of the plans on a vehicle before the checks.
 
-    `Traffic` sends nothing that overwrites a plan without a copy. `unsaved`: type of a plan that the vehicle
-    claims to store but that could not be read -> the reason.
+    `Traffic` does not overwrite a plan without a copy. `unsaved`: type of an unreadable plan -> the reason.
     """
 
     def __init__(self, vehicle: VehicleUnderTest) -> None:
-        self._peer = vehicle
+        self._vehicle = vehicle
         self._kept: dict[int, list[PlanItem]] = {}
         self.unsaved: dict[int, str] = {}
 
     def save(self) -> None:
         for kind in PLAN_NAMES:
             try:
-                require_type(self._peer, kind)
+                require_type(self._vehicle, kind)
             except Skip:
                 continue
             self._save(kind)
         if not self.unsaved:
-            self._peer.saved_plans.add(ALL)
+            self._vehicle.saved_plans.add(ALL)
 
     def _save(self, kind: int) -> None:
         for attempt in range(BACKUP_ATTEMPTS):
             try:
-                self._kept[kind] = [_item(message) for message in download(self._peer, kind)]
+                self._kept[kind] = [_item(message) for message in download(self._vehicle, kind)]
             except (CheckFailed, Skip) as error:
                 self.unsaved[kind] = str(error)
                 if attempt < BACKUP_ATTEMPTS - 1:
-                    self._peer.wait(TRANSFER_ENDS_S)
+                    self._vehicle.wait(TRANSFER_ENDS_S)
             else:
                 self.unsaved.pop(kind, None)
-                self._peer.saved_plans.add(kind)
+                self._vehicle.saved_plans.add(kind)
                 return
 
     def restore(self) -> list[str]:
@@ -333,10 +332,10 @@ class PlanBackup:
         trouble = []
         for kind, items in self._kept.items():
             try:
-                upload_or_fail(self._peer, items, kind)
+                upload_or_fail(self._vehicle, items, kind)
             except (CheckFailed, Skip) as error:
                 trouble.append(
-                    f"the {PLAN_NAMES[kind]} of before could not be restored: {error} [not-restored]"
+                    f"the earlier {PLAN_NAMES[kind]} could not be restored: {error} [not-restored]"
                 )
         return trouble
 

@@ -1,7 +1,7 @@
 """The checks by name.
 
-A check is a function of a `VehicleUnderTest` that returns a few words on what it saw. It raises `CheckFailed`
-if the vehicle is wrong, and `Skip` if the check does not apply.
+A check is a function of a `VehicleUnderTest` that returns a short description of the observation. It raises
+`CheckFailed` if the vehicle is wrong, and `Skip` if the check does not apply.
 """
 
 import fnmatch
@@ -27,10 +27,10 @@ CATEGORIES = (
 class Check:
     """One check.
 
-    needs: the permissions it takes (`PERMISSIONS`). claims: MAV_PROTOCOL_CAPABILITY bits without their
-    prefix, which the vehicle must claim. dialects: names of the dialects it applies to, empty for all. kind:
-    copter or plane, None for both. airborne: it starts in flight. pins: the statement it verifies. limit_s:
-    vehicle time after which it fails.
+    needs: required permissions (`PERMISSIONS`). claims: required MAV_PROTOCOL_CAPABILITY bits, without their
+    prefix. dialects: names of the dialects, empty for all. kind: copter or plane, None for both. airborne:
+    True if the check starts in flight. pins: the verified statement. limit_s: longest duration of the check
+    [s of vehicle time].
     """
 
     name: str
@@ -106,7 +106,7 @@ def all_checks() -> list[Check]:
 
 
 def select(patterns: Iterable[str]) -> list[Check]:
-    """Return the checks that match a pattern (all without any): `mission.*`, `*unknown*`, `fence`."""
+    """Return the checks that match a pattern, such as `mission.*` or `fence`; all without a pattern."""
     wanted = [pattern.strip() for pattern in patterns if pattern.strip()]
     chosen = [
         found
@@ -117,7 +117,6 @@ def select(patterns: Iterable[str]) -> list[Check]:
     if not chosen:
         raise ValueError(
             f"no check matches {', '.join(wanted)!r}; expected a category ({', '.join(CATEGORIES)}), "
-            "a name or a "
-            "pattern like 'mission.*'; --list shows all"
+            "a name or a pattern like 'mission.*'; --list shows all checks"
         )
     return chosen

@@ -1,4 +1,4 @@
-"""A run as a table for people and as JSON for programs."""
+"""A run as a table for the terminal and as JSON for programs."""
 
 import json
 from collections.abc import Iterable
@@ -79,7 +79,7 @@ def _printable(text: str) -> str:
 
 
 def catalogue(checks: Iterable[Check]) -> Group:
-    """Return every check with its statement and its conditions."""
+    """Return tables of the checks: name, statement, conditions."""
     parts: list[Any] = []
     total = 0
     for category, group in groupby(checks, key=lambda found: found.category):

@@ -1,4 +1,4 @@
-"""Runs checks on one vehicle in order, and prepares the state in which each of them starts."""
+"""A run of checks on one vehicle: preparation, checks in order, restoration."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,11 +16,11 @@ from sim_vehicle.conformance.traffic import is_autopilot
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 SILENCE_S = 5.0  # time without a heartbeat after which a check counts as harmful
-BACK_S = 60.0  # longest wait for a vehicle that is to be restored
-RESTORE_ATTEMPTS = 3  # interrupts accepted before the restoring is abandoned
+BACK_S = 60.0  # longest wait for a heartbeat before the restoration
+RESTORE_ATTEMPTS = 3  # the restoration is abandoned after this number of interrupts
 LANDING_ATTEMPTS = 3
-# Categories that overwrite plans, and the plan types that they must have a copy of; `Traffic` refuses
-# to overwrite others.
+# Category that overwrites plans -> types of the plans that must have a copy. `Traffic` refuses to
+# overwrite plans without a copy.
 WRITES_PLANS = {
     "modes": (MISSION,), "mission": (MISSION,), "fence": (FENCE,), "rally": (RALLY,), "robustness": (),
     "arming": (), "flight": (MISSION,), "mission-flight": (MISSION,), "reboot": (), "endurance": (),
@@ -40,7 +40,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """The result of one check; `seen` describes it, `took_s` is vehicle time."""
+    """The result of one check: a description `seen`, and the duration `took_s` [s of vehicle time]."""
 
     check: Check
     outcome: Outcome
@@ -50,7 +50,7 @@ class CheckResult:
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """A whole run; `notes` are messages to the operator besides the results."""
+    """The results of a run, and `notes` to the operator."""
 
     identity: VehicleIdentity
     results: tuple[CheckResult, ...]
@@ -84,14 +84,13 @@ def run(
 ) -> RunReport:
     """Run the checks on a connected vehicle.
 
-    A vehicle that is armed at the start is in use, so nothing is done to it. At the end of a run, also after
-    an interrupt, the vehicle is landed and restored before the report. Only repeated interrupts end that.
+    A vehicle that is armed at the start is in use, so every check is skipped. At the end of a run, also after
+    an interrupt, the vehicle is landed and restored before the report. `RESTORE_ATTEMPTS` interrupts abandon
+    the restoration.
     """
     running = _RunState(vehicle, on_result)
     if vehicle.armed:
-        running.stop_reason = (
-            "the vehicle was armed before the run, so nothing was done to it [already-armed]"
-        )
+        running.stop_reason = "the vehicle was armed before the run; all checks were skipped [already-armed]"
         running.flown_by_another = True
     else:
         _let_boot(vehicle)
@@ -107,7 +106,7 @@ def run(
         running.restore_vehicle()
         raise
     notes = [
-        f"interrupted {RESTORE_ATTEMPTS} times during the restoring: the vehicle may still fly, "
+        f"the restoration was interrupted {RESTORE_ATTEMPTS} times: the vehicle may still fly, "
         "or keep changes [not-restored]"
     ]
     for _ in range(RESTORE_ATTEMPTS):
@@ -124,7 +123,7 @@ class _RunState:
     """The state of a run."""
 
     def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
-        self._peer, self._on_result = vehicle, on_result
+        self._vehicle, self._on_result = vehicle, on_result
         self._backup: PlanBackup | None = None
         self._battery_seen = False
         self._reported: set[int] = set()  # plan types without a copy for which a check has failed
@@ -134,7 +133,7 @@ class _RunState:
 
     def run_check(self, check: Check) -> None:
         """Run one check, or record the reason against it."""
-        reason = self.stop_reason if self.stop_reason is not None else _skip_reason(self._peer, check)
+        reason = self.stop_reason if self.stop_reason is not None else _skip_reason(self._vehicle, check)
         result = (
             CheckResult(check, Outcome.SKIPPED, reason, 0.0) if reason is not None else self._run_check(check)
         )
@@ -143,21 +142,22 @@ class _RunState:
 
     def _run_check(self, check: Check) -> CheckResult:
         if self._backup is None and check.category in WRITES_PLANS:
-            self._peer.begin_check()
-            self._backup = PlanBackup(self._peer)
+            self._vehicle.begin_check()
+            self._backup = PlanBackup(self._vehicle)
             self._backup.save()
         unsaved = self._unsaved(check)
         if unsaved is not None:
             return unsaved
-        if not self._battery_seen and check.category in FLIES and SIMULATOR in self._peer.permissions:
+        if not self._battery_seen and check.category in FLIES and SIMULATOR in self._vehicle.permissions:
             self._battery_seen = True
-            _enlarge_battery(self._peer)
-        result = _run_check(self._peer, check)
-        if not _alive(self._peer):
+            _enlarge_battery(self._vehicle)
+        result = _run_check(self._vehicle, check)
+        if not _alive(self._vehicle):
             self.stop_reason = (
                 f"no heartbeat after {check.name}; the remaining checks were skipped [vehicle-silent]"
             )
-            return CheckResult(check, Outcome.FAILED, f"{result.seen}; then no heartbeat", result.took_s)
+            seen = f"no heartbeat after the check, which saw: {result.seen}"
+            return CheckResult(check, Outcome.FAILED, seen, result.took_s)
         return result
 
     def _unsaved(self, check: Check) -> CheckResult | None:
@@ -171,7 +171,7 @@ class _RunState:
                 return CheckResult(
                     check,
                     outcome,
-                    f"its {PLAN_NAMES[kind]} could not be saved: {unsaved[kind]} [plan-unsaved]",
+                    f"the {PLAN_NAMES[kind]} could not be saved: {unsaved[kind]} [plan-unsaved]",
                     0.0,
                 )
         return None
@@ -181,17 +181,17 @@ class _RunState:
         notes = [self.stop_reason] if self.stop_reason is not None else []
         if self.flown_by_another:
             return notes
-        self._peer.begin_check()
+        self._vehicle.begin_check()
         if self._backup is not None:
             notes += [
                 f"the {PLAN_NAMES[kind]} could not be saved and was not overwritten: {why} [plan-unsaved]"
                 for kind, why in self._backup.unsaved.items()
             ]
-        return notes + _restore(self._peer, self._backup)
+        return notes + _restore(self._vehicle, self._backup)
 
 
 def _let_boot(vehicle: VehicleUnderTest) -> None:
-    """Wait for the end of the first seconds after a boot, in which a mode change does not last."""
+    """Wait until `BOOTING_S` after a boot, because an earlier mode change does not last."""
     try:
         age_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
     except (CheckFailed, Skip):
@@ -207,7 +207,7 @@ def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
         return f"only for a {check.kind}"
     for capability in check.claims:
         if not vehicle.identity.claims(capability):
-            return f"does not claim {capability}"
+            return f"the vehicle does not claim {capability}"
     missing = check.needs - vehicle.permissions
     if SIMULATOR in missing:
         return "only for the simulator"
@@ -235,7 +235,7 @@ def _run_check(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
     except Skip as reason:
         outcome, seen = Outcome.SKIPPED, str(reason)
         _pass_on_interrupt(reason)
-    except Exception as error:  # noqa: BLE001 (an error that a strange vehicle causes must not stop the other checks)
+    except Exception as error:  # noqa: BLE001 (an unexpected answer must not stop the run)
         outcome, seen = Outcome.FAILED, f"the check raised {error!r}"
         _pass_on_interrupt(error)
     finally:
@@ -278,7 +278,7 @@ def _enlarge_battery(vehicle: VehicleUnderTest) -> None:
 
 
 def _check_battery(vehicle: VehicleUnderTest) -> None:
-    """Land and `Skip` if the battery is low."""
+    """Land the vehicle and raise `Skip` if the battery is low."""
     share = vehicle.request("SYS_STATUS").battery_remaining
     if 0 <= share < LOW_BATTERY:
         flying.ensure_landed(vehicle)
@@ -302,16 +302,16 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
         state = "armed" if vehicle.armed else "disarmed"
         changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
         return [
-            f"no heartbeat for {BACK_S:g} s; the last one was {state}; "
-            f"not restored: {', '.join(changed) or 'nothing'} [vehicle-lost]"
+            f"no heartbeat for {BACK_S:g} s (last heartbeat: {state}); "
+            f"these changes remain: {', '.join(changed) or 'none'} [vehicle-lost]"
         ]
     if ARM in vehicle.permissions:
-        vehicle.wait(flying.HEARTBEAT_LAG_S)  # it may have been armed a moment ago
+        vehicle.wait(flying.HEARTBEAT_LAG_S)  # the heartbeat may not yet show a recent arming
     notes = _land(vehicle)
     if vehicle.armed:
         # A plan in use must not change.
         return (
-            [*notes, "the plans were not restored, because the vehicle is armed"]
+            [*notes, "the plans were not restored, because the vehicle is armed [not-restored]"]
             if backup is not None
             else notes
         )

@@ -13,44 +13,44 @@ from sim_vehicle.conformance.traffic import Wire, WireError
 from sim_vehicle.links.url import Url
 
 DATAGRAM_BYTES = 65_536
-REDIAL_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
+RECONNECT_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
 V1, V2 = 0xFE, 0xFD
-QUIET_S = 1.0  # [s of vehicle time]; a sender active more recently has not moved
+QUIET_S = 1.0  # [s of vehicle time]; a second address within this time is another vehicle
 
 
 class SenderAddresses:
     """The address of each system id on a UDP port.
 
-    A vehicle may move to another address, for example after a reboot. Two senders that use one id at the same
-    time are two vehicles; the second is ignored.
+    The address of a vehicle may change, for example after a reboot. Two senders with one id at the same time
+    are two vehicles; frames of the second sender are ignored.
     """
 
     def __init__(self) -> None:
         self._addresses: dict[int, Any] = {}
         self._heard_s: dict[int, float] = {}
-        self._doubted: set[int] = set()
+        self._ambiguous: set[int] = set()
 
     @property
     def addresses(self) -> list[Any]:
-        """Return the addresses of all systems, each once."""
+        """Return the addresses of all systems, without duplicates."""
         return list(dict.fromkeys(self._addresses.values()))
 
     def address(self, sysid: int) -> Any | None:
         return self._addresses.get(sysid)
 
     def received(self, sysid: int, address: Any, now_s: float) -> bool:
-        """Note a sender; return False if the id belongs to another address."""
+        """Record a sender; return False if the id belongs to another address."""
         known = self._addresses.get(sysid)
         if known is not None and known != address:
             if now_s - self._heard_s[sysid] <= QUIET_S:
-                self._doubted.add(sysid)
-            if sysid in self._doubted:
+                self._ambiguous.add(sysid)
+            if sysid in self._ambiguous:
                 return False
         self._addresses[sysid], self._heard_s[sysid] = address, now_s
         return True
 
 
-class _Clocked:
+class _VehicleClock:
     """Vehicle time: wall time multiplied by `speedup`."""
 
     def __init__(self, speedup: float) -> None:
@@ -64,8 +64,8 @@ class _Clocked:
         return max(0.0, vehicle_s / self._speedup)
 
 
-class UdpWire(_Clocked):
-    """One UDP socket, bound (udpin) or sending first (udpout); it follows the vehicle's address."""
+class UdpWire(_VehicleClock):
+    """One UDP socket, bound (udpin) or sending first (udpout), to the vehicle's latest address."""
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
@@ -80,8 +80,8 @@ class UdpWire(_Clocked):
             else:
                 self._server = address
         except OSError as error:
-            cure = "check that the port is free" if url.listens else "check the host name"
-            raise WireError(f"cannot open {url}: {error.strerror or error}; {cure}") from error
+            remedy = "check that the port is free" if url.listens else "check the host name"
+            raise WireError(f"cannot open {url}: {error.strerror or error}; {remedy}") from error
         self._socket.setblocking(False)
 
     def send(self, data: bytes) -> None:
@@ -93,7 +93,7 @@ class UdpWire(_Clocked):
         else:
             targets = self._senders.addresses
         for address in targets:
-            # An absent vehicle causes an error here; the checks notice the missing answers.
+            # An absent vehicle causes an error; the checks report the missing answers.
             with contextlib.suppress(OSError):
                 self._socket.sendto(data, address)
 
@@ -111,7 +111,8 @@ class UdpWire(_Clocked):
         if self._sysid is None:
             other = self._senders.address(sysid)
             raise WireError(
-                f"two vehicles use system id {sysid}: one at {other}, one at {address}; give each its own id"
+                f"two vehicles use system id {sysid}: one at {other}, one at {address}; "
+                "give each vehicle another id"
             )
         return None
 
@@ -122,7 +123,7 @@ class UdpWire(_Clocked):
         self._socket.close()
 
 
-class TcpWire(_Clocked):
+class TcpWire(_VehicleClock):
     """A TCP connection that reconnects after a reboot of the vehicle."""
 
     def __init__(self, url: Url, speedup: float) -> None:
@@ -138,7 +139,7 @@ class TcpWire(_Clocked):
                 self._connection = socket.create_connection((url.host, url.port), timeout=5.0)
         except OSError as error:
             raise WireError(
-                f"cannot open {url}: {error.strerror or error}; check that a vehicle listens there"
+                f"cannot open {url}: {error.strerror or error}; check that a vehicle listens at this address"
             ) from error
 
     def send(self, data: bytes) -> None:
@@ -151,8 +152,8 @@ class TcpWire(_Clocked):
     def receive(self, timeout_s: float) -> bytes | None:
         end_s = time.monotonic() + self._wall_s(timeout_s)
         while True:
-            left_s = max(0.0, end_s - time.monotonic())
-            if self._connection is None and not self._connect(left_s):
+            remaining_s = max(0.0, end_s - time.monotonic())
+            if self._connection is None and not self._connect(remaining_s):
                 return None
             assert self._connection is not None
             ready, _, _ = select.select([self._connection], [], [], max(0.0, end_s - time.monotonic()))
@@ -163,19 +164,19 @@ class TcpWire(_Clocked):
                     return data
             self._drop()
 
-    def _connect(self, left_s: float) -> bool:
-        """Connect within `left_s` [s of wall time]; return True on success."""
+    def _connect(self, remaining_s: float) -> bool:
+        """Connect within `remaining_s` [s of wall time]; return True on success."""
         if self._listener is not None:
-            ready, _, _ = select.select([self._listener], [], [], left_s)
+            ready, _, _ = select.select([self._listener], [], [], remaining_s)
             if ready:
                 self._connection, _ = self._listener.accept()
             return bool(ready)
         try:
             self._connection = socket.create_connection(
-                (self._url.host, self._url.port), timeout=max(left_s, 0.01)
+                (self._url.host, self._url.port), timeout=max(remaining_s, 0.01)
             )
         except OSError:
-            time.sleep(min(left_s, REDIAL_S))
+            time.sleep(min(remaining_s, RECONNECT_S))
             return False
         return True
 
@@ -193,8 +194,8 @@ class TcpWire(_Clocked):
             self._listener.close()
 
 
-class SerialWire(_Clocked):
-    """A serial port that is reopened when the device returns, such as an autopilot on USB."""
+class SerialWire(_VehicleClock):
+    """A serial port that is reopened after a disconnection, for example of an autopilot on USB."""
 
     def __init__(self, device: str, baud: int, speedup: float) -> None:
         super().__init__(speedup)
@@ -218,8 +219,8 @@ class SerialWire(_Clocked):
     def receive(self, timeout_s: float) -> bytes | None:
         end_s = time.monotonic() + self._wall_s(timeout_s)
         while self._port is None:
-            left_s = max(0.0, end_s - time.monotonic())
-            if not self._reopen(left_s) and left_s == 0.0:
+            remaining_s = max(0.0, end_s - time.monotonic())
+            if not self._reopen(remaining_s) and remaining_s == 0.0:
                 return None
         try:
             self._port.timeout = max(0.0, end_s - time.monotonic())
@@ -229,12 +230,12 @@ class SerialWire(_Clocked):
             self._drop()
             return None
 
-    def _reopen(self, left_s: float) -> bool:
-        """Try once to reopen; after a failure wait at most `left_s` [s of wall time]."""
+    def _reopen(self, remaining_s: float) -> bool:
+        """Try once to reopen the port; after a failure wait at most `remaining_s` [s of wall time]."""
         try:
             self._open()
         except (OSError, ValueError):
-            time.sleep(min(left_s, REDIAL_S))
+            time.sleep(min(remaining_s, RECONNECT_S))
             return False
         return True
 
@@ -261,13 +262,13 @@ def _source(data: bytes) -> int | None:
 
 def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
     """Open the wire for a URL; WireError if that fails."""
-    makers: dict[str, Callable[[], Wire]] = {
+    wires: dict[str, Callable[[], Wire]] = {
         "udpin": lambda: UdpWire(url, speedup),
         "udpout": lambda: UdpWire(url, speedup),
         "tcpin": lambda: TcpWire(url, speedup),
         "tcpout": lambda: TcpWire(url, speedup),
         "serial": lambda: SerialWire(url.host, url.port, speedup),
     }
-    if url.kind not in makers:
-        raise WireError(f"{url.kind} is no kind of link; expected one of {', '.join(makers)}")
-    return makers[url.kind]()
+    if url.kind not in wires:
+        raise WireError(f"{url.kind} is an unknown kind of link; expected one of {', '.join(wires)}")
+    return wires[url.kind]()

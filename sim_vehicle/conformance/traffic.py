@@ -15,24 +15,24 @@ from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
 Condition = Callable[[Any], bool]
 HEARTBEAT_S = 1.0
 REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers within a fraction of it
-RESTORE_S = 60.0  # for undoing a change, however little time the check has left
+RESTORE_S = 60.0  # guaranteed time for undoing a change, also after the limit of a check
 SYSTEMS = 250  # the highest system id of a vehicle
 EPSILON_S = 1e-6  # tolerance for sums of times
 STATION, SECOND_STATION = (255, 190), (254, 191)
 
 
 class WireError(OSError):
-    """The link cannot be opened or has failed; the text says what to do."""
+    """The link cannot be opened or has failed; the text has the remedy."""
 
 
 class Wire(Protocol):
-    """A link to one vehicle, or to several of which one is followed."""
+    """A link to one or more vehicles; after `follow`, to one vehicle."""
 
     def send(self, data: bytes) -> None:
         """Send to the vehicle, or to all known senders before `follow`."""
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return the next bytes, after at most `timeout_s` [s of vehicle time]; None without any."""
+        """Return the next bytes within `timeout_s` [s of vehicle time], or None."""
 
     def now_s(self) -> float:
         """Return the vehicle time [s]; it never decreases."""
@@ -51,14 +51,15 @@ def is_autopilot(heartbeat: Any) -> bool:
 class Traffic:
     """The messages between the suite's ground stations and one vehicle.
 
-    Each wait lets time pass on the wire; the station's heartbeat is sent once a second. `received` has the
-    frames since the check began, `last` the latest of each kind, `texts` each STATUSTEXT of the run.
-    `seen_sysids` has all system ids on the link, `saved_plans` the MAV_MISSION_TYPE of the plans that may be
-    overwritten because a copy exists.
+    Each wait lets time pass on the wire; the station then sends one heartbeat a second.
+
+    received: frames since the check began. last: the latest frame of each kind. texts: each STATUSTEXT of the
+    run. seen_sysids: all system ids on the link. saved_plans: MAV_MISSION_TYPE of the plans with a copy; only
+    these may be overwritten.
     """
 
     def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
-        """`permissions`: the actions that are allowed on the vehicle, see `guard.PERMISSIONS`."""
+        """`permissions`: the allowed actions on the vehicle (`guard.PERMISSIONS`)."""
         self._wire = wire
         self.permissions: set[str] = set(permissions)
         self.identity = VehicleIdentity(0, 1, mavlink.MAV_AUTOPILOT_INVALID, 0)
@@ -101,7 +102,7 @@ class Traffic:
         self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
-        """Send any bytes; all output passes here, and each frame in it is checked."""
+        """Send any bytes, after a check of each frame in them; all output passes here."""
         objection = self.objection(data)
         if objection is not None:
             raise objection
@@ -122,7 +123,7 @@ class Traffic:
         return None
 
     def unused_sysid(self) -> int:
-        """Return a system id that is unused on the link."""
+        """Return a system id without a sender on the link."""
         for step in range(1, SYSTEMS):
             sysid = (self.identity.sysid + step - 1) % SYSTEMS + 1
             if sysid not in self.seen_sysids:
@@ -130,7 +131,7 @@ class Traffic:
         raise Skip("every system id is in use")
 
     def begin_check(self, limit_s: float = math.inf) -> None:
-        """Forget the received frames and give the next check `limit_s` [s]."""
+        """Clear the received frames and set the time limit of the next check [s]."""
         self.deadline_s = math.inf
         self._pump(0.0)
         self.received.clear()
@@ -149,7 +150,7 @@ class Traffic:
             self.deadline_s = before_s
 
     def _pump(self, timeout_s: float) -> None:
-        """Process the received bytes, after at most `timeout_s` [s]."""
+        """Wait at most `timeout_s` [s] for bytes, and process them."""
         if self.now > self.deadline_s:
             raise CheckFailed("the time limit of the check has passed [time-limit]")
         if self.now >= self._next_heartbeat_s - EPSILON_S:
@@ -248,7 +249,7 @@ class Traffic:
     def expect_none(
         self, kind: str, where: Condition | None = None, *, during_s: float, mark: int | None = None
     ) -> None:
-        """Wait; CheckFailed if such a message arrives."""
+        """Wait `during_s` [s]; CheckFailed if a matching message arrives."""
         message = self.wait_for(kind, where, within_s=during_s, mark=mark)
         if message is not None:
             raise CheckFailed(f"expected no {kind}, saw {message}")
@@ -263,7 +264,7 @@ class Traffic:
         attempts: int = 3,
         source: tuple[int, int] = STATION,
     ) -> Any:
-        """Send a message and return the answer; repeat it without one."""
+        """Send a message, repeated up to `attempts` times; return the answer."""
         for _ in range(attempts):
             mark = self.mark()
             self.send(message, source)

@@ -24,8 +24,8 @@ class VehicleUnderTest(Traffic):
         self.dialect: Dialect = GENERIC
         self.pending_restores: dict[
             str, Callable[[], None]
-        ] = {}  # changed part of the vehicle -> its undoing
-        self.catalogue: dict[str, Any] = {}  # the parameter list, once it has been fetched
+        ] = {}  # changed part of the vehicle -> function that restores it
+        self.catalogue: dict[str, Any] = {}  # the parameter list; empty before `fetch_all`
 
     def connect(self, sysid: int | None = None) -> VehicleIdentity:
         """Wait for an autopilot (`sysid`, or the first one) and request its identity."""
@@ -84,7 +84,7 @@ class VehicleUnderTest(Traffic):
 
     @contextmanager
     def restoring(self, what: str, undo: Callable[[], None]) -> Iterator[None]:
-        """Note a change of the vehicle and undo it at the end; a failure leaves it to `restore_all`."""
+        """Record a change of the vehicle and undo it at the end; after a failure `restore_all` undoes it."""
         outer = what in self.pending_restores
         self.pending_restores.setdefault(what, undo)
         try:
@@ -167,7 +167,7 @@ class VehicleUnderTest(Traffic):
         mark = self.mark()
         result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
         if result != mavlink.MAV_RESULT_ACCEPTED:
-            raise Skip(f"does not send {kind} on request ({result_name(result)})")
+            raise Skip(f"the vehicle does not send {kind} on request ({result_name(result)})")
         return self.expect(kind, mark=mark, what=f"{kind} after its request was accepted")
 
     def set_interval(self, kind: str, rate_hz: float) -> int:
@@ -177,12 +177,12 @@ class VehicleUnderTest(Traffic):
 
     @contextmanager
     def streaming(self, rates_hz: Mapping[str, float]) -> Iterator[None]:
-        """Stream messages at these rates, then at the default rates; Skip if one is refused."""
+        """Stream messages at these rates, then restore the default rates; Skip if a rate is refused."""
         try:
             for kind, rate_hz in rates_hz.items():
                 result = self.set_interval(kind, rate_hz)
                 if result != mavlink.MAV_RESULT_ACCEPTED:
-                    raise Skip(f"does not stream {kind} ({result_name(result)})")
+                    raise Skip(f"the vehicle does not stream {kind} ({result_name(result)})")
             yield
         finally:
             with self.extra_time():
@@ -200,12 +200,12 @@ class VehicleUnderTest(Traffic):
         return found
 
 
-_UNSAID = object()
+_UNKNOWN = object()
 
 
-def known_behaviour(vehicle: VehicleUnderTest, *, ardupilot: Any = _UNSAID, px4: Any = _UNSAID) -> Any:
+def known_behaviour(vehicle: VehicleUnderTest, *, ardupilot: Any = _UNKNOWN, px4: Any = _UNKNOWN) -> Any:
     """Return the known behaviour of this autopilot; Skip if it is unknown."""
-    value = {"ardupilot": ardupilot, "px4": px4}.get(vehicle.dialect.name, _UNSAID)
-    if value is _UNSAID:
+    value = {"ardupilot": ardupilot, "px4": px4}.get(vehicle.dialect.name, _UNKNOWN)
+    if value is _UNKNOWN:
         raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")
     return value

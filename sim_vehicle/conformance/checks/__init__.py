@@ -1,1 +1,1 @@
-"""The checks, one file a category; each registers its functions when it is imported."""
+"""The checks, one file a category; the import of a file registers its checks."""

@@ -19,7 +19,7 @@ IDLE_DISARM_S = {"ardupilot": "DISARM_DELAY", "px4": "COM_DISARM_PRFLT"}
 
 @check("arming.arms_and_disarms", needs=[ARM], limit_s=200)
 def arms_and_disarms(vehicle: VehicleUnderTest) -> str:
-    """COMPONENT_ARM_DISARM is accepted both ways, and the heartbeat follows."""
+    """COMPONENT_ARM_DISARM arms and disarms, and the heartbeat shows both."""
     flying.arm(vehicle)
     flying.disarm(vehicle)
     return "armed, then disarmed"
@@ -94,23 +94,23 @@ def system_status(vehicle: VehicleUnderTest) -> str:
 
 @check("arming.prearm_bit", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: readiness")
 def prearm_bit(vehicle: VehicleUnderTest) -> str:
-    """A vehicle whose pre-arm bit is set arms."""
+    """A vehicle with a set pre-arm bit can be armed."""
     flying.wait_ready(vehicle)
     status = vehicle.request("SYS_STATUS")
     if not status.onboard_control_sensors_present & flying.PREARM_BIT:
-        raise Skip("has no pre-arm bit")
+        raise Skip("the vehicle has no pre-arm bit")
     holds(status.onboard_control_sensors_health & flying.PREARM_BIT, "the pre-arm bit is clear")
     flying.arm(vehicle)
     flying.disarm(vehicle)
-    return "set, and it armed"
+    return "set, and the vehicle armed"
 
 
 @check("arming.mode_not_armable", needs=[ARM], dialects=("ardupilot",), limit_s=200, pins="AUTOPILOTS 1.7")
 def mode_not_armable(vehicle: VehicleUnderTest) -> str:
-    """AUTO refuses arming, with the reason as a text."""
+    """The vehicle refuses arming in AUTO, and sends the reason as a text."""
     flying.wait_ready(vehicle)
     if int(parameters.value_or_none(vehicle, "AUTO_OPTIONS") or 0) & 1 or vehicle.identity.kind == "plane":
-        raise Skip("AUTO is armable here")
+        raise Skip("AUTO is armable on this vehicle")
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     flying.set_mode(vehicle, "mission")
     began_s = vehicle.now
@@ -126,7 +126,7 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     "arming.refusal_has_a_reason", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: reason only in STATUSTEXT"
 )
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
-    """A refused arming is explained by a text, here outside of a fence."""
+    """Outside of a fence arming is refused, and the vehicle sends the reason as a text."""
     known_behaviour(vehicle, ardupilot=True)
     plans.require_type(vehicle, FENCE)
     flying.wait_ready(vehicle)
@@ -136,7 +136,10 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
         result = vehicle.command(ARM_COMMAND, 1)
         vehicle.wait(REFUSAL_S)
         texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
-        holds(result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed, "it armed outside of its fence")
+        holds(
+            result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed,
+            "the vehicle armed outside of its fence",
+        )
         equal(result, vehicle.dialect.arm_refused, "result")
         holds(any("reach" in text for text in texts), f"expected a text about the breach, saw {texts}")
     return texts[0]
@@ -209,7 +212,7 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     armed = vehicle.armed
     flying.disarm(vehicle)
     equal(result_name(result), expected, "PREFLIGHT_REBOOT_SHUTDOWN")
-    holds(armed, "it is no longer armed")
+    holds(armed, "the vehicle is no longer armed")
     return str(expected)
 
 
@@ -228,7 +231,7 @@ def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
     vehicle.accepted(mavlink.MAV_CMD_MISSION_START)
     vehicle.wait_until(flying.in_mode(vehicle, "mission"), "AUTO in the heartbeat", flying.HEARTBEAT_LAG_S)
     vehicle.wait(3.0)
-    holds(not vehicle.armed, "it armed")
+    holds(not vehicle.armed, "the vehicle armed")
     flying.ready_mode(vehicle)
     return "AUTO, disarmed"
 

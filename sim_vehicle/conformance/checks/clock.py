@@ -19,7 +19,7 @@ def _sync(vehicle: VehicleUnderTest, stamp: int) -> Any:
 
 @check("time.timesync.is_answered")
 def is_answered(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers TIMESYNC with tc1 0 with the same stamp and its own time."""
+    """The answer to a TIMESYNC request (tc1 = 0) has the same ts1, and the vehicle's time as tc1."""
     answer = _sync(vehicle, 123_456_789_012)
     holds(answer.tc1 > 0, f"expected a time, saw {answer.tc1}")
     return f"{answer.tc1 / 1e9:.3f} s"
@@ -37,7 +37,7 @@ def goes_forward(vehicle: VehicleUnderTest) -> str:
 
 @check("time.timesync.answer_is_not_answered")
 def not_answered(vehicle: VehicleUnderTest) -> str:
-    """The vehicle does not answer a TIMESYNC that is an answer."""
+    """The vehicle does not reply to a TIMESYNC answer (tc1 not 0)."""
     _sync(vehicle, 666_666)  # confirms that the vehicle answers
     mark = vehicle.mark()
     vehicle.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
@@ -71,7 +71,7 @@ def knows_the_date(vehicle: VehicleUnderTest) -> str:
 
 @check("time.system_time.both_go_alike")
 def both_go_alike(vehicle: VehicleUnderTest) -> str:
-    """The date and the time since boot go at the same rate."""
+    """The date and the time since boot advance at the same rate."""
     first = vehicle.request("SYSTEM_TIME")
     if not first.time_unix_usec:
         raise Skip("no GPS time")
@@ -84,7 +84,7 @@ def both_go_alike(vehicle: VehicleUnderTest) -> str:
 
 @check("time.ping", dialects=("px4",))
 def ping(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers a PING to all systems, with the same number."""
+    """The vehicle answers a PING to all systems with the same number."""
     stamp = 987_654
     answer = vehicle.ask(
         mavlink.MAVLink_ping_message(stamp, 42, 0, 0), "PING", lambda m: m.target_system == STATION[0]

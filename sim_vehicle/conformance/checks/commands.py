@@ -153,7 +153,7 @@ def other_component(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.station.any_is_obeyed", pins="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
 def any_station(vehicle: VehicleUnderTest) -> str:
-    """Another ground station's command is executed, and acknowledged to that station."""
+    """The command of a second ground station is executed and acknowledged to that station."""
     ack = vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SECOND_STATION)
     holds(ack.target_system in (0, SECOND_STATION[0]), f"acknowledged to {ack.target_system}")
     return f"acknowledged to {ack.target_system}"
@@ -161,7 +161,7 @@ def any_station(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.station.two_at_once")
 def two_at_once(vehicle: VehicleUnderTest) -> str:
-    """Two stations that command at the same moment both get an answer."""
+    """Two stations that send a command at the same moment both get an answer."""
     mark = vehicle.mark()
     for source in (STATION, SECOND_STATION):
         vehicle.send(vehicle.command_long(REQUEST, VERSION), source)
@@ -181,7 +181,7 @@ def nan_is_unset(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.parameters.no_number")
 def no_number(vehicle: VehicleUnderTest) -> str:
-    """NaN, infinity and 1e30 as a message id are answered, and the next command works."""
+    """A message id of NaN, infinity or 1e30 is answered, and the next command works."""
     seen = [result_name(vehicle.command(REQUEST, value)) for value in (math.nan, math.inf, -math.inf, 1e30)]
     equal(result_name(vehicle.command(REQUEST, VERSION)), "ACCEPTED", "the next command")
     return ", ".join(seen)
@@ -201,13 +201,13 @@ def interval_nan(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.progress.ends_in_a_result", needs=[ALTER], limit_s=120)
 def ends_in_a_result(vehicle: VehicleUnderTest) -> str:
-    """A gyroscope calibration is acknowledged, at once or after IN_PROGRESS, within a minute."""
+    """A gyroscope calibration has a final acknowledgement within 60 s, at once or after IN_PROGRESS."""
     mark = vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1)
     results = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK")]
     if result == mavlink.MAV_RESULT_UNSUPPORTED:
         raise Skip("the vehicle does not calibrate on command")
-    holds(result != mavlink.MAV_RESULT_IN_PROGRESS, "IN_PROGRESS was never followed by a result")
+    holds(result != mavlink.MAV_RESULT_IN_PROGRESS, "expected a result after IN_PROGRESS, saw none")
     return " then ".join(results)
 
 

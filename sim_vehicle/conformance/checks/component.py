@@ -26,7 +26,7 @@ def _metadata(vehicle: VehicleUnderTest) -> tuple[int, str]:
 def _path(uri: str) -> str:
     """Return the path of an FTP URI, without its component."""
     if not uri.startswith(SCHEME):
-        raise Skip(f"{uri} is not on the vehicle")
+        raise Skip(f"the file {uri} is not on the vehicle")
     path = uri.removeprefix(SCHEME)
     if path.startswith("["):
         path = path.partition("]")[2]
@@ -49,7 +49,7 @@ def metadata_is_offered(vehicle: VehicleUnderTest) -> str:
 
 @check("component.general_file_is_valid", limit_s=120)
 def general_file(vehicle: VehicleUnderTest) -> str:
-    """The general file has its checksum, is JSON, and lists metadata by type."""
+    """The general file has the announced checksum, is JSON, and lists metadata by type."""
     crc, uri = _metadata(vehicle)
     data, content = _fetch(vehicle, uri)
     equal(bare_crc32(data), crc, "checksum")

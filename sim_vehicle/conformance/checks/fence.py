@@ -43,7 +43,7 @@ def circle(vehicle: VehicleUnderTest, radius_m: float, *, command: int = CIRCLE_
 
 @contextmanager
 def fence_in_force(vehicle: VehicleUnderTest, items: Sequence[PlanItem]) -> Iterator[None]:
-    """Enable this fence for a while, and remove it afterwards."""
+    """Upload and enable a fence, and remove it afterwards."""
     plans.upload_or_fail(vehicle, items, FENCE)
     with _fence_enabled(vehicle):
         vehicle.accepted(ENABLE, 1)
@@ -54,10 +54,10 @@ def fence_in_force(vehicle: VehicleUnderTest, items: Sequence[PlanItem]) -> Iter
 
 @contextmanager
 def _fence_enabled(vehicle: VehicleUnderTest) -> Iterator[float | None]:
-    """Disable the fence afterwards; yield FENCE_ENABLE of before."""
+    """Yield the present FENCE_ENABLE, and disable the fence afterwards."""
     parameter = parameters.value_or_none(vehicle, "FENCE_ENABLE")
     if parameter:
-        # A fence that was on is enabled again after the restoring of the plans.
+        # A fence that is enabled now is enabled again after the plans are restored.
         vehicle.pending_restores.setdefault("the enabled fence", lambda: vehicle.accepted(ENABLE, 1))
     with vehicle.restoring("the disabled fence", lambda: _disable(vehicle)):
         yield parameter
@@ -132,7 +132,7 @@ def read_back_frame(vehicle: VehicleUnderTest) -> str:
     "fence.relative_frame", claims=CLAIMS, pins="AUTOPILOTS 2: fence frames 0,3,5,6 / frame 0 and 3 accepted"
 )
 def relative_frame(vehicle: VehicleUnderTest) -> str:
-    """Frame 3 is accepted as well as 0."""
+    """Items in frame 3 are accepted."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     equal(_result(vehicle, [replace(i, frame=3) for i in polygon(vehicle)]), "ACCEPTED", "frame 3")
     return "ACCEPTED"
@@ -145,7 +145,7 @@ def relative_frame(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: fence frames (2 refused)",
 )
 def fence_mission_frame(vehicle: VehicleUnderTest) -> str:
-    """Frame 2 is refused."""
+    """Items in frame 2 are refused."""
     seen = _result(vehicle, [replace(i, frame=2) for i in polygon(vehicle)])
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
     return seen
@@ -163,7 +163,7 @@ def two_vertices(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.wrong_vertex_count", claims=CLAIMS, pins="AUTOPILOTS 2: wrong vertex count")
 def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
-    """Four vertices with a vertex count of six: ERROR on ArduPilot, ACCEPTED on PX4."""
+    """A polygon of four vertices with a vertex count of 6 is an ERROR on ArduPilot, ACCEPTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     equal(_result(vehicle, polygon(vehicle, vertex_count=6)), expected, "6 for 4")
     return str(expected)
@@ -171,7 +171,7 @@ def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.old_one_stays", claims=CLAIMS, pins="AUTOPILOTS 2: fence atomic, old fence kept on failure")
 def old_one_stays(vehicle: VehicleUnderTest) -> str:
-    """A refused fence leaves the old one."""
+    """After a refused upload the vehicle keeps its old fence."""
     old = polygon(vehicle)
     plans.upload_or_fail(vehicle, old, FENCE)
     holds(_result(vehicle, polygon(vehicle, SQUARE[:2])) != "ACCEPTED", "2 vertices were accepted")
@@ -199,7 +199,7 @@ def self_intersecting(vehicle: VehicleUnderTest) -> str:
     limit_s=90,
 )
 def too_large(vehicle: VehicleUnderTest) -> str:
-    """Two hundred vertices are refused, and the old fence stays."""
+    """A fence of 200 vertices is refused, and the old fence stays."""
     old = polygon(vehicle)
     plans.upload_or_fail(vehicle, old, FENCE)
     corners = [(200 - i, 150.0 + i % 2) for i in range(200)]
@@ -230,7 +230,7 @@ def clear(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.is_not_the_mission", claims=CLAIMS)
 def is_not_the_mission(vehicle: VehicleUnderTest) -> str:
-    """Writing and clearing a fence leaves the mission unchanged, and the reverse."""
+    """The upload of a fence does not change the mission; clearing the mission does not change the fence."""
     mission, fence = plans.sample_plan(vehicle), polygon(vehicle)
     plans.upload_or_fail(vehicle, mission)
     plans.upload_or_fail(vehicle, fence, FENCE)
@@ -263,7 +263,7 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
     results: dict[int, int] = {}
     while len(results) < 2:
         place = vehicle.seek((*plans.REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
-        holds(place is not None, f"the uploads stopped; finished: {results}")
+        holds(place is not None, f"the uploads stopped; results so far: {results}")
         assert place is not None
         entry, mark = vehicle.received[place], place + 1
         kind = entry.message.mission_type
@@ -284,7 +284,7 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.enable_command", claims=CLAIMS, pins="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
 def enable_command(vehicle: VehicleUnderTest) -> str:
-    """DO_FENCE_ENABLE is accepted by ArduPilot, with FENCE_ENABLE unchanged, and UNSUPPORTED on PX4."""
+    """ArduPilot accepts DO_FENCE_ENABLE and keeps FENCE_ENABLE; on PX4 it is UNSUPPORTED."""
     expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
     plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
     with _fence_enabled(vehicle) as before:

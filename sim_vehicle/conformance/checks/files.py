@@ -28,7 +28,7 @@ def _client(vehicle: VehicleUnderTest) -> Iterator[FtpClient]:
 
 
 def _some_file(client: FtpClient) -> tuple[str, bytes]:
-    """Return the path and content of a file on the vehicle. Raises Skip if no file is known."""
+    """Return the path and content of a file on the vehicle; Skip without a known file."""
     for path in CANDIDATES:
         answer = client.ask(ftp.OPEN_READ, path.encode())
         if answer.ok:
@@ -69,7 +69,7 @@ def addressed(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.lists_a_directory", claims=CLAIMS)
 def lists(vehicle: VehicleUnderTest) -> str:
-    """The root can be listed; each entry is a file, a directory or a skipped entry."""
+    """The root can be listed; each entry is a file (F), a directory (D) or a skipped entry (S)."""
     with _client(vehicle) as client:
         entries = client.list("/")
     bad = [entry for entry in entries if entry[0] not in "FDS"]
@@ -108,7 +108,7 @@ def unknown_operation(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.session_that_is_not_open", claims=CLAIMS)
 def no_session(vehicle: VehicleUnderTest) -> str:
-    """A read from a session that is not open is refused."""
+    """A read from an unopened session is refused."""
     with _client(vehicle) as client:
         answer = client.ask(ftp.READ, session=0, offset=0, size=10)
     holds(not answer.ok, "expected NAK, saw ACK")
@@ -181,17 +181,17 @@ def repeated(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.checksum", claims=CLAIMS, limit_s=200)
 def checksum(vehicle: VehicleUnderTest) -> str:
-    """CalcFileCRC32 returns the checksum of the file; an unsupported operation is skipped."""
+    """CalcFileCRC32, where supported, returns the checksum of the file."""
     with _client(vehicle) as client:
         path, data = _some_file(client)
         if path == PACKED:
-            raise Skip("the vehicle makes the packed parameters anew for each read")
+            raise Skip("the vehicle generates the packed parameters for each read")
         answer = client.ask(ftp.CALC_CRC, path.encode())
         if not answer.ok:
             raise Skip(f"CalcFileCRC32 is refused (error {answer.error})")
     seen = int.from_bytes(answer.data[:4], "little")
-    # The protocol's checksum is zlib's without its two inversions.
-    holds(seen in (zlib.crc32(data), bare_crc32(data)), f"saw {seen:#x}, {bare_crc32(data):#x} expected")
+    # The protocol's checksum is the CRC-32 of zlib without its two inversions.
+    holds(seen in (zlib.crc32(data), bare_crc32(data)), f"expected {bare_crc32(data):#x}, saw {seen:#x}")
     return f"{seen:#010x}"
 
 
@@ -202,7 +202,7 @@ def bare_crc32(data: bytes) -> int:
 
 @check("ftp.ends_a_session", claims=CLAIMS)
 def ends_a_session(vehicle: VehicleUnderTest) -> str:
-    """After TerminateSession a read from the session is refused."""
+    """A read from a session after its TerminateSession is refused."""
     with _client(vehicle) as client:
         path, _ = _some_file(client)
         session, _ = client.open(path)
@@ -214,7 +214,7 @@ def ends_a_session(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.packed_parameters", claims=CLAIMS, dialects=("ardupilot",), limit_s=200)
 def packed_parameters(vehicle: VehicleUnderTest) -> str:
-    """@PARAM/param.pck begins with its magic and counts as many parameters as the list."""
+    """@PARAM/param.pck begins with its magic, and its parameter count agrees with the list."""
     with _client(vehicle) as client:
         data = client.burst(PACKED)
     magic, count, total = (int.from_bytes(data[i : i + 2], "little") for i in (0, 2, 4))

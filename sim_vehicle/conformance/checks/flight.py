@@ -21,7 +21,7 @@ TURN_S = 20.0
 
 @check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter", limit_s=400)
 def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
-    """landed_state changes from ON_GROUND to IN_AIR, with TAKEOFF in between where it is reported."""
+    """landed_state changes from ON_GROUND to IN_AIR, optionally with TAKEOFF in between."""
     flying.ensure_landed(vehicle)
     vehicle.set_interval("EXTENDED_SYS_STATE", 10)
     mark = vehicle.mark()
@@ -40,7 +40,7 @@ def status_active(vehicle: VehicleUnderTest) -> str:
     vehicle.expect("HEARTBEAT", within_s=3)
     vehicle.wait(1.0)
     equal(vehicle.heartbeat.system_status, mavlink.MAV_STATE_ACTIVE, "system_status")
-    holds(vehicle.armed, "not armed")
+    holds(vehicle.armed, "the vehicle is not armed")
     return "ACTIVE"
 
 
@@ -51,7 +51,7 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
         raise Skip("the behaviour of this autopilot is unknown")
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
     vehicle.wait(1.5)
-    holds(vehicle.armed, "it disarmed in flight")
+    holds(vehicle.armed, "the vehicle disarmed in flight")
     equal(result_name(result), result_name(vehicle.dialect.disarm_refused), "disarming")
     return result_name(result)
 
@@ -67,12 +67,14 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude",
 )
 def hold_keeps(vehicle: VehicleUnderTest) -> str:
-    """In the hold mode the vehicle stays within 2.5 m, and at its height, for 10 s."""
+    """In the hold mode the vehicle stays within 2.5 m of its place and 1 m of its height for 10 s."""
     flying.set_mode(vehicle, "hold")
     vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.5, "a standstill", STOPS_S)
     place, height = flying.last_position(vehicle), flying.height_m(vehicle)
     vehicle.wait(10.0)
-    holds(flying.distance_to_m(vehicle, place) < 2.5, f"drifted {flying.distance_to_m(vehicle, place):.1f} m")
+    holds(
+        flying.distance_to_m(vehicle, place) < 2.5, f"drift of {flying.distance_to_m(vehicle, place):.1f} m"
+    )
     near(flying.height_m(vehicle), height, 1.0, "height")
     return f"{flying.distance_to_m(vehicle, place):.2f} m"
 
@@ -88,7 +90,7 @@ def hold_circles(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(1.0)
         farthest = max(farthest, flying.distance_to_m(vehicle, place))
         holds(flying.speed_m_s(vehicle) > 3.0, f"slowed to {flying.speed_m_s(vehicle):.1f} m/s")
-    holds(20 < farthest < 600, f"expected a circle, saw at most {farthest:.0f} m from its place")
+    holds(20 < farthest < 600, f"expected a circle of 20 to 600 m, saw {farthest:.0f} m")
     near(flying.height_m(vehicle), height, 15.0, "height")
     return f"within {farthest:.0f} m"
 
@@ -109,11 +111,11 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(3.0)
     sunk = height - flying.height_m(vehicle)
     flying.set_mode(vehicle, "hold")
-    holds(sunk > 3.0, f"expected it to sink, saw {sunk:.1f} m in 3 s")
+    holds(sunk > 3.0, f"expected a descent of more than 3 m, saw {sunk:.1f} m in 3 s")
     return f"{sunk:.1f} m in 3 s"
 
 
-# -- going somewhere -------------------------------------------------------------------------------------
+# -- repositioning ---------------------------------------------------------------------------------------
 
 
 @check("flight.reposition.goes_there", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 1.17")
@@ -128,14 +130,14 @@ def reposition_goes(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.reposition.circles_there", airborne=True, kind="plane", limit_s=300)
 def reposition_plane(vehicle: VehicleUnderTest) -> str:
-    """DO_REPOSITION makes a plane circle around another position."""
+    """After DO_REPOSITION a plane circles around the new position."""
     target = plans.offset(flying.last_position(vehicle), 400.0, 0.0)
     equal(result_name(flying.reposition(vehicle, target, 60.0)), "ACCEPTED", "DO_REPOSITION")
     took_s = flying.wait_until_near(vehicle, target, 120.0, 150.0)
     vehicle.wait(20.0)
     holds(
         flying.distance_to_m(vehicle, target) < 300,
-        f"{flying.distance_to_m(vehicle, target):.0f} m away after a while",
+        f"{flying.distance_to_m(vehicle, target):.0f} m away, 20 s after the arrival",
     )
     return f"there after {took_s:.0f} s"
 

@@ -19,7 +19,7 @@ def land_broken_off(vehicle: VehicleUnderTest) -> str:
     height = flying.height_m(vehicle)
     vehicle.wait(4.0)
     near(flying.height_m(vehicle), height, 1.0, "height")
-    holds(vehicle.armed, "it disarmed")
+    holds(vehicle.armed, "the vehicle disarmed")
     return f"at {height:.1f} m"
 
 
@@ -41,7 +41,7 @@ def return_home(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.return.circles_home", airborne=True, kind="plane", limit_s=400)
 def return_plane(vehicle: VehicleUnderTest) -> str:
-    """RETURN_TO_LAUNCH makes a plane circle near home."""
+    """After RETURN_TO_LAUNCH a plane circles near home."""
     home = vehicle.request("HOME_POSITION")
     target = home.latitude, home.longitude
     vehicle.accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)

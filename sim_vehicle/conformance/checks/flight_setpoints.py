@@ -54,7 +54,7 @@ def _stream_velocity(vehicle: VehicleUnderTest, north_m_s: float, seconds: float
 
 
 def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
-    """Set the mode that follows velocities, with a stream of them."""
+    """Set OFFBOARD on PX4, after a stream of velocities; ArduPilot follows velocities in its present mode."""
     if vehicle.dialect.name == "px4":
         _stream_velocity(vehicle, 0.0, 2.0)
         equal(result_name(flying.try_mode(vehicle, "offboard")), "ACCEPTED", "OFFBOARD")
@@ -92,7 +92,7 @@ def setpoint_needs_mode(vehicle: VehicleUnderTest) -> str:
     place = flying.last_position(vehicle)
     _stream_velocity(vehicle, 4.0, 3.0)
     away_m = flying.distance_to_m(vehicle, place)
-    holds(away_m < 2.5, f"it moved {away_m:.1f} m")
+    holds(away_m < 2.5, f"the vehicle moved {away_m:.1f} m")
     return f"{away_m:.2f} m"
 
 

@@ -19,7 +19,7 @@ def velocity(vehicle: VehicleUnderTest) -> str:
     first, last = ((m.lat, m.lon) for m in (messages[0], messages[-1]))
     flown_m = plans.distance_m(first, last)
     reported_m = sum(math.hypot(m.vx, m.vy) / 100 for m in messages) / len(messages) * seconds
-    holds(flown_m > 3.0, f"it hardly moved: {flown_m:.1f} m")
+    holds(flown_m > 3.0, f"expected a flight of more than 3 m, saw {flown_m:.1f} m")
     near(reported_m, flown_m, 0.15 * flown_m + 1.0, "metres by velocity")
     return f"{flown_m:.1f} m flown, {reported_m:.1f} m by velocity"
 
@@ -74,7 +74,7 @@ def airspeed(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.tells.battery", airborne=True, limit_s=300)
 def battery(vehicle: VehicleUnderTest) -> str:
-    """In the air a current flows, the consumption grows, and the remaining charge does not."""
+    """In the air a current flows, the consumption grows, and the remaining charge does not grow."""
     first = vehicle.request("BATTERY_STATUS")
     vehicle.wait(10.0)
     second = vehicle.request("BATTERY_STATUS")
@@ -82,6 +82,6 @@ def battery(vehicle: VehicleUnderTest) -> str:
         raise Skip("the current is not measured")
     holds(second.current_battery > 50, f"current {second.current_battery} cA")
     holds(second.current_consumed > first.current_consumed, f"consumed {second.current_consumed} mAh")
-    holds(second.battery_remaining <= first.battery_remaining, "the rest grew")
+    holds(second.battery_remaining <= first.battery_remaining, "the remaining charge grew")
     used_mah = second.current_consumed - first.current_consumed
     return f"{second.current_battery / 100:.1f} A, {used_mah} mAh in 10 s"

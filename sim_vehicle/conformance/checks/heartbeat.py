@@ -11,18 +11,18 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 LISTEN_S = 8.0
-LOST_SHARE = 0.05  # share that a real link may lose
+LOST_SHARE = 0.05  # share of frames that a real link may lose
 
 
-def _sends_heartbeats(vehicle: VehicleUnderTest, seconds: float = LISTEN_S) -> list[ReceivedFrame]:
+def _heartbeats(vehicle: VehicleUnderTest, seconds: float = LISTEN_S) -> list[ReceivedFrame]:
     mark = vehicle.wait(seconds)
     component = vehicle.identity.component
     return [e for e in vehicle.received[mark:] if e.kind == "HEARTBEAT" and e.component == component]
 
 
 def _enough(seen: int, least: int) -> None:
-    """Require a number of frames, because silence is no success."""
-    holds(seen >= least, f"expected at least {least}frames, saw {seen}")
+    """Require a number of frames, because a silent vehicle must not pass."""
+    holds(seen >= least, f"expected at least {least} frames, saw {seen}")
 
 
 @check("heartbeat.arrives")
@@ -35,7 +35,7 @@ def arrives(vehicle: VehicleUnderTest) -> str:
 @check("heartbeat.once_a_second", pins="AUTOPILOTS 1.1: HEARTBEAT (1 Hz)")
 def once_a_second(vehicle: VehicleUnderTest) -> str:
     """The mean rate is 1 Hz."""
-    beats = _sends_heartbeats(vehicle)
+    beats = _heartbeats(vehicle)
     rate_hz = (len(beats) - 1) / (beats[-1].at_s - beats[0].at_s) if len(beats) > 1 else 0.0
     holds(0.8 <= rate_hz <= 1.25, f"expected 1 Hz within a quarter, saw {rate_hz:.2f} Hz")
     return f"{rate_hz:.2f} Hz"
@@ -43,8 +43,8 @@ def once_a_second(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.no_gaps")
 def no_gaps(vehicle: VehicleUnderTest) -> str:
-    """No two heartbeats are more than two seconds apart."""
-    beats = _sends_heartbeats(vehicle)
+    """The gap between two heartbeats is less than 2 s."""
+    beats = _heartbeats(vehicle)
     gaps = [b.at_s - a.at_s for a, b in pairwise(beats)]
     holds(bool(gaps) and max(gaps) < 2.0, f"expected gaps below 2 s, saw {max(gaps, default=LISTEN_S):.2f} s")
     return f"longest gap {max(gaps):.2f} s"
@@ -68,7 +68,7 @@ def says_protocol_version(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.type_is_a_vehicle")
 def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
-    """The type is a known MAV_TYPE of something that moves."""
+    """The type is a known MAV_TYPE of a vehicle."""
     kind = vehicle.heartbeat.type
     entry = mavlink.enums["MAV_TYPE"].get(kind)
     holds(entry is not None, f"expected a MAV_TYPE, saw {kind}")
@@ -129,7 +129,7 @@ def system_status(vehicle: VehicleUnderTest) -> str:
 def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends heartbeats while the station is silent."""
     vehicle.quiet = True
-    beats = _sends_heartbeats(vehicle, 6.0)
+    beats = _heartbeats(vehicle, 6.0)
     holds(len(beats) >= 4, f"expected at least 4 heartbeats in 6 s, saw {len(beats)}")
     return f"{len(beats)} in 6 s"
 
@@ -146,17 +146,17 @@ def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.sequence_numbers_count")
 def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
-    """Sequence numbers of a component increase by one, except for lost frames."""
+    """Sequence numbers of the autopilot increase by one; at most 5 % of the frames are lost."""
     with vehicle.streaming({"ATTITUDE": 10.0}):
         mark = vehicle.wait(4.0)
     frames = [e for e in vehicle.received[mark:] if e.component == vehicle.identity.component]
     _enough(len(frames), 20)
-    unsaved = sum((b.seq - a.seq - 1) % 256 for a, b in pairwise(frames))
+    missing = sum((b.seq - a.seq - 1) % 256 for a, b in pairwise(frames))
     holds(
-        unsaved <= LOST_SHARE * (len(frames) + unsaved),
-        f"{unsaved} of {len(frames) + unsaved} sequence numbers are missing",
+        missing <= LOST_SHARE * (len(frames) + missing),
+        f"{missing} of {len(frames) + missing} sequence numbers are missing",
     )
-    return f"{len(frames)} frames, {unsaved} missing"
+    return f"{len(frames)} frames, {missing} missing"
 
 
 @check("heartbeat.payloads_are_trimmed")
@@ -169,7 +169,7 @@ def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     for entry in frames:
         payload = entry.payload
         if len(payload) > 1 and payload[-1] == 0:
-            raise CheckFailed(f"{entry.kind} carries {len(payload)} bytes, the last of them 0")
+            raise CheckFailed(f"the payload of {entry.kind} has {len(payload)} bytes, and the last is 0")
     return f"{len(frames)} frames"
 
 
@@ -178,6 +178,6 @@ def nothing_but_mavlink(vehicle: VehicleUnderTest) -> str:
     """Between boots the link carries only frames."""
     vehicle.wait(3.0)
     holds(
-        not vehicle.noise, f"saw {len(vehicle.noise)} bytes that are no frame: {bytes(vehicle.noise[:20])!r}"
+        not vehicle.noise, f"saw {len(vehicle.noise)} bytes outside of frames: {bytes(vehicle.noise[:20])!r}"
     )
     return "no other bytes"

@@ -21,7 +21,7 @@ def _home(vehicle: VehicleUnderTest) -> Any:
 
 
 @contextmanager
-def _home_put_back(vehicle: VehicleUnderTest) -> Iterator[Any]:
+def _home_restored(vehicle: VehicleUnderTest) -> Iterator[Any]:
     before = _home(vehicle)
     with vehicle.restoring("home", lambda: _restore(vehicle, before)):
         yield before
@@ -40,7 +40,7 @@ def _restore(vehicle: VehicleUnderTest, before: Any) -> None:
 
 @check("home.by_request_message", limit_s=200)
 def by_request_message(vehicle: VehicleUnderTest) -> str:
-    """The vehicle sends HOME_POSITION on request once it has a position."""
+    """A vehicle with a position estimate sends HOME_POSITION on request."""
     home = _home(vehicle)
     holds(home.latitude != 0 or home.longitude != 0, "home is at 0, 0")
     return f"{home.latitude / 1e7:.5f}, {home.longitude / 1e7:.5f}, {home.altitude / 1000:.1f} m"
@@ -69,7 +69,7 @@ def is_near(vehicle: VehicleUnderTest) -> str:
 @check("home.set_to_here")
 def set_to_here(vehicle: VehicleUnderTest) -> str:
     """DO_SET_HOME with parameter 1 sets home to the vehicle's position."""
-    with _home_put_back(vehicle):
+    with _home_restored(vehicle):
         mark = vehicle.mark()
         vehicle.accepted(SET_HOME, 1)
         home = vehicle.wait_for("HOME_POSITION", mark=mark) or vehicle.request("HOME_POSITION")
@@ -80,8 +80,8 @@ def set_to_here(vehicle: VehicleUnderTest) -> str:
 
 @check("home.set_to_a_place")
 def set_to_a_place(vehicle: VehicleUnderTest) -> str:
-    """DO_SET_HOME as COMMAND_INT sets home to the centimetre, and HOME_POSITION reports it."""
-    with _home_put_back(vehicle) as before:
+    """DO_SET_HOME as COMMAND_INT sets home within 5 cm, and HOME_POSITION reports the new home."""
+    with _home_restored(vehicle) as before:
         x, y = plans.offset((before.latitude, before.longitude), AWAY_M, AWAY_M)
         z = before.altitude / 1000 + 3.0
         command = vehicle.command_int(SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=x, y=y, z=z)
@@ -95,8 +95,8 @@ def set_to_a_place(vehicle: VehicleUnderTest) -> str:
 
 @check("home.relative_altitude_follows")
 def relative_follows(vehicle: VehicleUnderTest) -> str:
-    """relative_alt counts from the home that was set."""
-    with _home_put_back(vehicle) as before:
+    """relative_alt counts from the new home."""
+    with _home_restored(vehicle) as before:
         z = before.altitude / 1000 - 5.0
         command = vehicle.command_int(
             SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=before.latitude, y=before.longitude, z=z
@@ -111,7 +111,7 @@ def relative_follows(vehicle: VehicleUnderTest) -> str:
 @check("home.impossible_place", dialects=("ardupilot", "mavlink"))
 def impossible_place(vehicle: VehicleUnderTest) -> str:
     """A latitude of 95 degrees is refused."""
-    with _home_put_back(vehicle) as before:
+    with _home_restored(vehicle) as before:
         command = vehicle.command_int(
             SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=950_000_000, y=before.longitude
         )

@@ -9,13 +9,13 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 PART = 900
-UNDER_WAY = 100_000  # bytes: more than the vehicle may send before it receives the end request
+BYTES_IN_FLIGHT = 100_000  # more bytes than a vehicle sends before it receives the end request
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 
 
 @check("logs.list")
 def log_list(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers LOG_REQUEST_LIST with one LOG_ENTRY a log, or one for an empty list."""
+    """The vehicle answers LOG_REQUEST_LIST with one LOG_ENTRY a log, and with one for an empty list."""
     found = logclient.entries(vehicle)
     logclient.end_transfer(vehicle)
     return f"{len(found)} logs"
@@ -23,11 +23,11 @@ def log_list(vehicle: VehicleUnderTest) -> str:
 
 @check("logs.list_is_consistent")
 def consistent(vehicle: VehicleUnderTest) -> str:
-    """All entries have the same num_logs and last_log_num, and ids up to that."""
+    """All entries have the same num_logs and last_log_num, and no id exceeds last_log_num."""
     found = logclient.entries(vehicle)
     logclient.end_transfer(vehicle)
     if not found:
-        raise Skip("holds no logs")
+        raise Skip("the vehicle holds no logs")
     equal({entry.num_logs for entry in found.values()}, {len(found)}, "num_logs")
     equal(len({entry.last_log_num for entry in found.values()}), 1, "different last_log_num")
     last = next(iter(found.values())).last_log_num
@@ -77,8 +77,8 @@ def unknown_id(vehicle: VehicleUnderTest) -> str:
     vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, 60_000, 0, 500))
     vehicle.wait(2.0)
     logclient.end_transfer(vehicle)
-    got = [m for m in vehicle.since(mark, "LOG_DATA") if m.count]
-    equal(len(got), 0, "LOG_DATA with bytes")
+    received = [m for m in vehicle.since(mark, "LOG_DATA") if m.count]
+    equal(len(received), 0, "LOG_DATA with bytes")
     return "none"
 
 
@@ -86,9 +86,9 @@ def unknown_id(vehicle: VehicleUnderTest) -> str:
 def download_ends(vehicle: VehicleUnderTest) -> str:
     """LOG_REQUEST_END in the middle of a download ends it."""
     entry = max(logclient.entries(vehicle).values(), key=lambda found: found.size, default=None)
-    if entry is None or entry.size <= UNDER_WAY:
+    if entry is None or entry.size <= BYTES_IN_FLIGHT:
         logclient.end_transfer(vehicle)
-        raise Skip(f"holds no log of more than {UNDER_WAY // 1000} kB, whose download could be ended")
+        raise Skip(f"the vehicle holds no log of more than {BYTES_IN_FLIGHT // 1000} kB")
     mark = vehicle.mark()
     vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, entry.id, 0, 0xFFFFFFFF))
     try:
@@ -99,10 +99,10 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
             vehicle.wait(1.0)
             logclient.end_transfer(vehicle)  # the first may be lost
             vehicle.wait(1.0)
-    got = max(m.ofs + m.count for m in vehicle.since(mark, "LOG_DATA") if m.id == entry.id)
-    holds(got < entry.size, f"all {entry.size} bytes came")
+    received = max(m.ofs + m.count for m in vehicle.since(mark, "LOG_DATA") if m.id == entry.id)
+    holds(received < entry.size, f"the vehicle sent all {entry.size} bytes")
     vehicle.expect_none("LOG_DATA", during_s=2.0)
-    return f"after {got} of {entry.size} bytes"
+    return f"after {received} of {entry.size} bytes"
 
 
 @check("logs.erase", needs=[ALTER], limit_s=90)
@@ -112,7 +112,7 @@ def erase(vehicle: VehicleUnderTest) -> str:
     logclient.end_transfer(vehicle)
     vehicle.send(mavlink.MAVLink_log_erase_message(*vehicle.target))
     vehicle.wait(5.0)
-    left = len(logclient.entries(vehicle))
+    n_left = len(logclient.entries(vehicle))
     logclient.end_transfer(vehicle)
-    holds(left <= 1, f"expected at most 1 log, saw {left} of {before}")
-    return f"{before} -> {left}"
+    holds(n_left <= 1, f"expected at most 1 log, saw {n_left} of {before}")
+    return f"{before} -> {n_left}"

@@ -20,7 +20,7 @@ def _can_be_requested(kind: str) -> Callable[[VehicleUnderTest], str]:
         try:
             vehicle.request(kind)
         except Skip as refusal:
-            # Both known autopilots send each of these; another one may lack it.
+            # Both known autopilots send all of `REQUESTED`; other autopilots may lack some.
             if not vehicle.dialect.known or kind == "HOME_POSITION":
                 raise
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
@@ -36,7 +36,7 @@ for _kind in REQUESTED:
 
 @check("messages.request.sends_one")
 def sends_one(vehicle: VehicleUnderTest) -> str:
-    """One request brings one message, not a stream."""
+    """The vehicle answers one request with one message, without a stream."""
     vehicle.set_interval("BATTERY_STATUS", -1)
     mark = vehicle.mark()
     vehicle.request("BATTERY_STATUS")
@@ -105,7 +105,7 @@ def default(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.interval.told")
 def interval_reported(vehicle: VehicleUnderTest) -> str:
-    """GET_MESSAGE_INTERVAL reports the interval that was set."""
+    """GET_MESSAGE_INTERVAL reports the requested interval."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
         mark = vehicle.mark()
         result = vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
@@ -142,7 +142,7 @@ def unknown_interval(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.interval.others_keep_theirs")
 def others_keep_theirs(vehicle: VehicleUnderTest) -> str:
-    """The interval of one message does not change that of another."""
+    """The interval of one message does not change the interval of another message."""
     with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
         vehicle.wait(1.0)
         mark = vehicle.wait(5.0)
@@ -154,7 +154,7 @@ def others_keep_theirs(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.interval.by_command_int")
 def by_command_int(vehicle: VehicleUnderTest) -> str:
-    """SET_MESSAGE_INTERVAL works as COMMAND_INT as well."""
+    """SET_MESSAGE_INTERVAL works as COMMAND_INT."""
     command = vehicle.command_int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of("ATTITUDE"), 2e5)
     try:
         equal(result_name(vehicle.result(command)), "ACCEPTED", "COMMAND_INT")

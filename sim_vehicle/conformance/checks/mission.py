@@ -28,18 +28,18 @@ def asks_in_order(vehicle: VehicleUnderTest) -> str:
     items = plans.sample_plan(vehicle)
     seen = [seq for _, seq in plans.upload_or_fail(vehicle, items).requests]
     # On a lossy link the vehicle repeats requests, but never out of order.
-    equal(sorted(set(seen)), list(range(len(items))), "asked for")
+    equal(sorted(set(seen)), list(range(len(items))), "requested items")
     equal(seen, sorted(seen), "order")
     return f"0 to {len(items) - 1}"
 
 
 @check("mission.upload.kind_of_request", pins="AUTOPILOTS 2: requests")
 def kind_of_request(vehicle: VehicleUnderTest) -> str:
-    """ArduPilot requests items with MISSION_REQUEST, PX4 only until the first integer item."""
+    """ArduPilot requests items with MISSION_REQUEST, PX4 with MISSION_REQUEST_INT after its first request."""
     later = known_behaviour(vehicle, ardupilot="MISSION_REQUEST", px4="MISSION_REQUEST_INT")
     kinds = [kind for kind, _ in plans.upload_or_fail(vehicle, plans.sample_plan(vehicle)).requests]
     holds(kinds[0] in ("MISSION_REQUEST", later), f"the first request is {kinds[0]}")
-    equal(set(kinds[1:]), {later}, "the others")
+    equal(set(kinds[1:]), {later}, "the later requests")
     return f"{kinds[0]}, then {later}"
 
 
@@ -73,7 +73,7 @@ def one_item(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.upload.many_items", limit_s=180)
 def many_items(vehicle: VehicleUnderTest) -> str:
-    """A hundred items are uploaded and read back equal."""
+    """A mission of 100 items is uploaded and read back unchanged."""
     items = plans.sample_plan(vehicle, MANY, 30.0)
     done = plans.upload_or_fail(vehicle, items)
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
@@ -161,7 +161,7 @@ def legacy_request(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.download.same_twice")
 def same_twice(vehicle: VehicleUnderTest) -> str:
-    """Two downloads are equal, apart from home."""
+    """Two downloads give the same items, apart from home."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     first, second = ([item.to_dict() for item in plans.download(vehicle)[1:]] for _ in range(2))
     equal(second, first, "items")
@@ -170,7 +170,7 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.download.item_asked_twice")
 def item_asked_twice(vehicle: VehicleUnderTest) -> str:
-    """An item is sent as often as it is requested."""
+    """The vehicle sends an item at each request."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     plans.open_list(vehicle)
     ask = mavlink.MAVLink_mission_request_int_message(*vehicle.target, 0, MISSION)
@@ -192,7 +192,7 @@ def by_second_station(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.download.item_zero", pins="AUTOPILOTS 2: item 0 is home")
 def item_zero(vehicle: VehicleUnderTest) -> str:
-    """Item 0 is home on ArduPilot, even if another item was sent, and an ordinary item on PX4."""
+    """Item 0 is home on ArduPilot, even after the upload of another item 0, and an ordinary item on PX4."""
     is_home = known_behaviour(vehicle, ardupilot=True, px4=False)
     place = plans.current_position(vehicle)
     sent = plans.waypoint(place, 500, 500, 33.0)
@@ -202,10 +202,10 @@ def item_zero(vehicle: VehicleUnderTest) -> str:
     if is_home:
         home = vehicle.request("HOME_POSITION")
         away_m = plans.distance_m((first.x, first.y), (home.latitude, home.longitude))
-        holds(away_m < 1, f"expected home, saw a place {away_m:.0f} m from it")
+        holds(away_m < 1, f"expected home, saw a place {away_m:.0f} m from home")
     else:
         equal((first.x, first.y), (sent.x, sent.y), "item 0")
-    return "home" if is_home else "as it was sent"
+    return "home" if is_home else "as sent"
 
 
 @check("mission.download.behind_the_end", pins="AUTOPILOTS 2: wrong item")

@@ -18,7 +18,7 @@ def _current(vehicle: VehicleUnderTest) -> Any:
 
 
 def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
-    """Return whether MISSION_CURRENT has reported item `seq` since the mark."""
+    """Return True if MISSION_CURRENT has reported item `seq` since the mark."""
     return any(message.seq == seq for message in vehicle.since(mark, "MISSION_CURRENT"))
 
 
@@ -47,7 +47,7 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.current.state", pins="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def current_state(vehicle: VehicleUnderTest) -> str:
-    """mission_state is NO_MISSION, then NOT_STARTED on ArduPilot, and always 0 on PX4."""
+    """After an upload mission_state changes from NO_MISSION to NOT_STARTED; on PX4 it is always 0."""
     empty, waiting = known_behaviour(vehicle, ardupilot=(1, 2), px4=(0, 0))
     plans.clear(vehicle)
     vehicle.wait(0.5)

@@ -16,7 +16,7 @@ NO_SUCH_ITEM = 31_900
 
 
 def _outcome(vehicle: VehicleUnderTest, bad: PlanItem) -> str:
-    """Return the result of an upload with this item after a take-off."""
+    """Return the result of an upload of a take-off and this item."""
     done = plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)), bad))
     return mission_result_name(done.result)
 
@@ -88,7 +88,7 @@ def unknown_frame(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.error.too_many", pins="AUTOPILOTS 2: too many NO_SPACE(4)", limit_s=40)
 def too_many(vehicle: VehicleUnderTest) -> str:
-    """Three thousand items are NO_SPACE on ArduPilot; PX4 requests the first one."""
+    """A mission of 3000 items is NO_SPACE on ArduPilot; PX4 requests the first item."""
     refuses = known_behaviour(vehicle, ardupilot=True, px4=False)
     mark = vehicle.mark()
     vehicle.send(plans.count_message(vehicle, 3000))
@@ -97,9 +97,9 @@ def too_many(vehicle: VehicleUnderTest) -> str:
         equal(mission_result_name(ack.type), "NO_SPACE", "3000 items")
         return "NO_SPACE"
     _, seq = plans.next_request(vehicle, MISSION, mark=mark)
-    equal(seq, 0, "asks for")
+    equal(seq, 0, "requested item")
     plans.cancel_upload(vehicle)
-    return "asks for item 0"
+    return "item 0 requested"
 
 
 @check("mission.error.item_without_upload", pins="AUTOPILOTS 2: wrong item")

@@ -112,7 +112,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd",
 )
 def without_takeoff(vehicle: VehicleUnderTest) -> str:
-    """On the ground a mission without a take-off at its start is refused with a text."""
+    """On the ground AUTO is refused with a text if the mission does not begin with a take-off."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(
         vehicle, plans.plan(vehicle, plans.waypoint(place, 30, 0), plans.waypoint(place, 30, 30))
@@ -143,7 +143,7 @@ def auto_alone_stays(vehicle: VehicleUnderTest) -> str:
     flying.arm(vehicle)
     flying.set_mode(vehicle, "mission")
     vehicle.wait(5.0)
-    holds(flying.height_m(vehicle) < 1.0, f"it took off: {flying.height_m(vehicle):.1f} m")
+    holds(flying.height_m(vehicle) < 1.0, f"the vehicle took off: {flying.height_m(vehicle):.1f} m")
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "disarmed by itself", 20)
     return f"disarmed after {took_s + 5:.0f} s"
 
@@ -164,7 +164,7 @@ def starts_when_armed(vehicle: VehicleUnderTest) -> str:
     flying.wait_ready(vehicle)
     flying.set_mode(vehicle, "mission")
     vehicle.accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 3, "it to take off", 30)
+    took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 3, "a height of 3 m", 30)
     return f"3 m after {took_s:.0f} s"
 
 
@@ -181,7 +181,7 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
     ]
     plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place, missions.HEIGHT_M), *legs))
     missions.resume(vehicle, missions.first_waypoint(vehicle))
-    vehicle.wait_until(lambda: flying.distance_to_m(vehicle, place) > 30, "it to be on its way", 100)
+    vehicle.wait_until(lambda: flying.distance_to_m(vehicle, place) > 30, "30 m from the start", 100)
     speeds = []
     for _ in range(6):
         vehicle.wait(0.5)
@@ -244,5 +244,5 @@ def plane_flies_it(vehicle: VehicleUnderTest) -> str:
     flying.set_mode(vehicle, "mission")
     for target in targets:
         vehicle.wait_until(partial(_passes, vehicle, target, 120.0), "a waypoint within 120 m", 150)
-    holds(vehicle.armed and flying.height_m(vehicle) > 20, "it came down")
+    holds(vehicle.armed and flying.height_m(vehicle) > 20, "the vehicle descended or disarmed")
     return f"{len(targets)} waypoints"

@@ -51,7 +51,7 @@ def jump_by_command(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4",
 )
 def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
-    """ArduPilot pauses and continues by DO_PAUSE_CONTINUE, PX4 by the hold and mission modes."""
+    """DO_PAUSE_CONTINUE pauses and continues on ArduPilot; on PX4 the hold and mission modes do."""
     by_command = known_behaviour(vehicle, ardupilot=True, px4=False)
     seq = missions.under_way(vehicle)
     if by_command:
@@ -71,9 +71,9 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
         vehicle.accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
     else:
         flying.set_mode(vehicle, "mission")
-    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) > 1.0, "it to go on", 15)
+    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) > 1.0, "a speed above 1 m/s", 15)
     equal(missions.current(vehicle) in (seq, seq + 1), True, "the same item")
-    return "stopped, and went on"
+    return "stopped, then continued"
 
 
 @check(
@@ -84,7 +84,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: CLEAR_ALL while flying the mission",
 )
 def clear_in_flight(vehicle: VehicleUnderTest) -> str:
-    """Clearing in flight is an ERROR on ArduPilot in AUTO; PX4 accepts it and loiters."""
+    """Clearing the mission in flight is an ERROR on ArduPilot in AUTO; PX4 accepts it and loiters."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     missions.under_way(vehicle)
     seen = mission_result_name(plans.clear(vehicle))
@@ -94,7 +94,7 @@ def clear_in_flight(vehicle: VehicleUnderTest) -> str:
     else:
         vehicle.wait(2.0)
         equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")
-    holds(vehicle.armed, "it disarmed")
+    holds(vehicle.armed, "the vehicle disarmed")
     return seen
 
 
@@ -114,7 +114,7 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     height = flying.height_m(vehicle)
     vehicle.wait(8.0)
     near(flying.height_m(vehicle), height, 2.0, "height")
-    holds(flying.speed_m_s(vehicle) < 1.0, f"moves at {flying.speed_m_s(vehicle):.1f} m/s")
+    holds(flying.speed_m_s(vehicle) < 1.0, f"the vehicle moves at {flying.speed_m_s(vehicle):.1f} m/s")
     return "ACCEPTED, loiters"
 
 
@@ -126,7 +126,7 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: re-upload in AUTO/mission mode",
 )
 def upload_in_flight(vehicle: VehicleUnderTest) -> str:
-    """A new mission in flight is accepted, the index is kept, and the vehicle flies the new item."""
+    """A new mission is accepted in flight; the vehicle keeps the index and flies the new item."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     seq = missions.under_way(vehicle)
     place = plans.current_position(vehicle)
@@ -143,7 +143,7 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     took_s = vehicle.wait_until(
         lambda: flying.distance_to_m(vehicle, target) < PASS_M, "the new waypoint", 90
     )
-    return f"index {seq} kept, there after {took_s:.0f} s"
+    return f"index {seq} kept, new waypoint after {took_s:.0f} s"
 
 
 @check(
@@ -155,7 +155,7 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: shorter mission than the current index: index moved to last item",
 )
 def shorter_upload(vehicle: VehicleUnderTest) -> str:
-    """A shorter mission in flight moves the index to its last item."""
+    """The upload of a shorter mission in flight moves the index to the new last item."""
     missions.under_way(vehicle)
     items = missions.items(vehicle, landing=False)[:2]
     plans.upload_or_fail(vehicle, items)

@@ -1,4 +1,4 @@
-"""Differences between an item as sent and as read back."""
+"""Differences between sent items and items read back."""
 
 import math
 from dataclasses import replace
@@ -91,7 +91,7 @@ def nan_yaw(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.readback.loiter_time", dialects=("ardupilot",), pins=PINS)
 def loiter_time(vehicle: VehicleUnderTest) -> str:
-    """LOITER_TIME keeps only the direction of a radius of 25 m."""
+    """A radius of 25 m in LOITER_TIME is read back as 1, the direction."""
     item = _point(vehicle, command=mavlink.MAV_CMD_NAV_LOITER_TIME, params=(12, 0, 25, 0))
     seen = plans.store_and_read(vehicle, item)
     equal((seen.param1, seen.param3), (12.0, 1.0), "param1, param3")

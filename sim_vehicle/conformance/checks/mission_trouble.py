@@ -1,4 +1,4 @@
-"""Uploads that are interrupted, repeated, disturbed, or done in part."""
+"""Interrupted, repeated, disturbed and partial uploads."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ OLD, NEW = 7, 5  # items besides home, of the earlier mission and of the interru
     limit_s=60,
 )
 def asks_again(vehicle: VehicleUnderTest) -> str:
-    """A missing item is requested again: each second by ArduPilot, four times a second by PX4."""
+    """A missing item is requested again: every 1 s by ArduPilot, every 0.25 s by PX4."""
     period_s = known_behaviour(vehicle, ardupilot=1.0, px4=0.25)
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     vehicle.wait(3.2)
@@ -62,14 +62,14 @@ def late_item(vehicle: VehicleUnderTest) -> str:
     limit_s=60,
 )
 def gives_up(vehicle: VehicleUnderTest) -> str:
-    """An abandoned upload ends: after 8 s with an acknowledgement, or after 5 s with only a text."""
+    """An abandoned upload ends after 8 s with an acknowledgement (ArduPilot) or 5 s with a text (PX4)."""
     after_s, acked = known_behaviour(vehicle, ardupilot=(8.0, True), px4=(5.0, False))
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     began_s = vehicle.now
     vehicle.wait(after_s + 3.0)
     requests = [e.at_s - began_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
-    holds(max(requests) < after_s + 0.6, f"still asked after {max(requests):.1f} s")
-    holds(max(requests) > after_s - 2.0, f"asked for only {max(requests):.1f} s")
+    holds(max(requests) < after_s + 0.6, f"saw a request after {max(requests):.1f} s")
+    holds(max(requests) > after_s - 2.0, f"saw requests for only {max(requests):.1f} s")
     acks = [m.type for m in vehicle.since(mark, "MISSION_ACK")]
     equal(acks, [mavlink.MAV_MISSION_OPERATION_CANCELLED] if acked else [], "acknowledgements")
     holds(bool(vehicle.since(mark, "STATUSTEXT")), "expected a text, saw none")
@@ -93,7 +93,7 @@ def abandoned_upload(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.trouble.refused_item", pins="AUTOPILOTS 2: a refused upload leaves a mixture")
 def refused_item(vehicle: VehicleUnderTest) -> str:
-    """An upload refused at its last item leaves new and old items on ArduPilot, the old mission on PX4."""
+    """A refused last item leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
     place = plans.current_position(vehicle)
     old = plans.sample_plan(vehicle, OLD)
@@ -162,7 +162,7 @@ def duplicate_item(vehicle: VehicleUnderTest) -> str:
     "mission.trouble.last_item_again", pins="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again"
 )
 def last_item_again(vehicle: VehicleUnderTest) -> str:
-    """A repeated last item, as after a lost acknowledgement, is an ERROR on ArduPilot, ACCEPTED on PX4."""
+    """A repeated last item (lost acknowledgement) is an ERROR on ArduPilot, ACCEPTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
@@ -217,7 +217,7 @@ def download_during_upload(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: same GCS may restart",
 )
 def same_station_restarts(vehicle: VehicleUnderTest) -> str:
-    """The uploading station may start again."""
+    """The uploading station may restart its upload."""
     plans.begin_upload(vehicle, plans.sample_plan(vehicle, 6), 2)
     items = plans.sample_plan(vehicle, 4)
     done = plans.upload(vehicle, items)
@@ -235,7 +235,7 @@ def _write_partial(vehicle: VehicleUnderTest, first: int, last: int) -> int:
 
 @check("mission.partial.writes", pins="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
 def partial_writes(vehicle: VehicleUnderTest) -> str:
-    """ArduPilot replaces items 2 and 3; PX4 does not answer."""
+    """By MISSION_WRITE_PARTIAL_LIST ArduPilot replaces items 2 and 3; PX4 does not answer."""
     works = known_behaviour(vehicle, ardupilot=True, px4=False)
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)

@@ -53,7 +53,7 @@ def mission_when_empty(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.acks_are_true", limit_s=120)
 def acks_are_true(vehicle: VehicleUnderTest) -> str:
-    """An accepted mode appears in the heartbeat, a refused one does not."""
+    """An accepted mode appears in the heartbeat; a refused mode does not appear."""
     flying.ready_mode(vehicle)
     outcomes = []
     for role, number in vehicle.dialect.modes.items():
@@ -62,11 +62,11 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(flying.HEARTBEAT_LAG_S)
         if accepted and vehicle.mode != number:
             raise CheckFailed(
-                f"{role} was accepted, the heartbeat says {flying.mode_name(vehicle, vehicle.mode)}"
+                f"{role} was accepted, the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
             )
         if not accepted and vehicle.mode != before:
             raise CheckFailed(
-                f"{role} was refused, the heartbeat says {flying.mode_name(vehicle, vehicle.mode)}"
+                f"{role} was refused, the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
             )
         outcomes.append(accepted)
     flying.ready_mode(vehicle)
@@ -77,7 +77,7 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.unknown")
 def unknown_mode(vehicle: VehicleUnderTest) -> str:
-    """An unknown mode number changes nothing and is refused; PX4 accepts an unknown main mode."""
+    """An unknown mode number does not change the mode and, except on PX4, is refused."""
     before = vehicle.mode
     result = vehicle.command(mavlink.MAV_CMD_DO_SET_MODE, 1, NO_SUCH_MODE)
     if vehicle.dialect.name != "px4":
@@ -110,7 +110,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.set_mode_message", pins="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
 def set_mode_message(vehicle: VehicleUnderTest) -> str:
-    """SET_MODE changes the mode; PX4 acknowledges it, ArduPilot does not."""
+    """SET_MODE changes the mode; only PX4 acknowledges the message."""
     acked = known_behaviour(vehicle, ardupilot=False, px4=True)
     flying.ready_mode(vehicle)
     number, mark = flying.mode_number(vehicle, "manual"), vehicle.mark()
@@ -158,5 +158,5 @@ def available_modes(vehicle: VehicleUnderTest) -> str:
     modes = [frames.fields(entry, AVAILABLE) for entry in entries]
     total = modes[0][2]
     equal({mode[3] for mode in modes}, set(range(1, total + 1)), "mode_index")
-    holds(vehicle.mode in {mode[0] for mode in modes}, f"the current mode {vehicle.mode} is not among them")
+    holds(vehicle.mode in {mode[0] for mode in modes}, f"the current mode {vehicle.mode} is not listed")
     return f"{total} modes"

@@ -5,7 +5,7 @@ import struct
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import parameters as p
+from sim_vehicle.conformance import parameters
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
@@ -16,18 +16,18 @@ SILENT_S = 1.5
 
 
 def _whole(vehicle: VehicleUnderTest) -> tuple[str, int]:
-    name, value = p.harmless_change(vehicle, vehicle.dialect.whole_parameters)
+    name, value = parameters.harmless_change(vehicle, vehicle.dialect.whole_parameters)
     return name, int(value)
 
 
 def _real(vehicle: VehicleUnderTest) -> tuple[str, float]:
-    return p.harmless_change(vehicle, vehicle.dialect.real_parameters)
+    return parameters.harmless_change(vehicle, vehicle.dialect.real_parameters)
 
 
 @check("parameters.list.is_complete", limit_s=150)
 def list_is_complete(vehicle: VehicleUnderTest) -> str:
-    """PARAM_REQUEST_LIST brings every index."""
-    found = p.fetch_all(vehicle)
+    """The answers to PARAM_REQUEST_LIST have every index."""
+    found = parameters.fetch_all(vehicle)
     counts = {value.count for value in found.values()}
     equal(counts, {len(found)}, "param_count")
     return f"{len(found)} parameters"
@@ -36,7 +36,7 @@ def list_is_complete(vehicle: VehicleUnderTest) -> str:
 @check("parameters.list.another_vehicles")
 def list_anothers(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a list request to another system."""
-    p.read(vehicle, next(iter(p.listed(vehicle))))  # it does answer
+    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # it does answer
     vehicle.send(
         mavlink.MAVLink_param_request_list_message(vehicle.unused_sysid(), vehicle.identity.component)
     )
@@ -49,7 +49,7 @@ def names_are_valid(vehicle: VehicleUnderTest) -> str:
     """Names are unique, 1 to 16 printable characters without blanks."""
     bad = [
         n
-        for n in p.listed(vehicle)
+        for n in parameters.listed(vehicle)
         if not 1 <= len(n) <= 16 or not n.isascii() or not n.isprintable() or " " in n
     ]
     holds(not bad, f"saw {bad[:3]}")
@@ -59,8 +59,8 @@ def names_are_valid(vehicle: VehicleUnderTest) -> str:
 @check("parameters.list.types_are_valid")
 def types_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every type is a MAV_PARAM_TYPE that fits into the message."""
-    types = {found.type for found in p.listed(vehicle).values()}
-    allowed = {*p.WHOLE_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
+    types = {found.type for found in parameters.listed(vehicle).values()}
+    allowed = {*parameters.WHOLE_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
     if vehicle.dialect.name == "px4":
         allowed = {mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32}
     holds(types <= allowed, f"expected types of {sorted(allowed)}, saw {sorted(types - allowed)}")
@@ -70,9 +70,9 @@ def types_are_valid(vehicle: VehicleUnderTest) -> str:
 @check("parameters.list.values_fit_types")
 def values_fit_types(vehicle: VehicleUnderTest) -> str:
     """An integer parameter has a whole value within the range of its type; no value is NaN."""
-    for found in p.listed(vehicle).values():
-        low, high = p.WHOLE_RANGES.get(found.type, (-math.inf, math.inf))
-        whole = found.type not in p.WHOLE_RANGES or float(found.value).is_integer()
+    for found in parameters.listed(vehicle).values():
+        low, high = parameters.WHOLE_RANGES.get(found.type, (-math.inf, math.inf))
+        whole = found.type not in parameters.WHOLE_RANGES or float(found.value).is_integer()
         holds(whole and low <= found.value <= high, f"{found.name} of type {found.type} is {found.value}")
     return f"{len(vehicle.catalogue)} values"
 
@@ -80,20 +80,20 @@ def values_fit_types(vehicle: VehicleUnderTest) -> str:
 @check("parameters.list.same_twice", limit_s=150)
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """Two lists have the same names in the same order."""
-    first = list(p.listed(vehicle))
-    equal(list(p.fetch_all(vehicle)), first, "names")
+    first = list(parameters.listed(vehicle))
+    equal(list(parameters.fetch_all(vehicle)), first, "names")
     return f"{len(first)} names"
 
 
 @check("parameters.read.by_name")
 def read_by_name(vehicle: VehicleUnderTest) -> str:
     """A read by name gives the value of the list."""
-    for name in list(p.listed(vehicle))[:: max(1, len(vehicle.catalogue) // 8)]:
-        listed, found = vehicle.catalogue[name], p.read(vehicle, name)
+    for name in list(parameters.listed(vehicle))[:: max(1, len(vehicle.catalogue) // 8)]:
+        listed, found = vehicle.catalogue[name], parameters.read(vehicle, name)
         near(found.value, listed.value, abs(listed.value) * 1e-6, name)
         equal(found.type, listed.type, f"type of {name}")
         holds(
-            found.index in (listed.index, p.UNINDEXED),
+            found.index in (listed.index, parameters.UNINDEXED),
             f"{name}: index {listed.index} in the list, {found.index} read",
         )
     return "equal to the list"
@@ -102,9 +102,9 @@ def read_by_name(vehicle: VehicleUnderTest) -> str:
 @check("parameters.read.by_index")
 def read_by_index(vehicle: VehicleUnderTest) -> str:
     """A read by index gives the name and value of the list."""
-    catalogue = list(p.listed(vehicle).values())
+    catalogue = list(parameters.listed(vehicle).values())
     for listed in (catalogue[0], catalogue[len(catalogue) // 2], catalogue[-1]):
-        found = p.read_index(vehicle, listed.index)
+        found = parameters.read_index(vehicle, listed.index)
         equal(found.name, listed.name, f"name of index {listed.index}")
         near(found.value, listed.value, abs(listed.value) * 1e-6, found.name)
     return f"indices 0 to {catalogue[-1].index}"
@@ -112,19 +112,19 @@ def read_by_index(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.read.long_name")
 def read_long_name(vehicle: VehicleUnderTest) -> str:
-    """A name of 16 characters, which ends without a zero, is found."""
-    names = [name for name in p.listed(vehicle) if len(name) == 16]
+    """A parameter with a name of 16 characters, without a final zero byte, can be read."""
+    names = [name for name in parameters.listed(vehicle) if len(name) == 16]
     if not names:
         raise Skip("no parameter has a name of 16 characters")
-    p.read(vehicle, names[0])
+    parameters.read(vehicle, names[0])
     return names[0]
 
 
 @check("parameters.read.unknown_name", pins="AUTOPILOTS 1.16")
 def read_unknown(vehicle: VehicleUnderTest) -> str:
     """A read of an unknown name is not answered."""
-    p.read(vehicle, next(iter(p.listed(vehicle))))  # it does answer
-    vehicle.send(p.read_message(vehicle, NO_SUCH))
+    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # it does answer
+    vehicle.send(parameters.read_message(vehicle, NO_SUCH))
     vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
     return "no PARAM_VALUE"
 
@@ -132,18 +132,23 @@ def read_unknown(vehicle: VehicleUnderTest) -> str:
 @check("parameters.read.index_out_of_range")
 def read_out_of_range(vehicle: VehicleUnderTest) -> str:
     """A read of an index after the end is not answered."""
-    index = len(p.listed(vehicle)) + 7
-    vehicle.send(p.read_message(vehicle, index=index))
-    vehicle.expect_none("PARAM_VALUE", lambda m: m.param_index in (index, p.UNINDEXED), during_s=SILENT_S)
+    index = len(parameters.listed(vehicle)) + 7
+    vehicle.send(parameters.read_message(vehicle, index=index))
+    vehicle.expect_none(
+        "PARAM_VALUE", lambda m: m.param_index in (index, parameters.UNINDEXED), during_s=SILENT_S
+    )
     return f"no PARAM_VALUE for index {index}"
 
 
 @check("parameters.read.by_second_station")
 def read_by_second_station(vehicle: VehicleUnderTest) -> str:
     """A second ground station can read."""
-    name = next(iter(p.listed(vehicle)))
+    name = next(iter(parameters.listed(vehicle)))
     vehicle.ask(
-        p.read_message(vehicle, name), "PARAM_VALUE", lambda m: m.param_id == name, source=SECOND_STATION
+        parameters.read_message(vehicle, name),
+        "PARAM_VALUE",
+        lambda m: m.param_id == name,
+        source=SECOND_STATION,
     )
     return name
 
@@ -151,8 +156,8 @@ def read_by_second_station(vehicle: VehicleUnderTest) -> str:
 @check("parameters.read.another_vehicles")
 def read_anothers(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a read request to another system."""
-    name = next(iter(p.listed(vehicle)))
-    vehicle.send(p.read_message(vehicle, name, sysid=vehicle.unused_sysid()))
+    name = next(iter(parameters.listed(vehicle)))
+    vehicle.send(parameters.read_message(vehicle, name, sysid=vehicle.unused_sysid()))
     vehicle.expect_none("PARAM_VALUE", during_s=SILENT_S)
     return "no answer"
 
@@ -161,19 +166,19 @@ def read_anothers(vehicle: VehicleUnderTest) -> str:
 def set_acknowledged(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers PARAM_SET with PARAM_VALUE and the new value."""
     name, value = _whole(vehicle)
-    with p.changed(vehicle, name, value) as answer:
+    with parameters.changed(vehicle, name, value) as answer:
         equal(answer.value, value, name)
     return f"{name} = {value}"
 
 
 @check("parameters.set.is_kept")
 def set_kept(vehicle: VehicleUnderTest) -> str:
-    """A value that was set is read back, and the old value can be restored."""
+    """A new value is read back, and the old value can be restored."""
     name, value = _whole(vehicle)
-    before = p.read(vehicle, name).value
-    with p.changed(vehicle, name, value):
-        equal(p.read(vehicle, name).value, value, name)
-    equal(p.read(vehicle, name).value, before, f"{name} set back")
+    before = parameters.read(vehicle, name).value
+    with parameters.changed(vehicle, name, value):
+        equal(parameters.read(vehicle, name).value, value, name)
+    equal(parameters.read(vehicle, name).value, before, f"{name} set back")
     return f"{name} {before:g} -> {value} -> {before:g}"
 
 
@@ -181,8 +186,10 @@ def set_kept(vehicle: VehicleUnderTest) -> str:
 def set_fraction(vehicle: VehicleUnderTest) -> str:
     """A real parameter keeps its fraction in single precision."""
     name, value = _real(vehicle)
-    with p.changed(vehicle, name, value):
-        near(p.read(vehicle, name).value, struct.unpack("<f", struct.pack("<f", value))[0], 0.0, name)
+    with parameters.changed(vehicle, name, value):
+        near(
+            parameters.read(vehicle, name).value, struct.unpack("<f", struct.pack("<f", value))[0], 0.0, name
+        )
     return f"{name} = {value:g}"
 
 
@@ -190,8 +197,8 @@ def set_fraction(vehicle: VehicleUnderTest) -> str:
 def set_same(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with the present value is acknowledged."""
     name, _ = _whole(vehicle)
-    found = p.read(vehicle, name)
-    equal(p.write(vehicle, name, found.value, found.type).value, found.value, name)
+    found = parameters.read(vehicle, name)
+    equal(parameters.write(vehicle, name, found.value, found.type).value, found.value, name)
     return f"{name} = {found.value:g}"
 
 
@@ -199,8 +206,8 @@ def set_same(vehicle: VehicleUnderTest) -> str:
 def set_repeated(vehicle: VehicleUnderTest) -> str:
     """A repeated PARAM_SET, as after a lost answer, is acknowledged again."""
     name, value = _whole(vehicle)
-    with p.changed(vehicle, name, value):
-        again = p.write(vehicle, name, value, p.read(vehicle, name).type)
+    with parameters.changed(vehicle, name, value):
+        again = parameters.write(vehicle, name, value, parameters.read(vehicle, name).type)
         equal(again.value, value, name)
     return f"{name} = {value}"
 
@@ -208,8 +215,8 @@ def set_repeated(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.unknown_name", pins="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all")
 def set_unknown(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET of an unknown name is not answered."""
-    p.read(vehicle, next(iter(p.listed(vehicle))))  # it does answer
-    vehicle.send(p.set_message(vehicle, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
+    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # it does answer
+    vehicle.send(parameters.set_message(vehicle, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
     vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
     return "no PARAM_VALUE"
 
@@ -218,23 +225,23 @@ def set_unknown(vehicle: VehicleUnderTest) -> str:
 def set_nan(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with NaN is refused."""
     name, _ = _real(vehicle)
-    with p.restored(vehicle, name) as before:
-        vehicle.send(p.set_message(vehicle, name, math.nan, before.type))
+    with parameters.restored(vehicle, name) as before:
+        vehicle.send(parameters.set_message(vehicle, name, math.nan, before.type))
         vehicle.wait(0.5)
-        equal(p.read(vehicle, name).value, before.value, name)
+        equal(parameters.read(vehicle, name).value, before.value, name)
     return "unchanged"
 
 
 @check("parameters.set.integer_stays_whole")
 def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
     """An integer parameter stays whole after PARAM_SET with a fraction."""
-    if p.byte_wise(vehicle):
+    if parameters.byte_wise(vehicle):
         raise Skip("integers are sent as their bytes, which have no fraction")
     name, value = _whole(vehicle)
-    if p.read(vehicle, name).type not in p.WHOLE_RANGES:
-        raise Skip(f"{name} is no integer parameter here")
-    with p.changed(vehicle, name, value + 0.7):
-        seen = p.read(vehicle, name).value
+    if parameters.read(vehicle, name).type not in parameters.WHOLE_RANGES:
+        raise Skip(f"{name} is no integer parameter of this vehicle")
+    with parameters.changed(vehicle, name, value + 0.7):
+        seen = parameters.read(vehicle, name).value
         holds(float(seen).is_integer(), f"{name}: expected a whole number, saw {seen}")
     return f"{name}: {value + 0.7:g} -> {seen:g}"
 
@@ -244,10 +251,10 @@ def set_wrong_type(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with another type is accepted by ArduPilot and refused by PX4."""
     takes = known_behaviour(vehicle, ardupilot=True, px4=False)
     name, value = _whole(vehicle)
-    with p.restored(vehicle, name) as before:
-        vehicle.send(p.set_message(vehicle, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
+    with parameters.restored(vehicle, name) as before:
+        vehicle.send(parameters.set_message(vehicle, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
         vehicle.wait(0.5)
-        after = p.read(vehicle, name)
+        after = parameters.read(vehicle, name)
     equal(after.value, float(value) if takes else before.value, name)
     return "taken" if takes else "refused"
 
@@ -258,10 +265,10 @@ def set_wrong_type(vehicle: VehicleUnderTest) -> str:
 )
 def encoding(vehicle: VehicleUnderTest) -> str:
     """The parameter with the system id has the right value in the autopilot's encoding."""
-    names = [name for name in vehicle.dialect.sysid_parameters if p.has(vehicle, name)]
+    names = [name for name in vehicle.dialect.sysid_parameters if parameters.has(vehicle, name)]
     if not names:
         raise Skip("the parameter with the system id is unknown")
-    found = p.read(vehicle, names[0])
+    found = parameters.read(vehicle, names[0])
     equal(found.value, vehicle.identity.sysid, names[0])
     return f"{names[0]} = {found.value:g}"
 
@@ -269,21 +276,21 @@ def encoding(vehicle: VehicleUnderTest) -> str:
 @check("parameters.hash", dialects=("px4",))
 def hash_check(vehicle: VehicleUnderTest) -> str:
     """_HASH_CHECK can be read twice with the same value."""
-    first, second = p.read(vehicle, "_HASH_CHECK"), p.read(vehicle, "_HASH_CHECK")
+    first, second = parameters.read(vehicle, "_HASH_CHECK"), parameters.read(vehicle, "_HASH_CHECK")
     equal(second.value, first.value, "_HASH_CHECK")
     return "equal"
 
 
 @check("parameters.many_in_a_row")
 def many_in_a_row(vehicle: VehicleUnderTest) -> str:
-    """Thirty simultaneous reads are all answered, lost ones after a repetition."""
-    names = list(p.listed(vehicle))[:30]
+    """The vehicle answers 30 simultaneous reads, lost reads after a repetition."""
+    names = list(parameters.listed(vehicle))[:30]
     open_names, mark = set(names), vehicle.mark()
     for _ in range(4):
         for name in sorted(open_names):
-            vehicle.send(p.read_message(vehicle, name))
+            vehicle.send(parameters.read_message(vehicle, name))
         vehicle.wait(1.0)
         open_names -= {message.param_id for message in vehicle.since(mark, "PARAM_VALUE")}
         if not open_names:
             return f"{len(names)} answers"
-    raise CheckFailed(f"{len(open_names)} of {len(names)} never came: {sorted(open_names)[:3]}")
+    raise CheckFailed(f"no answer to {len(open_names)} of {len(names)} reads: {sorted(open_names)[:3]}")

@@ -31,9 +31,9 @@ def empty(vehicle: VehicleUnderTest) -> str:
 
 @check("rally.upload", claims=CLAIMS)
 def upload(vehicle: VehicleUnderTest) -> str:
-    """Three points are accepted, requested in order."""
+    """An upload of three points is accepted, and the vehicle requests them in order."""
     done = plans.upload_or_fail(vehicle, _points(vehicle), RALLY)
-    equal([seq for _, seq in done.requests], [0, 1, 2], "asked for")
+    equal([seq for _, seq in done.requests], [0, 1, 2], "requested items")
     return "3 points"
 
 
@@ -69,7 +69,7 @@ def wrong_command(vehicle: VehicleUnderTest) -> str:
 
 @check("rally.is_not_the_mission", claims=CLAIMS)
 def is_not_the_mission(vehicle: VehicleUnderTest) -> str:
-    """Writing and clearing the mission leaves the rally points unchanged, and the reverse."""
+    """Rally points do not change the mission; clearing the mission does not change the rally points."""
     mission, points = plans.sample_plan(vehicle), _points(vehicle)
     plans.upload_or_fail(vehicle, mission)
     plans.upload_or_fail(vehicle, points, RALLY)

@@ -11,7 +11,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 BACK_S = 60.0
 YOUNG_MS = 45_000
-SETTLE_S = 3.0  # the vehicle undoes an earlier mode change
+SETTLE_S = 3.0  # after a boot; the vehicle undoes an earlier mode change
 PREFLIGHT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 
 
@@ -20,7 +20,7 @@ def _boot_ms(vehicle: VehicleUnderTest) -> int:
 
 
 def _reboot(vehicle: VehicleUnderTest) -> float:
-    """Reboot and wait for the return; return the time of silence [s]."""
+    """Reboot the vehicle and wait for its answer; return the time taken [s]."""
     before_ms = _boot_ms(vehicle)
     equal(result_name(vehicle.command(PREFLIGHT, 1)), "ACCEPTED", "PREFLIGHT_REBOOT_SHUTDOWN")
     gone_s = vehicle.now
@@ -39,7 +39,7 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
                 took_s = vehicle.now - gone_s
                 vehicle.wait(SETTLE_S)
                 return took_s
-    holds(False, f"expected it to be back within {BACK_S:g} s")
+    holds(False, f"expected an answer within {BACK_S:g} s after the reboot")
     return BACK_S
 
 
@@ -141,7 +141,7 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     _reboot(vehicle)
     flying.ready_mode(vehicle)
     if flying.is_ready(vehicle):
-        raise Skip("it is ready at once")
+        raise Skip("the vehicle is ready at once")
     began_s = vehicle.now
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     equal(result_name(result), result_name(vehicle.dialect.arm_refused), "arming too early")
@@ -159,5 +159,5 @@ def nothing_asked(vehicle: VehicleUnderTest) -> str:
     before_ms = _boot_ms(vehicle)
     result = vehicle.command(PREFLIGHT, 0)
     vehicle.wait(3.0)
-    holds(_boot_ms(vehicle) > before_ms, "it rebooted")
+    holds(_boot_ms(vehicle) > before_ms, "the vehicle rebooted")
     return result_name(result)

@@ -16,11 +16,11 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 UNKNOWN_ID = 60_000
-STORM = 200
+N_REQUESTS = 200
 SERVED_S = 10.0  # longest time to the first answer after a flood
 
 
-def _answers(vehicle: VehicleUnderTest) -> None:
+def _require_answer(vehicle: VehicleUnderTest) -> None:
     equal(result_name(vehicle.command(REQUEST, VERSION)), "ACCEPTED", "a command afterwards")
 
 
@@ -37,7 +37,7 @@ def _survives(data: Callable[[VehicleUnderTest], bytes]) -> Callable[[VehicleUnd
         sent = data(vehicle)
         vehicle.send_raw(sent)
         vehicle.wait(0.3)
-        _answers(vehicle)
+        _require_answer(vehicle)
         return f"{len(sent)} bytes"
 
     return run
@@ -55,9 +55,9 @@ _GARBAGE: tuple[tuple[str, str, Callable[[VehicleUnderTest], bytes]], ...] = (
     ("longest_frame", "A frame of 255 bytes with an unknown id is ignored.",
      lambda vehicle: frames.frame(vehicle, UNKNOWN_ID, bytes(255), 0)),
 )  # fmt: skip
-for _name, _says, _data in _GARBAGE:
+for _name, _statement, _data in _GARBAGE:
     _function = _survives(_data)
-    _function.__doc__ = _says
+    _function.__doc__ = _statement
     check(f"robustness.garbage.{_name}")(_function)
 
 
@@ -71,7 +71,7 @@ def half_a_frame(vehicle: VehicleUnderTest) -> str:
         vehicle.send_raw(_request(vehicle))
         if vehicle.wait_for("COMMAND_ACK", within_s=1.0, mark=mark) is not None:
             return f"answered the {attempt + 1}. frame"
-    _answers(vehicle)
+    _require_answer(vehicle)
     return "answered later"
 
 
@@ -92,7 +92,7 @@ def much(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(0.05)
     mark = vehicle.wait(3.0)
     holds(len(vehicle.since(mark, "HEARTBEAT")) >= 2, "heartbeats stopped")
-    _answers(vehicle)
+    _require_answer(vehicle)
     return "20 kB"
 
 
@@ -118,13 +118,13 @@ def two_at_once(vehicle: VehicleUnderTest) -> str:
 @check("robustness.frame.in_pieces")
 def in_pieces(vehicle: VehicleUnderTest) -> str:
     """A frame in three pieces is reassembled."""
-    vehicle.quiet = True  # no heartbeat may come between the pieces
+    vehicle.quiet = True  # a heartbeat between the pieces would break the frame
     data, mark = _request(vehicle), vehicle.mark()
     for piece in (data[:5], data[5:17], data[17:]):
         vehicle.send_raw(piece)
         vehicle.wait(0.1)
     vehicle.expect("COMMAND_ACK", mark=mark)
-    return "put together"
+    return "reassembled"
 
 
 @check("robustness.frame.mavlink1")
@@ -137,7 +137,7 @@ def mavlink1(vehicle: VehicleUnderTest) -> str:
     vehicle.send_raw(data)
     vehicle.expect("COMMAND_ACK", mark=mark)
     vehicle.wait(0.5)
-    _answers(vehicle)
+    _require_answer(vehicle)
     return "answered"
 
 
@@ -170,7 +170,7 @@ def incompatible_flag(vehicle: VehicleUnderTest) -> str:
     mark = vehicle.mark()
     vehicle.send_raw(frames.frame(vehicle, message.id, payload, message.crc_extra, incompatible=0x40))
     vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
-    _answers(vehicle)
+    _require_answer(vehicle)
     return "dropped"
 
 
@@ -190,17 +190,17 @@ def sequence_gap(vehicle: VehicleUnderTest) -> str:
     """A gap in the station's sequence numbers, as after losses, has no effect."""
     codec = vehicle.codec()
     codec.seq = (codec.seq + 100) % 256
-    _answers(vehicle)
+    _require_answer(vehicle)
     return "answered"
 
 
 @check("robustness.names.without_end")
 def names_without_end(vehicle: VehicleUnderTest) -> str:
-    """A parameter name of 16 bytes that are not text has no effect."""
+    """A parameter name of 16 unreadable bytes has no effect."""
     message = mavlink.MAVLink_param_request_read_message(*vehicle.target, b"\xff\xfe\x01" * 5 + b"\x80", -1)
     vehicle.send(message)
     vehicle.wait(0.3)
-    _answers(vehicle)
+    _require_answer(vehicle)
     return "ignored"
 
 
@@ -226,7 +226,7 @@ def _still_served(vehicle: VehicleUnderTest, mark: int) -> str:
 def flood_of_requests(vehicle: VehicleUnderTest) -> str:
     """The vehicle still answers after 200 simultaneous parameter requests."""
     name, mark = next(iter(parameters.listed(vehicle))), vehicle.mark()
-    for _ in range(STORM):
+    for _ in range(N_REQUESTS):
         vehicle.send(parameters.read_message(vehicle, name))
     return _still_served(vehicle, mark)
 
@@ -261,7 +261,7 @@ def flood_of_stations(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.flood.mission_counts", limit_s=60)
 def flood_of_counts(vehicle: VehicleUnderTest) -> str:
-    """An upload is accepted after mixed mission announcements of two stations."""
+    """An upload is accepted after 20 mixed mission announcements of two stations."""
     for number in range(20):
         vehicle.send(
             plans.count_message(vehicle, 2 + number % 3), SECOND_STATION if number % 2 else (255, 190)
@@ -292,13 +292,13 @@ def every_message_random(vehicle: VehicleUnderTest) -> str:
 def _every_message(vehicle: VehicleUnderTest, payload: Callable[[int], bytes]) -> str:
     """Send each message with a payload, addressed to the vehicle.
 
-    Messages that arm or end the vehicle are left out, and so are messages without a target, which others
-    could receive.
+    Excluded are messages that arm or end the vehicle, and messages without a target, because other vehicles
+    could receive them.
     """
-    left_out = {"COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET", "SET_MODE", "LOG_ERASE"}
+    excluded = {"COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET", "SET_MODE", "LOG_ERASE"}
     count = 0
     for message_id, message in sorted(mavlink.mavlink_map.items()):
-        if message.msgname in left_out or message_id < 0:
+        if message.msgname in excluded or message_id < 0:
             continue
         data = bytearray(payload(message.unpacker.size))
         _address(message, data, vehicle.target)
@@ -310,7 +310,7 @@ def _every_message(vehicle: VehicleUnderTest, payload: Callable[[int], bytes]) -
         if count % 40 == 0:
             vehicle.wait(0.2)
     vehicle.wait(10.0)
-    _answers(vehicle)
+    _require_answer(vehicle)
     return f"{count} messages"
 
 
@@ -328,8 +328,8 @@ def _offsets(message: type) -> list[int]:
     sizes = {"c": 1, "b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "q": 8, "Q": 8, "d": 8, "s": 1}
     formats = message.native_format.decode().removeprefix("<")  # type: ignore[attr-defined]
     lengths = message.array_lengths  # type: ignore[attr-defined]
-    offsets, at = [], 0
+    offsets, position = [], 0
     for kind, name in zip(formats, message.ordered_fieldnames, strict=True):  # type: ignore[attr-defined]
-        offsets.append(at)
-        at += sizes[kind] * max(1, lengths[message.ordered_fieldnames.index(name)])  # type: ignore[attr-defined]
+        offsets.append(position)
+        position += sizes[kind] * max(1, lengths[message.ordered_fieldnames.index(name)])  # type: ignore[attr-defined]
     return offsets

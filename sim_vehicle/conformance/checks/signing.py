@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: without a key, and with a key that is set, used and removed."""
+"""MAVLink 2 signing without a key, and the set-up, use and removal of a key."""
 
 import hashlib
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ TAKE_BACK_ATTEMPTS = 5
 
 
 def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, stamp: int) -> None:
-    """Make a station of the suite sign its frames."""
+    """Sign the frames of one of the suite's stations from now on."""
     signing = vehicle.codec(source).signing
     signing.secret_key, signing.link_id, signing.timestamp, signing.sign_outgoing = key, 3, stamp, True
 
@@ -40,7 +40,7 @@ def _signed_with(entry: ReceivedFrame, key: bytes) -> bool:
 
 @contextmanager
 def _signing_key(vehicle: VehicleUnderTest) -> Iterator[int]:
-    """Set a key on the vehicle and yield its stamp; Skip if the vehicle then does not sign."""
+    """Set a key on the vehicle and yield the time stamp; Skip if the vehicle does not sign afterwards."""
     unix_us = vehicle.request("SYSTEM_TIME").time_unix_usec
     stamp = (unix_us - Y2015_US) // 10 + 100 if unix_us > Y2015_US else STAMP + round(vehicle.now * 1e5)
     _sign_with(vehicle, SIGNER, KEY, stamp + 1000)
@@ -48,12 +48,12 @@ def _signing_key(vehicle: VehicleUnderTest) -> Iterator[int]:
         vehicle.send(mavlink.MAVLink_setup_signing_message(*vehicle.target, KEY, stamp))
         mark = vehicle.wait(3.0)
         if not _signed(vehicle.received[mark:]):
-            raise Skip("does not sign after SETUP_SIGNING")
+            raise Skip("the vehicle does not sign after SETUP_SIGNING")
         yield stamp
 
 
 def _remove_key(vehicle: VehicleUnderTest) -> None:
-    """Remove the key; the only confirmation is the end of signed frames."""
+    """Remove the key and wait for unsigned frames, the only confirmation."""
     for _ in range(TAKE_BACK_ATTEMPTS):
         for source in (SIGNER, STATION):
             vehicle.send(mavlink.MAVLink_setup_signing_message(*vehicle.target, bytes(32), 0), source)
@@ -77,7 +77,7 @@ def without_a_key(vehicle: VehicleUnderTest) -> str:
 
 @check("signing.signs_what_it_sends", needs=[ALTER])
 def signs(vehicle: VehicleUnderTest) -> str:
-    """With a key every frame has a correct signature."""
+    """After the set-up of a key every frame has a correct signature."""
     with _signing_key(vehicle):
         mark = vehicle.wait(3.0)
         frames = vehicle.received[mark:]
@@ -94,7 +94,7 @@ def stamps_go_up(vehicle: VehicleUnderTest) -> str:
     with _signing_key(vehicle):
         mark = vehicle.wait(3.0)
         stamps = [int.from_bytes(e.raw[-12:-6], "little") for e in _signed(vehicle.received[mark:])]
-    holds(all(b > a for a, b in pairwise(stamps)), "a stamp did not go up")
+    holds(all(b > a for a, b in pairwise(stamps)), "a time stamp did not increase")
     return f"{len(stamps)} stamps"
 
 
@@ -114,9 +114,9 @@ def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
 
 
 def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
-    """Skip if the link is trusted, because it then accepts wrong signatures too."""
+    """Skip if the vehicle trusts the link, because it accepts wrong signatures on a trusted link."""
     if _executed(vehicle, vehicle.pack(vehicle.command_long(REQUEST, VERSION), PLAIN)):
-        raise Skip("this link is trusted: it takes unsigned frames")
+        raise Skip("the vehicle trusts this link and accepts unsigned frames")
     # A lost request is no refusal.
     vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
 
@@ -146,7 +146,7 @@ def refuses_replay(vehicle: VehicleUnderTest) -> str:
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
         data = vehicle.pack(vehicle.command_long(REQUEST, VERSION), SIGNER)
-        holds(_executed(vehicle, data), "the first was not executed")
+        holds(_executed(vehicle, data), "the first command was not executed")
         executed = _executed(vehicle, data)
     holds(not executed, "expected no answer to a replay, saw a COMMAND_ACK")
     return "refused"

@@ -138,7 +138,7 @@ def speed_is_zero(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.attitude.is_in_range")
 def attitude_in_range(vehicle: VehicleUnderTest) -> str:
-    """Roll and yaw are within pi, pitch within half of it."""
+    """Roll and yaw are within pi, pitch is within pi / 2."""
     for message in vehicle.sample({"ATTITUDE": 10.0}, 2.0)["ATTITUDE"]:
         holds(abs(message.roll) <= math.pi + 1e-5, f"roll {message.roll}")
         holds(abs(message.pitch) <= math.pi / 2 + 1e-5, f"pitch {message.pitch}")
@@ -152,7 +152,8 @@ def level_at_rest(vehicle: VehicleUnderTest) -> str:
     message = vehicle.sample({"ATTITUDE": 5.0}, 1.0)["ATTITUDE"][-1]
     worst = max(abs(message.roll), abs(message.pitch))
     holds(worst < math.radians(15), f"tilted by {math.degrees(worst):.1f} deg")
-    holds(max(abs(message.rollspeed), abs(message.pitchspeed), abs(message.yawspeed)) < 0.2, "it turns")
+    speed_rad_s = max(abs(message.rollspeed), abs(message.pitchspeed), abs(message.yawspeed))
+    holds(speed_rad_s < 0.2, f"the vehicle turns at {speed_rad_s:.2f} rad/s")
     return f"{math.degrees(worst):.2f} deg"
 
 
@@ -215,7 +216,7 @@ def gps_quality(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.estimator.knows_the_position")
 def estimator(vehicle: VehicleUnderTest) -> str:
-    """The estimator report has attitude and position once the vehicle is ready."""
+    """The estimator report of a ready vehicle has attitude and position."""
     flying.wait_ready(vehicle)
     kind = "EKF_STATUS_REPORT" if vehicle.dialect.name == "ardupilot" else "ESTIMATOR_STATUS"
     flags = vehicle.request(kind).flags
@@ -252,11 +253,9 @@ def imu(vehicle: VehicleUnderTest) -> str:
             continue
         acceleration = [axis * scale for axis in (message.xacc, message.yacc, message.zacc)]
         near(math.hypot(*acceleration), 9.81, 0.6, f"{kind} m/s2")
-        holds(
-            acceleration[2] < 0, f"{kind}.zacc: expected it negative (z is down), saw {acceleration[2]:.2f}"
-        )
+        holds(acceleration[2] < 0, f"{kind}.zacc: expected a negative value, saw {acceleration[2]:.2f} m/s2")
         return f"{kind} {acceleration[2]:.2f} m/s2"
-    raise Skip("sends no accelerometer")
+    raise Skip("the vehicle sends no acceleration")
 
 
 @check("telemetry.pressure.fits_the_altitude")
@@ -302,7 +301,7 @@ def battery_agrees(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.battery.is_in_range")
 def battery_in_range(vehicle: VehicleUnderTest) -> str:
-    """The remaining charge is -1 or a percentage, unused cells are 65535, consumption is -1 or positive."""
+    """Charge is -1 or a percentage, consumption at least -1, and unused cells are 65535."""
     battery = vehicle.request("BATTERY_STATUS")
     holds(-1 <= battery.battery_remaining <= 100, f"battery_remaining {battery.battery_remaining}")
     holds(battery.current_consumed >= -1, f"current_consumed {battery.current_consumed}")

@@ -7,7 +7,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 
-def _sent_tail(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:
+def _texts(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:
     if not vehicle.texts:
         raise Skip("the vehicle sent no texts")
     return vehicle.texts
@@ -18,7 +18,7 @@ def severities(vehicle: VehicleUnderTest) -> str:
     """Every STATUSTEXT has a MAV_SEVERITY."""
     wrong = [
         (severity, text)
-        for _, severity, text in _sent_tail(vehicle)
+        for _, severity, text in _texts(vehicle)
         if severity not in mavlink.enums["MAV_SEVERITY"]
     ]
     holds(not wrong, f"saw {wrong[:2]}")
@@ -30,7 +30,7 @@ def readable(vehicle: VehicleUnderTest) -> str:
     """Every STATUSTEXT is printable and not empty."""
     wrong = [
         text
-        for _, _, text in _sent_tail(vehicle)
+        for _, _, text in _texts(vehicle)
         if not text.strip() or not text.replace("\t", " ").isprintable()
     ]
     holds(not wrong, f"saw {wrong[:2]!r}")

@@ -33,7 +33,7 @@ def by_request_capabilities(vehicle: VehicleUnderTest) -> str:
 
 @check("version.same_every_time")
 def same_every_time(vehicle: VehicleUnderTest) -> str:
-    """Two answers are equal."""
+    """Two AUTOPILOT_VERSION messages are equal."""
     first, second = (vehicle.request("AUTOPILOT_VERSION").to_dict() for _ in range(2))
     equal(second, first, "AUTOPILOT_VERSION")
     return "equal"
@@ -73,7 +73,7 @@ def claims_integer_missions(vehicle: VehicleUnderTest) -> str:
 
 @check("version.claims_a_parameter_encoding", pins="AUTOPILOTS 1.16")
 def claims_a_parameter_encoding(vehicle: VehicleUnderTest) -> str:
-    """The claimed encoding of parameters is the one the autopilot uses."""
+    """The claimed encoding of parameters agrees with the known encoding of the autopilot."""
     as_bytes = vehicle.identity.claims("PARAM_ENCODE_BYTEWISE")
     by_value = vehicle.identity.claims("PARAM_FLOAT") or vehicle.identity.claims("PARAM_ENCODE_C_CAST")
     holds(as_bytes or by_value, "no encoding is claimed")
