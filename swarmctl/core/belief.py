@@ -27,14 +27,14 @@ from swarmctl.core.observation import (
 UNKNOWN = -1
 CLEAR = 0
 OCCUPIED = 1
-ONCE = np.int32(1)
+ONE = np.int32(1)
 
 
 class ObservationLog:
-    """Observations in the order in which they were merged, each name once; it only grows.
+    """Observations in merge order, each name once; the log only grows.
 
-    Beliefs that grew from one another share one log, and each knows the length of its own part. So a merge
-    copies nothing, except a merge into an older belief: its log has newer entries already, and is copied.
+    A belief and its successors share one log, and each stores the length of its own part. So a merge copies
+    nothing. Exception: a merge into an older belief copies the log, because the log has newer entries.
     """
 
     __slots__ = ("at", "items", "n_covered")
@@ -44,8 +44,7 @@ class ObservationLog:
         self.at = {item.name: index for index, item in enumerate(self.items)}
         """name -> index in `items`"""
         self.n_covered = 0
-        """observations, about, that a checkpoint stands for; they are dropped when they are the greater
-        part"""
+        """approximate number of observations that checkpoints replace; above one half they are dropped"""
 
     def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
@@ -70,7 +69,7 @@ class LookCounts:
         """Return a writeable copy."""
         return LookCounts(self.looks.copy(), self.hits.copy())
 
-    def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ONCE) -> None:
+    def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ONE) -> None:
         """Add observations, or subtract them with `sign` −1; a cell may occur several times."""
         if seen:
             # `add.at` takes forty times as long with a plain int or another type.
@@ -95,9 +94,8 @@ class LookCounts:
 class Belief:
     """An immutable set of observations of an area of (rows, cols) cells in which hostiles hide.
 
-    Merging is set union. The order of observations does not matter, nor their repetition, nor whether a
-    checkpoint stands for many of them. The occupancy follows from two numbers for each cell: its looks, and
-    the looks that showed a hostile.
+    Merging is set union: the result is the same for any order, any repetition and any use of checkpoints.
+    The occupancy follows from two numbers for each cell: its looks, and the looks that showed a hostile.
     """
 
     count: HostileCount
@@ -113,15 +111,16 @@ class Belief:
     _checkpoints: Mapping[Source, Checkpoint]
     """checkpoint of each source; it replaces the observations that it summarises"""
     _counted_all: LookCounts | None = None
-    """counts of everything, once they were asked for"""
+    """counts of all observations; None before their first use"""
 
     @classmethod
     def prior(
         cls, rows: int, cols: int, hostiles: int | HostileCount, sensor: SensorModel = PERFECT
     ) -> Belief:
-        """Return the belief before any observation; with a number and a perfect sensor it is the paper's.
+        """Return the belief before any observation.
 
-        Raises ValueError for an area without cells or for more hostiles than cells.
+        It is the paper's belief for a number of hostiles and a perfect sensor. Raises ValueError for an area
+        without cells or for more hostiles than cells.
         """
         if rows < 1 or cols < 1:
             raise ValueError(f"an area of {rows} × {cols} cells: expected at least 1 × 1")
@@ -167,8 +166,8 @@ class Belief:
         for seen in new:
             assert isinstance(seen, Observation)
             item = indexed(seen, rows, cols)
-            stands = checkpoints.get(seen.source) if checkpoints else None
-            if stands is None or seen.seq > stands.upto:
+            checkpoint = checkpoints.get(seen.source) if checkpoints else None
+            if checkpoint is None or seen.seq > checkpoint.upto:
                 index = at.setdefault(item.name, len(items))
             else:
                 index = at.get(item.name, -1)
@@ -181,31 +180,31 @@ class Belief:
         return Belief(self.count, self.sensor, base, upto, log, len(items), checkpoints)
 
     def _own_log(self) -> ObservationLog:
-        """Return a log of this belief alone, without the observations that checkpoints stand for."""
+        """Return a log of this belief alone, without the observations that checkpoints replace."""
         upto = {source: checkpoint.upto for source, checkpoint in self._checkpoints.items()}
         items = self._log.items[: self._n]
         return ObservationLog(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
     def _advance(self, new: list[Checkpoint]) -> Belief:
-        """Count checkpoints instead of the observations and earlier checkpoints that they stand for.
+        """Return the belief with new checkpoints in place of the items that they replace.
 
-        If the counts stay equal, this belief itself is compacted and returned, so that the agent has no
-        reason to plan again.
+        If the counts stay equal, the method compacts this belief in place and returns it. The agent then has
+        no reason to plan again.
         """
         checkpoints = dict(self._checkpoints)
         looked, size, n_covered = self._looked.copy(), self._base.looks.size, 0
-        for to in new:
-            before = checkpoints.get(to.source)
-            if before is not None and to.upto <= before.upto:
+        for checkpoint in new:
+            before = checkpoints.get(checkpoint.source)
+            if before is not None and checkpoint.upto <= before.upto:
                 continue
             after = 0 if before is None else before.upto
-            covered = self._log.of(to.source, after, to.upto, self._n)
+            covered = self._log.of(checkpoint.source, after, checkpoint.upto, self._n)
             n_covered += len(covered)
-            looked.change(to.counts(size), 1)
-            looked.count([self._log.items[index] for index in covered], -ONCE)
+            looked.change(checkpoint.counts(size), 1)
+            looked.count([self._log.items[index] for index in covered], -ONE)
             if before is not None:
                 looked.change(before.counts(size), -1)
-            checkpoints[to.source] = to
+            checkpoints[checkpoint.source] = checkpoint
         if checkpoints == self._checkpoints:
             return self
         looked.sealed()
@@ -292,7 +291,7 @@ class Belief:
         )
 
     def contradicted(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Return the cells of a look whose contrary was certain from the observations of others."""
+        """Return the cells of a look that contradict a certain cell of this belief."""
         return tuple(
             (r, c, occupied)
             for r, c, occupied in cells

@@ -48,7 +48,7 @@ class Joined(_Record, frozen=True):
     """The agent has joined the swarm's network."""
 
     incarnation: int
-    """number that grows with each start of the program; a part of its observations' names"""
+    """number that grows with each start of the agent's program; part of the names of observations"""
 
 
 class Ready(_Record, frozen=True):
@@ -84,7 +84,7 @@ class Intents(_Record, frozen=True):
 
 
 class MissionAccepted(_Record, frozen=True):
-    """The vehicle has plan `plan_id`, read back and compared; in flight it flies this plan."""
+    """Plan `plan_id` is on the vehicle, read back and compared; a vehicle in flight flies it."""
 
     plan_id: int
     took_s: float | None = None
@@ -116,11 +116,11 @@ class OrderFailed(_Record, frozen=True):
 
 
 class LaunchPostponed(_Record, frozen=True, tag="LaunchPutOff"):
-    """Another vehicle came in the way before the take-off; the vehicle is not armed."""
+    """A check before the take-off found a conflict with another vehicle; this vehicle is not armed."""
 
     reason: str
     was_armed: bool = False
-    """the vehicle was armed, and is disarmed again"""
+    """the vehicle was armed and has been disarmed again"""
 
 
 class SpeedFailed(_Record, frozen=True):
@@ -138,8 +138,7 @@ class LinkRestored(_Record, frozen=True):
 class OperatorCommand(_Record, frozen=True):
     order: FlightOrder
     command: int | None = None
-    """running number of the operator service, which the `Answer` repeats; None: an order of the own
-    process"""
+    """number from the operator service, repeated in the `Answer`; None: an order of the agent's process"""
     after_s: float = 0.0
     """with return: time for which the vehicle holds first, by its clock, while others return [s]"""
     ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
@@ -150,7 +149,7 @@ class WeightsChanged(_Record, frozen=True):
     """An operator's new weights, from the next plan on; None: no change."""
 
     command: int
-    """running number of the operator service, which the `Answer` repeats"""
+    """number from the operator service, repeated in the `Answer`"""
     w: float | None = None
     strength: FiringStrength | None = None
 
@@ -160,7 +159,7 @@ class Rebooted(_Record, frozen=True):
 
 
 class Tick(_Record, frozen=True):
-    """All events that had arrived are handed over: decide now."""
+    """All events received so far are folded; the agent decides now."""
 
 
 Event = (
@@ -197,7 +196,7 @@ class Publish(_Record, frozen=True):
 
 
 class SwapMission(_Record, frozen=True):
-    """Give the vehicle this plan; on the ground an upload, in flight a transaction."""
+    """Put this plan on the vehicle: by an upload on the ground, by a verified swap in flight."""
 
     plan_id: int
     plan: FlightPlan
@@ -210,8 +209,8 @@ class SwapMission(_Record, frozen=True):
     safety_factor: float
     length_m: float
     track: Track | None = None
-    """straight track that is flown instead of the lattice route; exposure_sum, safety_factor and length_m are
-    then the track's, `cost` is the route's"""
+    """straight track flown in place of the lattice route. exposure_sum, safety_factor and length_m are then
+    the track's; cost is the route's"""
 
 
 class Command(_Record, frozen=True):
@@ -219,7 +218,7 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """an operator has just ordered it, so it is sent even if no telemetry arrives"""
+    """an operator has just given the order; it is sent even if no telemetry arrives"""
 
 
 class SetSpeed(_Record, frozen=True):
@@ -229,7 +228,7 @@ class SetSpeed(_Record, frozen=True):
 
 
 class Release(_Record, frozen=True):
-    """Stop all conversations with the vehicle: a pilot, a failsafe or another station has taken it over."""
+    """Send nothing more to the vehicle: a pilot, a failsafe or another station has taken over."""
 
 
 class Answer(_Record, frozen=True):

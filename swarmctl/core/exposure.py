@@ -13,7 +13,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 
 RouteCells = Sequence[Cell] | NDArray[np.int64]
-"""A route: its cells, or the same as an array (n, 2), which saves conversions for several sums over one
+"""The cells of a route, or an (n, 2) array of them. An array saves conversions for several sums over a
 route."""
 
 
@@ -40,7 +40,7 @@ def prior_inner_exposure(rows: int, cols: int, n_hostiles: float, strength: Firi
 def length_cells(cells: RouteCells) -> float:
     """Return the length of a route [cells], √2 for a diagonal step.
 
-    Raises ValueError if two consecutive cells are no neighbours.
+    Raises ValueError if two consecutive cells are not neighbours.
     """
     route = np.asarray(cells, dtype=np.int64).reshape(-1, 2)
     steps = np.abs(np.diff(route, axis=0))
@@ -65,7 +65,7 @@ def exposure_sum(p_s: NDArray[np.float64], cells: RouteCells) -> float:
 def safety_factor(p_s: NDArray[np.float64], cells: RouteCells) -> float:
     """Return ∏(1 − P_s) over a route without its start cell and with its goal; P_s is clipped to 1.
 
-    ERRATUM: the paper takes this for the survival probability. Neighbouring cells are exposed to the same
+    ERRATUM: the paper treats this as the survival probability. Neighbouring cells are exposed to the same
     unknown hostile, so they are not independent and the true survival differs. On a straight crossing of
     20 × 20 cells with 24 hostiles at 0.6/0.3/0.1 the survival is about 0.13 and this factor 0.07.
     """

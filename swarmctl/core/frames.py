@@ -5,14 +5,14 @@
 | `inform/observation` | Observation | cells that the sender has just seen |
 | `inform/state` | StateShared | position, phase, counts of its knowledge, UAVs it hears; once a second |
 | `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
-| `query-ref/snapshot` | SnapshotAsked | names of all held observations; asks for the others |
+| `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists all that the sender has |
 | `inform/snapshot` | Snapshot | the answer: frames of the observers, byte for byte |
-| `inform/relayed` | Relayed | new frames of others, passed on at once; or a checkpoint of the sender |
-| `inform/checkpoint` | Checkpoint | in snapshots: stands for all observations of an observer up to one |
+| `inform/relayed` | Relayed | new frames of other UAVs, passed on at once; or a checkpoint of the sender |
+| `inform/checkpoint` | Checkpoint | in snapshots: replaces an observer's observations up to a number |
 
-A frame is the byte VERSION, a byte that says whether it is signed, 64 bytes of Ed25519 signature if it is,
-and a MessagePack map. The signature covers the swarm's name and the map. Fields that a later version adds are
-ignored; another version, a missing field or an invalid value is refused.
+A frame is the byte VERSION, a flag byte (signed or not), a 64-byte Ed25519 signature if signed, and a
+MessagePack map. The signature covers the swarm's name and the map. Unknown fields are ignored. Another
+version, a missing field or an invalid value is refused.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ SIGNATURE_BYTES = 64
 MAX_FRAME_BYTES = 49_152
 """longest frame; a longer answer is split into several frames, a longer received frame is refused"""
 MAX_INNER_BYTES = MAX_FRAME_BYTES - 8192
-"""longest total of the frames inside of another message"""
+"""greatest total length of the frames inside one message"""
 MAX_TEXT = 200
 
 MAX_POINTS = 256
 """most points of an intent; only the first points of a longer flight are sent"""
 MAX_AHEAD_S = 14_400.0
 """latest time of a point in an intent [s]"""
-MAX_AWAY = 1e7
+MAX_MAGNITUDE = 1e7
 """Greatest height, distance [m] or speed [m/s] in a message. Autopilots report none above 2.2e6, and sums of
 such numbers stay finite."""
 MAX_HEARD = 254
 """number of system ids"""
 MAX_FRAMES = 256
-"""most frames inside of one message"""
+"""most frames inside one message"""
 
 Frames = Annotated[tuple[bytes, ...], msgspec.Meta(max_length=MAX_FRAMES)]
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
@@ -62,7 +62,7 @@ class RefusalReason(StrEnum):
     SIGNATURE = "wrong signature"
     WILDCARD = "wildcard key"
     SOURCE = "wrong source"
-    """the key, the frame and its content do not name one sender"""
+    """the key, the frame and the content name different senders"""
     STRANGER = "not of this swarm"
     REPLAY = "replay"
     FUTURE = "from the future"
@@ -72,14 +72,14 @@ class RefusalReason(StrEnum):
 
 
 class MessageRefused(ValueError):
-    """A refused message: `why` has the reason, the text what was found."""
+    """A refused message: `why` is the reason, the text describes the finding."""
 
     def __init__(self, why: RefusalReason, text: str) -> None:
         super().__init__(f"{why}: {text}")
         self.why = why
 
 
-def _check_place(lat_deg: float, lon_deg: float) -> None:
+def _check_position(lat_deg: float, lon_deg: float) -> None:
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
         raise ValueError(f"position ({lat_deg}, {lon_deg}): expected degrees")
 
@@ -96,9 +96,9 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     n_observed: int
     n_found: int
     last_seq: int = 0
-    """sequence number of its last own observation"""
+    """sequence number of the UAV's last own observation"""
     knows: int = 0
-    """hash over the names of all observations that it holds"""
+    """hash over the names of all observations that the UAV holds"""
     mode: Text = ""
     plan_id: int = 0
     replans: int = 0
@@ -106,39 +106,39 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     outcome: Text = ""
     trouble: Text = ""
     refused: int = 0
-    """number of messages that it refused"""
+    """number of messages that the UAV refused"""
     flagged: tuple[int, ...] = ()
-    """UAVs whose observations contradict its own"""
+    """UAVs whose observations contradict those of this UAV"""
     alt_amsl_m: float | None = None
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """east, north, up"""
+    """east, north, up [m/s]"""
     earliest_in_s: float | None = None
-    """for simultaneous arrival: least time until it is over its goal [s]; negative: time since it arrived"""
+    """for simultaneous arrival: least time to the goal [s]; negative: time since the arrival"""
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_HEARD)] = ()
-    """UAVs near it that it has heard recently; each of them learns from this that it is heard"""
+    """nearby UAVs received recently; the list acknowledges the reception to each of them"""
     returns_to: tuple[float, float] | None = None
     """landing spot of a UAV that returns, or that holds until its turn to return [deg]"""
     age_s: float = 0.0
     """age of position, height and velocity, if the vehicle has stopped sending them [s]"""
 
     def __post_init__(self) -> None:
-        _check_place(self.lat_deg, self.lon_deg)
+        _check_position(self.lat_deg, self.lon_deg)
         if self.returns_to is not None:
-            _check_place(*self.returns_to)
-        maybe = (self.late_s, self.alt_amsl_m, self.earliest_in_s)
-        own = (self.time_s, self.alt_rel_m, *self.velocity_m_s)
-        numbers = (*own, self.age_s, *(x for x in maybe if x is not None))
+            _check_position(*self.returns_to)
+        optional = (self.late_s, self.alt_amsl_m, self.earliest_in_s)
+        required = (self.time_s, self.alt_rel_m, *self.velocity_m_s, self.age_s)
+        numbers = (*required, *(x for x in optional if x is not None))
         if not all(map(math.isfinite, numbers)) or self.age_s < 0.0:
-            raise ValueError("a time, height, speed or age that is no number, or an age below 0 s")
-        if max(map(abs, (self.alt_rel_m, self.alt_amsl_m or 0.0, *self.velocity_m_s))) > MAX_AWAY:
-            raise ValueError(f"a height or a speed of more than {MAX_AWAY:g}")
+            raise ValueError("a time, height, speed or age is not finite, or the age is below 0 s")
+        if max(map(abs, (self.alt_rel_m, self.alt_amsl_m or 0.0, *self.velocity_m_s))) > MAX_MAGNITUDE:
+            raise ValueError(f"a height or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
 
 
 class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """A future position of a UAV."""
 
     in_s: float
-    """time from when its frame was sent (`Frame.unix_s`), in seconds of the vehicles' time"""
+    """time after the frame was sent (`Frame.unix_s`), in seconds of the vehicles' clocks"""
     lat_deg: float
     lon_deg: float
     alt_amsl_m: float
@@ -148,29 +148,29 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """The present or next flight of a UAV: straight from point to point."""
 
     plan_id: int
-    """number of its plan, as in its state; 0: it flies none"""
+    """number of the UAV's plan, as in its state; 0: no plan"""
     points: Annotated[tuple[IntentPoint, ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
-    """points with rising times; none: the flight is unknown"""
+    """points with increasing times; empty: the flight is unknown"""
     may_change: bool = True
     """ability to give way: True if the vehicle flies a mission that its agent may change"""
     around_m: tuple[float, float] = (0.0, 0.0)
-    """greatest distance of the UAV from these points, over ground and in height [m]"""
+    """greatest distance of the UAV from the announced flight, over ground and in height [m]"""
     on_ground: bool = False
     """the UAV is on the ground and about to take off"""
 
     def __post_init__(self) -> None:
-        if not all(0.0 <= m <= MAX_AWAY for m in self.around_m):
-            raise ValueError(f"a distance that is no number, below 0 or above {MAX_AWAY:g}")
+        if not all(0.0 <= m <= MAX_MAGNITUDE for m in self.around_m):
+            raise ValueError(f"a distance is not a number, below 0 or above {MAX_MAGNITUDE:g} m")
         before_s = -math.inf
         for point in self.points:
-            _check_place(point.lat_deg, point.lon_deg)
-            if not (abs(point.alt_amsl_m) <= MAX_AWAY and 0.0 <= point.in_s <= MAX_AHEAD_S):
+            _check_position(point.lat_deg, point.lon_deg)
+            if not (abs(point.alt_amsl_m) <= MAX_MAGNITUDE and 0.0 <= point.in_s <= MAX_AHEAD_S):
                 raise ValueError(
-                    f"a height that is no number or above {MAX_AWAY:g}, "
-                    f"or a time outside 0 to {MAX_AHEAD_S:g} s"
+                    f"a height is not a number or above {MAX_MAGNITUDE:g} m, "
+                    f"or a time is outside 0 to {MAX_AHEAD_S:g} s"
                 )
             if point.in_s <= before_s:
-                raise ValueError("times that do not rise: expected each after the one before")
+                raise ValueError("times do not increase: expected each to be later than the previous one")
             before_s = point.in_s
 
 
@@ -180,17 +180,17 @@ class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
     observer: Id
     incarnation: Incarnation
     checkpoint: int
-    """last observation that the held checkpoint stands for; 0: no checkpoint"""
+    """number of the last observation in the held checkpoint; 0: no checkpoint"""
     upto: int
-    """last observation up to which all are held"""
+    """number up to which all observations are held"""
     beyond: tuple[Seq, ...] = ()
-    """observations held after that one"""
+    """numbers of the observations held after `upto`"""
     mark: int = 0
-    """combined mark of all of them (`swarmctl.core.observation.mark_of`)"""
+    """combined mark of all held observations (`swarmctl.core.observation.mark_of`)"""
 
 
 class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
-    """The names of all observations that the sender holds; asks for the others."""
+    """A request for missing observations, with the names of those that the sender holds."""
 
     have: tuple[HeldObservations, ...]
     states: tuple[tuple[Id, float], ...]
@@ -205,7 +205,7 @@ class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
 
 
 class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
-    """Frames of others that are new to the sender, or a checkpoint of its own."""
+    """Frames of other UAVs that are new to the sender, or the sender's own checkpoint."""
 
     frames: Frames
 
@@ -231,9 +231,9 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.unix_s):
-            raise ValueError("a time that is no number")
+            raise ValueError("the time of sending is not finite")
         if self.lat_deg is not None and self.lon_deg is not None:
-            _check_place(self.lat_deg, self.lon_deg)
+            _check_position(self.lat_deg, self.lon_deg)
 
     @property
     def at(self) -> LatLon | None:
@@ -244,7 +244,7 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
     @property
     def act(self) -> str:
-        """act/kind, as in its key."""
+        """Act and kind, as in the message's key."""
         return act_of(self.content)
 
 
@@ -262,8 +262,7 @@ _frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)
 
 
 class FrameCodec:
-    """Frames to bytes and back. Without `sign` frames are unsigned; without `verify` signatures are
-    ignored."""
+    """A codec of frames. Without `sign`, frames are unsigned; without `verify`, signatures are ignored."""
 
     def __init__(self, swarm: str, sign: Sign | None = None, verify: Verify | None = None) -> None:
         self._domain = b"swarmctl\0" + swarm.encode() + b"\0"
@@ -314,7 +313,7 @@ class FrameCodec:
 
     @staticmethod
     def _check_source(frame: Frame, item: Observation | Checkpoint) -> None:
-        """Refuse observations of another observer than the sender."""
+        """Raise MessageRefused if the observer is not the sender."""
         if item.source != (frame.sender, frame.incarnation):
             raise MessageRefused(
                 RefusalReason.SOURCE,

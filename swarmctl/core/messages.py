@@ -2,7 +2,7 @@
 
 A message is one version byte and a MessagePack map (msgspec). A message of another version, with a missing
 field or with an invalid value is refused. Unknown fields of an answer are ignored. A command with an unknown
-field is refused, because an agent must not execute a part of a command.
+field is refused, because an agent must not execute only a part of a command.
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ class GiveOrder(
         if not 0.0 <= self.after_s <= MAX_AFTER_S:
             raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
         if self.after_s and self.order != "return":
-            raise ValueError(f"after_s = {self.after_s:g} with {self.order}: expected with return alone")
+            raise ValueError(f"after_s = {self.after_s:g} with order {self.order}: only return takes it")
         if self.ignore:
             _check_named(self.ignore)
             if self.order != "launch":
-                raise ValueError(f"ignore with {self.order}: expected with launch alone")
+                raise ValueError(f"ignore with order {self.order}: only launch takes it")
 
 
 Request = SetWeights | GiveOrder
@@ -95,7 +95,7 @@ CommandOutcome = Literal["taken", "refused", "over", "unconfirmed", "silent"]
 
 
 class VehiclePosition(msgspec.Struct, frozen=True):
-    """The position of a vehicle in flight; a recall of several vehicles computes their order from it."""
+    """The position of a vehicle in flight, from which a recall of several vehicles is scheduled."""
 
     lat_deg: float
     lon_deg: float
@@ -115,7 +115,7 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     uav: int
     name: str
     outcome: CommandOutcome
-    """refused: the command had no effect; over: the vehicle plans no more, or its flight has ended;
+    """refused: the command had no effect; over: the vehicle no longer plans, or its flight has ended;
     unconfirmed: the agent has the command but has not answered in time; silent: no agent answers"""
     from_plan: int | None = None
     """number of the first plan with the new weights"""
@@ -131,11 +131,11 @@ class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
     vehicles: tuple[VehicleAnswer, ...] = ()
     """answers of the named vehicles, in the order of the swarm"""
     refused: str = ""
-    """reason why the whole command was refused, without any effect; empty for a command not refused"""
+    """reason to refuse the whole command, without any effect; empty for an accepted command"""
 
 
 class BadMessage(ValueError):
-    """Bytes from the bus that are no valid message; its text says what was found."""
+    """Bytes from the bus that are not a valid message; the text describes the finding."""
 
 
 T = TypeVar("T")

@@ -37,10 +37,10 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
-    """Take off where the vehicle stands, fly `track` in order, land at `landing`.
+    """A take-off at the vehicle's position, a flight along `track`, and a landing at `landing`.
 
-    `landing.alt_rel_m` is the altitude at which the descent begins. A plan for a vehicle in flight has a
-    take-off too, because some firmwares refuse a mission without one; the mission then starts at the first
+    `landing.alt_rel_m` is the altitude at which the descent begins. A plan for a vehicle in flight also has a
+    take-off, because some firmwares refuse a mission without one; the mission then starts at the first
     waypoint.
     """
 
@@ -56,9 +56,9 @@ class FlightPlan:
     begins: Waypoint | None = None
     """position of the vehicle at the time of planning, in flight"""
     leaves_ahead: bool = False
-    """`track` begins with a part of the plan that is flown now, and leaves it farther on"""
+    """`track` begins with a part of the present plan, and leaves that plan later"""
     from_hold: bool = False
-    """at the time of planning the vehicle is in its hold mode, on its agent's order"""
+    """at the time of planning, the vehicle is in hold mode by its agent's order"""
 
     @property
     def height_m(self) -> float:
@@ -97,5 +97,5 @@ class MissionItem:
     def __post_init__(self) -> None:
         for name in ("param1", "param2", "param3", "param4"):
             if math.isnan(getattr(self, name)):
-                # NaN equals only the same object inside a tuple comparison, so every item has the same one.
+                # In a tuple comparison a NaN equals only itself as an object, so all items share one NaN.
                 object.__setattr__(self, name, math.nan)

@@ -23,7 +23,7 @@ Source = tuple[int, int]
 MAX_CELLS = 512
 """most cells of one observation"""
 MAX_PACKED_BYTES = 40_000
-"""longest checkpoint; an observer with more sends its observations one by one"""
+"""longest checkpoint; if a checkpoint would be longer, the observer sends its observations one by one"""
 MAX_LOOKS = 65_535
 """most looks at a cell in a checkpoint: the sums over all UAVs and incarnations stay within 32 bits"""
 
@@ -49,7 +49,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.time_s):
-            raise ValueError("a time that is no number")
+            raise ValueError("the time of the observation is not finite")
 
     @property
     def source(self) -> Source:
@@ -57,7 +57,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
 
     @property
     def two_contents(self) -> str:
-        """The error text for a name that came with another content before."""
+        """Error text for one name that came with two contents."""
         return (
             f"observation {self.seq} of vehicle {self.observer} came with two different contents; look "
             "for a second process that flies this vehicle [two-contents]"
@@ -75,17 +75,16 @@ class CellCounts:
 
 
 class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint"):
-    """Counts that stand for all observations of one source up to one; memory and snapshots stay small."""
+    """Counts that replace all observations of one source up to `upto`, to save memory and bandwidth."""
 
     observer: Id
     incarnation: Incarnation
     upto: Seq
-    """last observation that it stands for"""
+    """number of the last observation in the counts"""
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """`mark_of` all its observations, combined by exclusive or: a holder of them can check that they are
-    equal"""
+    """exclusive or of `mark_of` over these observations; a UAV that holds them checks that they are equal"""
 
     @property
     def source(self) -> Source:
@@ -93,11 +92,10 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
 
     @property
     def two_contents(self) -> str:
-        """The error text for a checkpoint that does not match the observations received before."""
+        """Error text for a checkpoint that does not match the observations received before."""
         return (
-            f"a checkpoint of vehicle {self.observer} stands for other observations up to {self.upto} than "
-            "those received; expected one observer for each system id: look for a second process "
-            "that flies it"
+            f"the checkpoint of vehicle {self.observer} up to observation {self.upto} does not match the "
+            "observations received; look for a second process that flies this vehicle"
         )
 
     def counts(self, n_cells: int) -> CellCounts:
@@ -108,17 +106,17 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
 BeliefItem = Observation | Checkpoint
 _encode = msgspec.msgpack.Encoder().encode
 CellBytes = tuple[bytes, bytes]
-"""row · cols + col of the cells with a look, and of those with a hostile, as bytes of `CELL`; bytes of many
-observations are joined much faster than arrays"""
+"""row · cols + col of the cells with a look, and of the cells with a hostile, as bytes of `CELL`. Joining the
+bytes of many observations is much faster than joining arrays."""
 CELL = np.dtype(np.int64)
 
 
 def checkpoint(
     before: Checkpoint | None, later: Iterable[Observation], cols: int, n_cells: int
 ) -> Checkpoint | None:
-    """Return a checkpoint for `before` and `later`; None if it is longer than a message may be.
+    """Return a checkpoint for `before` and `later`; None if the result is too long for a message.
 
-    The observations `later` are one or more and follow `before` without a gap.
+    `later` has at least one observation and follows `before` without a gap.
     """
     ordered = sorted(later, key=lambda seen: seen.seq)
     looked = [(row * cols + col, 1, int(occupied)) for seen in ordered for row, col, occupied in seen.cells]
@@ -129,9 +127,9 @@ def checkpoint(
     cells, which = np.unique(table[:, 0], return_inverse=True)
     looks = np.bincount(which, table[:, 1], cells.size)
     hits = np.bincount(which, table[:, 2], cells.size)
-    many = looks > MAX_LOOKS
-    hits[many] = hits[many] * MAX_LOOKS // looks[many]
-    looks[many] = MAX_LOOKS
+    too_many = looks > MAX_LOOKS
+    hits[too_many] = hits[too_many] * MAX_LOOKS // looks[too_many]
+    looks[too_many] = MAX_LOOKS
     packed = zlib.compress(
         np.concatenate([np.diff(cells, prepend=0), looks, hits]).astype("<u4").tobytes(), 1
     )
@@ -159,8 +157,8 @@ class IndexedObservation(msgspec.Struct, frozen=True, gc=False):
 
 
 _indexed: dict[int, tuple[IndexedObservation, int, int]] = {}
-"""Cache by `id` of the observation, which the entry keeps alive; hashing an observation would be slower than
-indexing its cells."""
+"""Cache by `id` of the observation; the entry keeps the observation alive. Hashing an observation would be
+slower than indexing its cells."""
 MAX_CACHED = 16_384
 
 
@@ -169,14 +167,14 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
 
     Raises ValueError if a cell lies outside the area.
     """
-    held = _indexed.get(id(seen))
-    if held is not None and held[0].seen is seen and held[1] == rows and held[2] == cols:
-        return held[0]
+    cached = _indexed.get(id(seen))
+    if cached is not None and cached[0].seen is seen and cached[1] == rows and cached[2] == cols:
+        return cached[0]
     for row, col, _ in seen.cells:
         if row >= rows or col >= cols or row < 0 or col < 0:
             raise ValueError(
                 f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) "
-                f"is outside the area of {rows} × {cols} cells; do both fly the same configuration?"
+                f"is outside the area of {rows} × {cols} cells; check that all use the same configuration"
             )
     looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL).tobytes()
     occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=CELL).tobytes()

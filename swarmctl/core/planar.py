@@ -7,15 +7,15 @@ from itertools import pairwise
 from math import dist
 
 STRAIGHT_M = 0.01
-"""Distance from an edge [m] below which a point is no corner of a hull. Vehicles that start along one side
-stand on a straight line but for rounding, and autopilots store few corners."""
+"""Least distance of a hull's corner from the line between its neighbours [m]. Vehicles that start in a row
+are in line except for rounding, and autopilots store few corners."""
 
 PlanarPoint = tuple[float, float]
 """(east, north) [m]"""
 
 
 def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:
-    """Return the distance from a point to the straight leg from a to b, in their unit."""
+    """Return the distance from a point to the straight leg from a to b, in the unit of the points."""
     (ax, ay), (bx, by) = a, b
     squared = (bx - ax) ** 2 + (by - ay) ** 2
     share = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / squared if squared else 0.0
@@ -24,7 +24,7 @@ def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float
 
 
 def distance_to_track(point: PlanarPoint, track: Sequence[PlanarPoint]) -> float:
-    """Return the distance from a point to a track of one point or more, in their unit."""
+    """Return the distance from a point to a track of one point or more, in the unit of the points."""
     legs = (distance_to_leg(point, a, b) for a, b in pairwise(track))
     return min(legs, default=dist(point, track[0]))
 
@@ -53,14 +53,14 @@ def bounding_box(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
 def _half(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
     chain: list[PlanarPoint] = []
     for point in ordered:
-        while len(chain) >= 2 and _is_no_corner(chain[-1], chain[-2], point):
+        while len(chain) >= 2 and _is_redundant(chain[-1], chain[-2], point):
             chain.pop()
         chain.append(point)
     return chain
 
 
-def _is_no_corner(b: PlanarPoint, a: PlanarPoint, c: PlanarPoint) -> bool:
-    """Return whether a, b, c turn to the right, or b is within STRAIGHT_M of the leg from a to c."""
+def _is_redundant(b: PlanarPoint, a: PlanarPoint, c: PlanarPoint) -> bool:
+    """Return whether b is no corner: a, b, c turn right, or b is within STRAIGHT_M of the leg a to c."""
     return _turn(a, b, c) <= 0.0 or distance_to_leg(b, a, c) <= STRAIGHT_M
 
 

@@ -10,8 +10,8 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan, Waypoint
 
 CORNER_TOLERANCE = 0.02
-"""Distance at which a leg may pass the shared corner of two diagonal cells [cells]. Between centres a leg
-meets the corner exactly; a vehicle that follows such a leg has an error of about this size."""
+"""Greatest distance of a leg from the shared corner of two diagonal cells [cells]. A leg between centres
+meets the corner exactly; a vehicle follows such a leg with about this error."""
 
 LANDING_SPACING_M = 12.0
 """Greatest distance between the landing spots in one cell [m]."""
@@ -44,11 +44,11 @@ def flight_plan(
     """Return the plan to fly a route over neighbouring cells and land.
 
     Waypoints are the centres of the turns. A vehicle whose `position` is within cells[0] does not fly back to
-    the centre of that cell. The exception: its direct leg would enter a cell that is not on the route and
-    that `may_clip` does not allow.
+    the centre of that cell. Exception: the direct leg would enter a cell off the route that `may_clip` does
+    not allow.
     """
     if not cells:
-        raise ValueError("a route without cells cannot be flown: expected at least the cell of its goal")
+        raise ValueError("a route without cells cannot be flown: expected at least the goal cell")
     turns = ends_and_turns(cells)
     if position is not None and len(turns) > 1 and grid.cell_at(*position) == turns[0]:
         if _may_skip_first_centre(grid, turns, position):
@@ -73,7 +73,7 @@ def track_plan(
     allows the straight leg from its position (x, y) [cells] to the next corner.
     """
     if not corners:
-        raise ValueError("a track without corners cannot be flown: expected at least the cell of its goal")
+        raise ValueError("a track without corners cannot be flown: expected at least the goal cell")
     if position is not None and len(corners) > 1 and grid.cell_at(*position) == corners[0]:
         east_m, north_m = grid.frame.to_local(*position)
         if may_join((east_m / grid.cell_size_m, north_m / grid.cell_size_m), corners[1]):
@@ -111,7 +111,7 @@ def _step(here: Cell, there: Cell) -> Cell:
 def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) -> bool:
     (row, col), (next_row, next_col) = turns[0], turns[1]
     if row == next_row or col == next_col:
-        return True  # both ends lie in one row or column of cells, so the leg does too
+        return True  # both ends are in one row or column of cells, so the whole leg is
     # A diagonal leg converges on the line of centres. Its greatest distance is at the first shared corner.
     leg, across = _leg(grid, turns[0], turns[1], position)
     return abs(across) <= CORNER_TOLERANCE * leg
@@ -121,7 +121,7 @@ def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
     """Return the cell beside the shared corner that the leg to the diagonal neighbour enters."""
     _, across = _leg(grid, here, there, position)
     d_row, d_col = _step(here, there)
-    # Corner to the left of the leg: the leg passes on the corner's right, which is east on a flight north.
+    # If the corner is to the left, the leg passes to the right of the corner: to the east on a flight north.
     passes_beside_column = (across > 0.0) == (d_row * d_col > 0)
     return (here[0], there[1]) if passes_beside_column else (there[0], here[1])
 

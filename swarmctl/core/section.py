@@ -16,7 +16,7 @@ class Section(BaseModel):
 
 
 class NameIn:
-    """Annotation of a text that is one of a registry's names, in errors and schema like a Literal."""
+    """Annotation of a text from a registry's names; errors and schema show it like a Literal."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = list(names)

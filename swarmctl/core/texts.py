@@ -10,7 +10,7 @@ MAX_LISTED = 10
 
 
 def printable(text: str) -> str:
-    """Replace characters that cannot be printed, such as a terminal's escapes, by `?`."""
+    """Return the text with `?` for each unprintable character, such as a terminal's escapes."""
     return "".join(c if c.isprintable() else "?" for c in text)
 
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class FiringStrength:
-    """Hit probabilities for a vehicle that enters a hostile's cell, one of the 4 next to it or the 4
-    diagonal.
+    """Hit probabilities for entering a hostile's cell, one of the 4 beside it, or one of the 4 diagonal ones.
 
     Raises ValueError unless 0 ≤ second_neighbour < first_neighbour < direct ≤ 1.
     """

@@ -1,4 +1,4 @@
-"""The state of one vehicle, as its last telemetry reported it."""
+"""The state of one vehicle by its last telemetry."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Airframe = Literal["copter", "plane"]
 ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 
 STALE_MODE_S = 2.0
-"""time for which a delayed heartbeat may still report the mode before the present one [s]"""
+"""time for which a delayed heartbeat may still report the previous mode [s]"""
 
 
 class Landed(IntEnum):
@@ -50,7 +50,7 @@ class VehicleState:
     ready: bool = False
     """readiness to arm and fly a mission now: pre-arm checks pass and the position estimate is good"""
     not_ready: tuple[str, ...] = ()
-    """reasons against that, in the vehicle's words where it has sent them"""
+    """reasons against readiness, in the vehicle's words if it has sent them"""
     battery_percent: int | None = None
     battery_v: float | None = None
     gps_ok: bool | None = None
@@ -69,9 +69,9 @@ class VehicleState:
     status_text: str = ""
     """last STATUSTEXT of severity WARNING or worse"""
     heartbeat_s: float | None = None
-    """arrival of the last heartbeat by the ground station's clock [s]: the age of mode and arming"""
+    """arrival of the last heartbeat by the ground station's clock [s]: the time of mode and arming"""
     status_s: float | None = None
-    """arrival of the last SYS_STATUS by the same clock [s]: the age of battery, GPS and readiness"""
+    """arrival of the last SYS_STATUS by the same clock [s]: the time of battery, GPS and readiness"""
     position_s: float | None = None
     """arrival of the last position by the same clock [s]"""
 

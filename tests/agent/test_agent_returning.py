@@ -23,7 +23,7 @@ from swarmctl.agent.traffic.return_schedule import schedule_for
 from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SETTLES_S
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
-from swarmctl.core.frames import MAX_AWAY, StateShared
+from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
 from swarmctl.core.messages import VehicleAnswer, VehiclePosition
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.virtual_clock import run_virtual
@@ -109,7 +109,7 @@ def test_a_return_elsewhere_is_not_waited_for() -> None:
 
 @pytest.mark.parametrize(
     "fields",
-    [{"alt_rel_m": MAX_AWAY}, {"alt_rel_m": -MAX_AWAY}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
+    [{"alt_rel_m": MAX_MAGNITUDE}, {"alt_rel_m": -MAX_MAGNITUDE}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
     ids=["above the air", "under the ground", "155 km away"],
 )
 def test_an_implausible_state_is_not_waited_for(fields: dict[str, Any]) -> None:

@@ -13,23 +13,23 @@ from swarmctl.core.any_angle.track import CrossedCells, Floats, ThreatMap, centr
 from swarmctl.core.any_angle.turns import arc
 
 SPAN = 32
-"""Longest leg of the first search [steps of the route]. Longer legs are searched only between corners that
-shorter legs leave. For a route of no more steps the number of legs is minimal."""
+"""Longest leg of the first search [steps of the route]. Later searches try longer legs between the corners
+found so far. For a route of at most this many steps the number of legs is minimal."""
 
 TIES = 1e-9
-"""Share by which rounding may make equal sums differ."""
+"""Relative difference below which sums count as equal, because of rounding."""
 
 ROUNDS = 50
-"""Greatest number of searches; a search is repeated if an arc of its track is bad."""
+"""Greatest number of searches; a search is repeated if an arc of its track meets a wall or is worse."""
 
 
 class ExposureMeasure(StrEnum):
-    """The measures by which a straight leg must not be more exposed than the lattice route it replaces."""
+    """Measures of exposure in which a straight leg must be no worse than the lattice route it replaces."""
 
     ENTERED = "entered"
     """ΣP_s and ∏(1 − P_s) over the cells entered, and ∫P_s ds and ∫−ln(1 − P_s) ds along the leg. Strikes are
-    drawn each time a cell is entered, and a skew leg enters more cells than diagonal steps do. So this
-    measure never adds strikes, but it straightens little before anything is observed"""
+    drawn at each entry into a cell, and a skew leg enters more cells than diagonal steps do. So this measure
+    never adds strikes, but it straightens little before the first observations"""
     INTEGRAL = "integral"
     """∫P_s ds and ∫−ln(1 − P_s) ds alone; straightens most, and enters about a quarter more cells"""
 
@@ -39,7 +39,7 @@ class ExposureMeasure(StrEnum):
         return slice(0, N_MEASURES if self is ExposureMeasure.ENTERED else 3)
 
     def of(self, threat: ThreatMap, under: CrossedCells) -> Floats:
-        """Return the exposures among these measures for a track that begins in its first cell."""
+        """Return the exposure of a track in these measures; its first cell does not count as entered."""
         integral = threat.integral(under.cells, under.lengths)
         if self is ExposureMeasure.INTEGRAL:
             return integral
@@ -56,7 +56,7 @@ class Unflyable(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """The weights of Eq. 5, which keeps an unavoidable loss small."""
+    """The weights of Eq. 5, by which an unavoidable loss is kept small."""
 
     w: float
     psi_per_cell: float
@@ -68,7 +68,7 @@ def choose_corners(
     """Return the corners of a track, both ends included, as indices into `route`.
 
     `route` is (n, 2) rows and columns of neighbouring cells. The result has the fewest corners whose legs and
-    arcs are no worse than the route. If turns need room and no such corners exist, it is the choice of least
+    arcs are no worse than the route. If turns need room and no such corners exist, the result has the least
     cost by `weights`. Raises Unflyable.
     """
     search = _Search(threat, route, measure, radius_cells)
@@ -94,11 +94,11 @@ class _Search:
         self._forbidden: set[TurnIndices] = set()
 
     def no_worse(self) -> tuple[int, ...] | None:
-        """Return the fewest corners whose legs and arcs are no worse than the route; None without any."""
+        """Return the fewest corners whose legs and arcs are no worse than the route; None if none exist."""
         corners = self._with_good_arcs(None)
         if corners is None or self._radius > 0.0:
             return corners
-        # On a long route not all legs were searched; the legs of the lattice route are good too.
+        # On a long route the search skips some legs, so the lattice route may have fewer corners.
         return min(corners, self._turns(), key=len)
 
     def least_bad(self, weights: Weights) -> tuple[int, ...] | None:
@@ -150,17 +150,17 @@ class _Search:
         span = min(SPAN, n - 1)
         begins, ahead = (index.ravel() for index in np.indices((n, span)))
         ends = begins + ahead + 1
-        there = ends < n
-        first, last = nodes[begins[there]], nodes[ends[there]]
+        exists = ends < n
+        first, last = nodes[begins[exists]], nodes[ends[exists]]
         costs = np.full((n, span), np.inf)
-        costs[begins[there], ahead[there]] = self._cost(first, last, weights)
+        costs[begins[exists], ahead[exists]] = self._cost(first, last, weights)
         return costs
 
     def _cost(self, first: Ints, last: Ints, weights: Weights | None) -> Floats:
         legs = measure_legs(self._threat, self._route[first], self._route[last])
         length = legs.measures[0]
         replaced = self._so_far[:, last] - self._so_far[:, first]
-        # Such a leg lies on the lattice route, and the planner has chosen that route.
+        # A leg as long as the cells it replaces lies on the lattice route, which the planner has chosen.
         on_lattice = replaced[0] <= length * (1.0 + TIES)
         if weights is None:
             rows = self._measure.rows
@@ -173,9 +173,9 @@ class _Search:
         return np.where((length > 0.0) & (on_lattice | (legs.clear & good)), cost, np.inf)
 
     def _best(self, nodes: Ints, costs: Floats) -> Ints | None:
-        """Return the cheapest chain of legs from the first node to the last; None without any.
+        """Return the cheapest chain of legs from the first node to the last; None if none exists.
 
-        It is a shortest path over legs, not over nodes, because a leg must fit the one before it.
+        The search is over legs, not over nodes, because a leg must fit the previous leg.
         """
         n, span = costs.shape
         total = np.full((n, span), np.inf)
@@ -200,21 +200,22 @@ class _Search:
         return nodes[chosen[::-1]]
 
     def _may_turn(self, nodes: Ints, i: int, span: int, reach: int) -> Bools:
-        """Return (span, reach): whether a leg from node i − 1 − row may go on to node i + 1 + column."""
+        """Return (span, reach): whether a chain may turn at node i, from i − 1 − row to i + 1 + column."""
         if self._radius == 0.0:
             return np.ones((span, reach), dtype=bool)
         before, after = np.maximum(i - 1 - np.arange(span), 0), i + 1 + np.arange(reach)
         here = self._route[nodes[i]]
-        come, go = here - self._route[nodes[before]], self._route[nodes[after]] - here
-        cross = np.outer(come[:, 0], go[:, 1]) - np.outer(come[:, 1], go[:, 0])
-        dot = come @ go.T
-        come_m, go_m = np.hypot(*come.T), np.hypot(*go.T)
+        leg_in, leg_out = here - self._route[nodes[before]], self._route[nodes[after]] - here
+        cross = np.outer(leg_in[:, 0], leg_out[:, 1]) - np.outer(leg_in[:, 1], leg_out[:, 0])
+        dot = leg_in @ leg_out.T
+        length_in, length_out = np.hypot(*leg_in.T), np.hypot(*leg_out.T)
         # An arc may take a whole leg only at the ends of the track; elsewhere two arcs share a leg.
         room = np.minimum.outer(
-            come_m * np.where(before == 0, 1.0, 0.5), go_m * np.where(after == len(nodes) - 1, 1.0, 0.5)
+            length_in * np.where(before == 0, 1.0, 0.5),
+            length_out * np.where(after == len(nodes) - 1, 1.0, 0.5),
         )
         # tan(θ/2) = sin θ / (1 + cos θ)
-        fits: Bools = self._radius * np.abs(cross) <= room * (np.outer(come_m, go_m) + dot)
+        fits: Bools = self._radius * np.abs(cross) <= room * (np.outer(length_in, length_out) + dot)
         fits &= (cross != 0) | (dot > 0)
         for first, corner, last in self._forbidden:
             if corner == nodes[i]:
@@ -222,6 +223,6 @@ class _Search:
         return fits
 
 
-def _no_worse(measures: Floats, others: Floats) -> Any:
-    """Return whether no row of `measures` is worse than that of `others`; for one leg or for many."""
-    return (measures <= others * (1.0 + TIES) + TIES).all(axis=0)
+def _no_worse(measures: Floats, reference: Floats) -> Any:
+    """Return whether every row of `measures` is at most that of `reference`, for one leg or for many."""
+    return (measures <= reference * (1.0 + TIES) + TIES).all(axis=0)

@@ -42,7 +42,7 @@ def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
     fields = np.stack([threat.p_s, threat.hazard])
     integral, entered, clear = np.zeros((2, n)), np.zeros((2, n)), np.ones(n, dtype=bool)
     for k in range(int(walk.major[0]) + 1 if n else 0):
-        # In each step along its longer axis a leg crosses a strip of cells, and in it one cell or two.
+        # Each step along the longer axis of a leg is a strip of cells; the leg crosses one or two of them.
         m = int(np.count_nonzero(walk.major >= k))
         low, high, q_in, q_out = walk.strip(k, m)
         two = q_out > q_in
@@ -100,9 +100,9 @@ def _grazes(threat: ThreatMap, walk: _Walk, k: int, m: int) -> Bools:
     corner = (crossing + major) // (2 * np.maximum(major, 1))
     off = np.abs(crossing - corner * 2 * major) / (2.0 * np.maximum(walk.length[:m], 1.0))
     near = np.flatnonzero((off <= WALL_MARGIN + CORNER_LENGTH) & (k < major))
-    met = np.zeros(m, dtype=bool)
+    grazes = np.zeros(m, dtype=bool)
     for strip in (k, k + 1):
         for aside in (corner[near] - 1, corner[near]):
             is_begin = (aside == 0) if strip == 0 else np.zeros(len(near), dtype=bool)
-            met[near] |= threat.blocked[walk.cells(strip, aside, near)] & ~is_begin
-    return met
+            grazes[near] |= threat.blocked[walk.cells(strip, aside, near)] & ~is_begin
+    return grazes

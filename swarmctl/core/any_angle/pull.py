@@ -24,8 +24,8 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.route import CORNER_TOLERANCE
 
 WORSE_BY = 0.05
-"""Share by which the rest of a track may become more exposed than the rest of its route. A smaller difference
-is not worth stopping a vehicle for."""
+"""Share by which the rest of a track may be more exposed than the rest of its route. A smaller difference
+does not justify a stop of the vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Track:
     """A straightened route."""
 
     corners: tuple[Cell, ...]
-    """both ends and the turns, all of them cells of the route, in its order"""
+    """both ends and the turns, as cells of the route in order"""
     over: tuple[Cell, ...]
     """cells under the track, in the order flown"""
     abreast: tuple[int, ...]
@@ -42,7 +42,7 @@ class Track:
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
     safety_factor: float
-    """∏(1 − P_s) over the same"""
+    """∏(1 − P_s) over the same cells"""
 
 
 def pull_straight(
@@ -53,12 +53,12 @@ def pull_straight(
     radius_cells: float = 0.0,
     weights: Weights | None = None,
 ) -> Track:
-    """Return the track for a route over neighbouring cells: the fewest straight legs, of these the shortest.
+    """Return the track of fewest straight legs for a route over neighbouring cells; the shortest of equals.
 
-    With a turn radius of `radius_cells` [cells] each turn is an arc inside its corner, which takes at most
-    half of a leg between two turns. If no legs without loss leave that room, the legs may be worse. The loss
-    is then the least by `weights` (Eq. 5), or by exposure alone without `weights`; such a vehicle cannot fly
-    the lattice route either. The track keeps clear of walls in any case. Raises Unflyable.
+    With a turn radius of `radius_cells` [cells] each turn is an arc inside its corner. The arc takes at most
+    half of a leg between two turns. If only worse legs leave this room, the track has the least loss by
+    `weights` (Eq. 5), or by exposure alone without `weights`. The vehicle cannot fly the lattice route then
+    either. The track always keeps clear of walls. Raises Unflyable.
     """
     if len(cells) < 3:
         return track(threat, cells, tuple(range(len(cells))), radius_cells)
@@ -85,7 +85,7 @@ def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radi
 
 
 def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
-    """Return the index of the route's cell nearest to a cell under the track; None if it is not under it.
+    """Return the index of the route's cell nearest to a cell under the track; None for other cells.
 
     If the track passes the cell more than once, the index is at or after `since`.
     """
@@ -107,9 +107,9 @@ def still_holds(
     """Return whether the rest of a track is as good as the rest of its route by the present threat, `now`.
 
     The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
-    the threat by which the track was last found good. The rest of the track may have been more exposed by
-    `before` already, if the exposed part of a leg lay behind on the route and ahead on the track. So only an
-    increase over that difference counts.
+    the threat by which the track was last found good. The rest of the track may be more exposed by `before`
+    already: the vehicle may have passed the exposed part of a leg on the route, but not yet on the track. So
+    only an increase over that difference counts.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)
@@ -121,13 +121,13 @@ def still_holds(
     if not is_clear(walls, flown[under.legs[here] :]):
         return False
     ahead = crossed_cells([centre(at) for at in route[index:]])
-    rest, lattice = _from(under, here), _from(ahead, 0)
-    mine, its = measure.of(now, rest), measure.of(now, lattice)
-    were = np.maximum(measure.of(before, rest) - measure.of(before, lattice), 0.0)
-    return bool((mine <= its * (1.0 + WORSE_BY) + were + TIES).all())
+    rest, lattice = _rest_of(under, here), _rest_of(ahead, 0)
+    on_track, on_route = measure.of(now, rest), measure.of(now, lattice)
+    excess_before = np.maximum(measure.of(before, rest) - measure.of(before, lattice), 0.0)
+    return bool((on_track <= on_route * (1.0 + WORSE_BY) + excess_before + TIES).all())
 
 
-def _from(under: CrossedCells, here: int) -> CrossedCells:
+def _rest_of(under: CrossedCells, here: int) -> CrossedCells:
     """Return the cells ahead of a vehicle that leaves the cell with this index."""
     return CrossedCells(under.cells[here:], (0.0, *under.lengths[here + 1 :]), under.legs[here:])
 

@@ -220,11 +220,11 @@ def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight:
     at = np.unique(_clipped(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))
     t = _tilt(log_ratio, n_cells, at)
     top = np.logaddexp(0.0, log_ratio + t[:, None]) @ n_cells
-    least = log_weight + np.interp(totals, at, top - at * t)
+    lower = log_weight + np.interp(totals, at, top - at * t)
     right = np.clip(np.searchsorted(at, totals), 1, at.size - 1) if at.size > 1 else np.zeros_like(totals)
     left = np.maximum(right - 1, 0)
-    most = log_weight + np.minimum(top[left] - totals * t[left], top[right] - totals * t[right])
-    return np.flatnonzero(most >= least.max() - NEGLIGIBLE)
+    upper = log_weight + np.minimum(top[left] - totals * t[left], top[right] - totals * t[right])
+    return np.flatnonzero(upper >= lower.max() - NEGLIGIBLE)
 
 
 def _ranges(log_ratio: Floats, n_cells: Ints, totals: Ints, kept: Ints) -> list[tuple[float, Ints]]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, xlog1py, xlogy
 
 LOG_RANGE = 745.0
-"""Numbers less likely than the likeliest by e to this power count as impossible: the range of a double."""
+"""Difference of log weight from the likeliest number at which a number counts as impossible; the range of a
+double."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,11 +25,11 @@ class HostileCount:
 
     def __post_init__(self) -> None:
         if self.n.size == 0 or self.n.shape != self.log_weight.shape:
-            raise ValueError("a prior over the number of hostiles without any number that is possible")
+            raise ValueError("the prior over the number of hostiles has no possible number")
         if self.n[0] < 0 or (np.diff(self.n) <= 0).any():
             raise ValueError(f"numbers of hostiles {self.n.tolist()}: expected 0 or more, ascending")
         if not np.isfinite(self.log_weight).all():
-            raise ValueError("a number of hostiles whose weight is not a positive, finite number")
+            raise ValueError("the weight of a number of hostiles is not a positive, finite number")
 
     @classmethod
     def known(cls, n: int) -> HostileCount:
@@ -96,5 +97,5 @@ class HostileCount:
         return f"{low} to {high} (95 %)"
 
     def draw(self, rng: np.random.Generator) -> int:
-        """Return a random number by its probability; `rng` is not used if only one is possible."""
+        """Return a random number of hostiles; `rng` stays unused if only one number is possible."""
         return self.least if self.is_number else int(rng.choice(self.n, p=self.pmf))

@@ -1,7 +1,7 @@
 """The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes beyond it.
 
 Cells with equal numbers of looks and hits form a class. Every function here takes the classes of a whole
-area; a class may come in several parts.
+area; several entries may stand for one class.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ class CellClasses:
 def eq4(n_hostiles: int, classes: CellClasses) -> Floats:
     """Return p_O (k,) by Eq. 4: 1 for a seen hostile, 0 for a seen clear cell, else (n_HA − n_V)/(n_C − v).
 
-    For sensors that do not err, and an announced number of hostiles.
+    Eq. 4 holds for perfect sensors and an announced number of hostiles.
     """
     unseen, held = classes.looks == 0, classes.hits > 0
-    left = int(classes.n_cells[unseen].sum())  # n_C - v
+    n_unseen = int(classes.n_cells[unseen].sum())  # n_C - v
     n_found = int(classes.n_cells[held].sum())  # n_V
     # DEVIATION: Eq. 4 has no value once v = n_C, and leaves [0, 1] when the announced count was wrong.
-    p_unseen = min(max((n_hostiles - n_found) / left, 0.0), 1.0) if left else 0.0  # Eq. 4
+    p_unseen = min(max((n_hostiles - n_found) / n_unseen, 0.0), 1.0) if n_unseen else 0.0  # Eq. 4
     return np.where(unseen, p_unseen, np.where(held, 1.0, 0.0))
 
 
 def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Floats:
     """Return the posterior probability p_O (k,), exact to rounding; Eq. 4 is its limit.
 
-    Every placement of hostiles is equally likely, with at most one in a cell. Their number is distributed as
-    `count`, and looks err as `sensor` does. Every look informs every cell: hostiles that are less likely in
-    the cells looked at are likelier elsewhere.
+    Every placement of hostiles is equally likely, with at most one in a cell. `count` is the distribution of
+    their number, and `sensor` has the error rates of looks. Every look changes every cell: if hostiles become
+    less likely in some cells, they become likelier elsewhere.
     """
     open_cells, groups = posterior(count, sensor, classes)
     p = np.where(sensor.log_ratio(classes.looks, classes.hits) > 0.0, 1.0, 0.0)
@@ -70,10 +70,10 @@ def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Flo
 def posterior(
     count: HostileCount, sensor: SensorModel, classes: CellClasses
 ) -> tuple[NDArray[np.bool_], HostileGroups | None]:
-    """Return the mask (k,) of the uncertain classes, and the numbers of hostiles in them; None without any.
+    """Return the mask (k,) of the uncertain classes, and the numbers of hostiles in them; None if none exist.
 
-    If the certain hostiles are more than possible, or the uncertain cells fewer than the hostiles left, the
-    nearest possible number is taken, as Eq. 4 is clamped to [0, 1].
+    `count` may allow fewer hostiles than are certain, or more than there are cells for. The nearest possible
+    number is then taken, as Eq. 4 is clamped to [0, 1].
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     open_cells = np.isfinite(log_ratio)
@@ -97,8 +97,8 @@ def posterior(
 def announced_too_low(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> bool:
     """Return whether more hostiles were found than announced; with 95 % confidence for sensors that err.
 
-    Each cell counts by its own looks alone, at the odds announced for a cell. A posterior under `count` would
-    not do, because it never holds more hostiles than `count` allows.
+    Each cell counts by its own looks alone, at the odds announced for a cell. A posterior under `count`
+    cannot show the excess, because it never has more hostiles than `count` allows.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     # Half a hostile and half a clear cell are added, so that an announcement of none or of all can be wrong.

@@ -13,8 +13,8 @@ from scipy.special import xlogy
 class SensorModel:
     """The error rates of one look at one cell; looks err independently.
 
-    Raises ValueError unless both are in [0, 1) and their sum is below 1. At 1 a look carries no information;
-    above 1 it means the contrary.
+    Raises ValueError unless both rates are in [0, 1) and their sum is below 1. With a sum of 1 a look carries
+    no information; with a greater sum a look means the contrary.
     """
 
     p_miss: float = 0.0
@@ -25,8 +25,8 @@ class SensorModel:
     def __post_init__(self) -> None:
         if not (self.p_miss >= 0.0 and self.p_false_alarm >= 0.0 and self.p_miss + self.p_false_alarm < 1.0):
             raise ValueError(
-                f"a sensor that misses {self.p_miss} and raises false alarms {self.p_false_alarm}: expected "
-                "two probabilities whose sum is below 1, such as 0.1 and 0.02; at 1 a look tells nothing"
+                f"sensor error rates p_miss {self.p_miss} and p_false_alarm {self.p_false_alarm}: expected "
+                "two probabilities with a sum below 1, such as 0.1 and 0.02"
             )
 
     @property

@@ -1,8 +1,9 @@
-"""The true survival probability of a route, which neither ΣP_s nor ∏(1 − P_s) is.
+"""The true survival probability of a route. Neither ΣP_s nor ∏(1 − P_s) is equal to it.
 
-For each cell that a vehicle enters, each hostile in reach shoots once, independently, with the probability of
-Eq. 1. For known hostiles the vehicle survives with ∏(1 − fs). But their cells are unknown, and one hostile
-threatens several cells of a route. So worlds are drawn from the belief, and the survival in them is averaged.
+For each cell that a vehicle enters, each hostile in reach shoots once, independently, and hits with the
+probability of Eq. 1. Among known hostiles the probability of survival is ∏(1 − fs). But the hostiles' cells
+are unknown, and one hostile threatens several cells of a route. So worlds are drawn from the belief, and
+their survival probabilities are averaged.
 """
 
 from __future__ import annotations
@@ -61,10 +62,10 @@ def survival_probability(
     `n_worlds` worlds are drawn from the belief, each with its own hostiles. The start cell does not count,
     the goal does; a cell entered twice counts twice.
 
-    The shots are not drawn. For given hostiles the survival is a product, and its average over the worlds has
-    the same mean as the share of surviving vehicles and a smaller variance (Rao-Blackwell). The interval is
-    the normal one of that average, Wilson's if few worlds count, and a point if every cell in reach is
-    certain. Raises ValueError for fewer than 2 worlds.
+    The shots are not drawn. For given hostiles the survival probability is a product. Its average over the
+    worlds has the same mean as the share of surviving vehicles, and a smaller variance (Rao-Blackwell). The
+    interval is the normal one of that average, or also Wilson's if few worlds carry the average. It is a
+    point if every cell in reach is certain. Raises ValueError for fewer than 2 worlds.
     """
     if n_worlds < 2:
         raise ValueError(f"{n_worlds} worlds: expected 2 or more")
@@ -144,7 +145,7 @@ class _Worlds:
 
 
 def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the cells from which a vehicle on a route is shot at, and its entries into their reach.
+    """Return the cells whose hostiles can hit a vehicle on a route, and its entries into their reach.
 
     (m,) cells as row · cols + col; (m, 3) entries into the cell itself, its nearest and its diagonal
     neighbours.
@@ -160,6 +161,6 @@ def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np
 
 
 def _survival(strength: FiringStrength, entries: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return (k,) probabilities to survive one hostile that is passed with these `entries` (k, 3)."""
+    """Return (k,) probabilities of surviving one hostile after these `entries` (k, 3) into its reach."""
     fs = np.array([strength.direct, strength.first_neighbour, strength.second_neighbour])
     return np.asarray(np.prod((1.0 - fs) ** entries, axis=1))
