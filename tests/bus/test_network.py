@@ -147,6 +147,25 @@ def test_an_overlong_key_is_refused_without_cost() -> None:
     assert keys.sender_of(longest) == (253, "inform/observation")
 
 
+def test_a_flood_of_invalid_messages_shows_ten_lines() -> None:
+    async def scene() -> None:
+        lines: list[int] = []
+        with closing(MemoryBus()) as transport:
+            clock = RunClock(1.8e9)
+            swarm = Network(
+                transport, "test", (1, 2), OPTIONS, clock=clock, say=lambda uav, _: lines.append(uav)
+            )
+            with closing(swarm):
+                swarm.join(2, lambda _: None)
+                for _ in range(15):
+                    transport.put("swarmctl/test/uav/2/inform/state/1", b"junk")
+                    await asyncio.sleep(3600.0)
+                assert lines == [2] * 10
+                assert sum(swarm.counters(2).refused.values()) == 15
+
+    run_virtual(scene())
+
+
 def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
     async def scene() -> None:
         with bus() as transport:

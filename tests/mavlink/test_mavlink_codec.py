@@ -85,6 +85,11 @@ def test_a_wrong_checksum_loses_only_its_frame():
     assert [f.data[4] for f in frames] == [1]
 
 
+def test_a_frame_directly_behind_a_stray_start_byte_is_found():
+    frames = split(b"\xfd" + heartbeat(4) + b"." * 300)
+    assert [f.data[4] for f in frames] == [4]
+
+
 def test_a_frame_is_found_within_the_remains_of_a_truncated_one():
     big = mavlink.MAVLink_statustext_message(4, b"x" * 50).pack(mavlink.MAVLink(None, 7, 1))
     frames = split(big[:25] + b"".join(heartbeat(i) for i in range(6)))

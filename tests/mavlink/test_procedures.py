@@ -212,6 +212,12 @@ def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
     assert bench.now - before < limit_s
 
 
+def test_an_upload_on_a_perfect_wire_expects_a_swap_as_quick():
+    bench = Bench().prepared()
+    uploaded = bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    assert uploaded.swap_takes_s == pytest.approx(0.0, abs=0.2)
+
+
 @pytest.mark.parametrize("partial_lists", [True, False])
 def test_a_swap_on_a_lost_link_reports_the_last_known_mission(partial_lists):
     bench = Bench(Script(partial_lists=partial_lists), Faults(max_delay_s=0.3)).flying(OLD)

@@ -47,6 +47,22 @@ def test_a_waypoint_is_passed_within_the_radius_and_without_a_wild_overshoot() -
     assert 198.0 <= farthest_m < 208.0
 
 
+def test_a_waypoint_on_a_straight_line_is_passed_at_full_speed() -> None:
+    station = Station()
+    station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    station.fly_mission([takeoff(), waypoint(100, 100), waypoint(200, 200), land(200, 200)])
+    speeds: list[float] = []
+
+    def watch() -> bool:
+        if 70.0 < place_m(station)[0] < 130.0:
+            last = station.of("GLOBAL_POSITION_INT")[-1]
+            speeds.append(math.hypot(last.vx, last.vy) / 100)
+        return place_m(station)[0] > 130.0
+
+    station.until(watch)
+    assert min(speeds) > 9.5
+
+
 @pytest.mark.autopilots("1.8", "2 item 0", "MAVSDK 5 mission_raw item 0")
 def test_a_plan_without_a_home_placeholder_silently_loses_its_take_off() -> None:
     station = Station()
