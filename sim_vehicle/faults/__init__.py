@@ -1,4 +1,4 @@
-"""Faults: one file and one registry line each; they import the channel and injected faults only."""
+"""The faults, one file and one registry line each; a fault imports only the channel and injected faults."""
 
 from sim_vehicle.faults import (
     absent_ack,

@@ -1,4 +1,4 @@
-"""Commands and uploads are obeyed but not acknowledged."""
+"""Commands and uploads are carried out but not acknowledged."""
 
 from pydantic import Field
 

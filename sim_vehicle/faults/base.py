@@ -1,4 +1,4 @@
-"""The shape of a fault: its parameters, and a function that begins it and returns one that ends it."""
+"""The interface of a fault: its parameters, and its functions for the beginning and the end."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ DIRECTION: Any = Field(default="both", description="affected direction")
 
 
 class FaultParams(BaseModel):
-    """Parameters of one fault; units are in the names, [s] for `_s` and so on."""
+    """Parameters of one fault; the suffix of a name is the unit, such as `_s` for seconds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True, slots=True)
 class FaultTarget:
-    """One vehicle as a fault sees it.
+    """Access of a fault to one vehicle.
 
-    channel: its link, created on the first call.
+    channel: returns the vehicle's link, created on the first call.
     injected_faults: effects on the vehicle itself.
-    generator: makes a random generator for the fault.
+    generator: returns a random generator for the fault.
     reboot: restarts the autopilot at a time [s] with a silence [s].
-    every_tick: calls a function with the time [s] on each tick, until the returned function is called.
+    every_tick: registers a function of the time [s] for each tick; returns a function that removes it.
     """
 
     channel: Callable[[], Channel]
@@ -39,13 +39,15 @@ class FaultTarget:
     reboot: Callable[[float, float], None]
     every_tick: Callable[[Callable[[float], None]], Callable[[], None]]
 
-    def disturb(self, way: LinkDirections, make_stage: Callable[[np.random.Generator], Stage]) -> EndFault:
-        """Add a stage to each direction that `way` names; return a function that removes them."""
+    def disturb(
+        self, affected: LinkDirections, make_stage: Callable[[np.random.Generator], Stage]
+    ) -> EndFault:
+        """Add a stage to each affected direction; return a function that removes the stages."""
         channel = self.channel()
         removals = [
             channel.add(direction, make_stage(self.generator()))
             for direction in Direction
-            if way in ("both", direction.value)
+            if affected in ("both", direction.value)
         ]
 
         def end(_now: float) -> None:
@@ -55,7 +57,7 @@ class FaultTarget:
         return end
 
     def apply(self, effect: FaultEffect, now: float) -> EndFault:
-        """Apply an effect to the vehicle itself from `now` [s]; return a function that ends it."""
+        """Apply an effect to the vehicle itself from `now` [s]; return its end function."""
         return self.injected_faults.begin(effect, now)
 
 

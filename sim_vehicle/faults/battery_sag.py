@@ -1,4 +1,4 @@
-"""The battery has a lower voltage than its charge gives, or a lower charge."""
+"""The battery's voltage or charge is too low."""
 
 from typing import Annotated
 
@@ -9,7 +9,7 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
-    sag_v: Annotated[float, Field(ge=0, le=60)] = Field(default=1.5, description="missing voltage")
+    sag_v: Annotated[float, Field(ge=0, le=60)] = Field(default=1.5, description="drop of the voltage")
     at_most: Share = Field(
         default=1.0, description="upper limit of the charge, as a share of the full charge"
     )

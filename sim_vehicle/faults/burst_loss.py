@@ -1,4 +1,4 @@
-"""Frames are lost in bursts: the two-state chain of Gilbert and Elliott."""
+"""Frames are lost in bursts, by the two-state Gilbert-Elliott chain."""
 
 from typing import Annotated, Self
 
@@ -58,7 +58,7 @@ class Params(FaultParams):
 
 
 class BurstLoss:
-    """The chain of Gilbert and Elliott, started in its stationary distribution."""
+    """The Gilbert-Elliott chain, started in its stationary distribution."""
 
     in_order = True
 

@@ -9,7 +9,7 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
-    # A crystal is off by some 20 ppm, an oscillator without one by some 10 000.
+    # The error of a crystal is about 20 ppm, of an oscillator without a crystal about 10 000 ppm.
     drift_ppm: Annotated[float, Field(ge=-500_000, le=500_000)] = Field(
         default=1000.0, description="drift of the clock, positive if fast"
     )
@@ -19,4 +19,4 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return target.apply(FaultEffect(clock_drift_ppm=params.drift_ppm), now)
 
 
-FAULT = Fault("clock_drift", "time since boot, TIMESYNC and SYSTEM_TIME drift away", Params, begin)
+FAULT = Fault("clock_drift", "time since boot, TIMESYNC and SYSTEM_TIME drift", Params, begin)

@@ -1,4 +1,4 @@
-"""Bits flip in transit; the receiver's checksum has to detect it."""
+"""Bits flip in transit; the receiver detects most flips by the checksum."""
 
 from typing import Annotated
 
@@ -19,7 +19,7 @@ from sim_vehicle.wire.channel import TimedFrames
 
 class Params(FaultParams):
     rate: Share = Field(default=0.1, description="share of the frames corrupted")
-    # MAVLink's checksum detects up to three flipped bits for certain, and nearly all larger errors.
+    # MAVLink's checksum detects every error of up to three bits, and nearly all larger errors.
     bits: Annotated[int, Field(ge=1, le=64)] = Field(
         default=3, description="largest number of flipped bits in a frame"
     )
@@ -38,10 +38,10 @@ class Corruption:
         if not frame or self._rng.random() >= self._rate:
             return [(frame, due_s)]
         flips = min(int(self._rng.integers(1, self._bits + 1)), 8 * len(frame))
-        spoilt = bytearray(frame)
+        corrupted = bytearray(frame)
         for bit in self._rng.choice(8 * len(frame), size=flips, replace=False).tolist():
-            spoilt[bit // 8] ^= 1 << bit % 8
-        return [(bytes(spoilt), due_s)]
+            corrupted[bit // 8] ^= 1 << bit % 8
+        return [(bytes(corrupted), due_s)]
 
 
 def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:

@@ -1,4 +1,4 @@
-"""Frames are late, in their order."""
+"""Frames arrive late, in their original order."""
 
 import math
 from typing import Annotated, Self

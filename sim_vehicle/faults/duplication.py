@@ -20,7 +20,7 @@ from sim_vehicle.wire.channel import TimedFrames
 class Params(FaultParams):
     rate: Share = Field(default=0.1, description="share of the frames duplicated")
     gap_s: Annotated[float, Field(ge=0, le=60)] = Field(
-        default=0.0, description="time from a frame to its copy; other frames can arrive between"
+        default=0.0, description="time from a frame to its copy; other frames can arrive in between"
     )
     direction: LinkDirections = DIRECTION
 

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.spec import FaultSpec
 
-# (key, faults, now): ends the faults under the key and begins these.
+# Function of (key, faults, now): ends the faults under the key and begins the given faults.
 Replace = Callable[[Hashable, Sequence[FaultSpec], float], None]
 
 ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
@@ -20,8 +20,9 @@ DELAYED = int(mavlink.FAILURE_TYPE_DELAYED)
 INTERMITTENT = int(mavlink.FAILURE_TYPE_INTERMITTENT)
 MOTOR = int(mavlink.FAILURE_UNIT_SYSTEM_MOTOR)
 MOTORS = 4
-EMPTY = 0.04  # share of the charge below every threshold, but enough to land
-# A ground station cannot end this fault, so it ends by itself; it begins after the acknowledgement.
+EMPTY = 0.04  # share of the charge: below every threshold, but enough to land
+# The link fault begins after the acknowledgement. Over a dead link no ground station can end the fault, so
+# the fault has a duration.
 LINK_OFF_S = 30.0
 LINK_OFF_AFTER_S = 0.3
 
@@ -38,7 +39,7 @@ _FAULTS: dict[int, dict[int, FaultSpec]] = {
     mavlink.FAILURE_UNIT_SENSOR_AIRSPEED: _unhealthy("airspeed", OFF, WRONG),
     mavlink.FAILURE_UNIT_SENSOR_GPS: {
         OFF: FaultSpec(fault="gps_loss"),
-        STUCK: FaultSpec(fault="gps_loss"),  # an estimator rejects a receiver that repeats itself
+        STUCK: FaultSpec(fault="gps_loss"),  # an estimator rejects repeated positions
         WRONG: FaultSpec(fault="gps_glitch", params={"east_m": 100.0}),
     },
     mavlink.FAILURE_UNIT_SYSTEM_BATTERY: {
@@ -57,10 +58,10 @@ _FAULTS: dict[int, dict[int, FaultSpec]] = {
 
 
 def inject_failure(unit: float, kind: float, instance: float, replace: Replace, now: float) -> int:
-    """Carry out the command's parameters 1 to 3 at `now` [s]; return its MAV_RESULT.
+    """Carry out MAV_CMD_INJECT_FAILURE with parameters 1 to 3 at `now` [s]; return the MAV_RESULT.
 
-    Instance 0 means all instances of a unit. Only motors have several; other instances are unsupported.
-    FAILURE_TYPE_OK ends the faults of this command.
+    Instance 0 means all instances of a unit. Only motors have more than one instance. FAILURE_TYPE_OK ends
+    the faults of this command.
     """
     try:
         unit, kind, instance = round(unit), round(kind), round(instance)

@@ -14,9 +14,7 @@ class Params(FaultParams):
     east_m: Offset = Field(default=30.0, description="error eastward")
     north_m: Offset = Field(default=0.0, description="error northward")
     up_m: Offset = Field(default=0.0, description="error upward")
-    ramp_s: Annotated[float, Field(ge=0)] = Field(
-        default=0.0, description="time over which the error grows; 0: it jumps"
-    )
+    ramp_s: Annotated[float, Field(ge=0)] = Field(default=0.0, description="duration of the ramp; 0: a jump")
 
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:

@@ -18,7 +18,7 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
 
 FAULT = Fault(
     "motor_loss",
-    "motors stop: a copter sinks ever faster (one) or falls (more), a plane glides",
+    "motors stop: a copter sinks (one motor) or falls (more motors), a plane glides",
     Params,
     begin,
 )

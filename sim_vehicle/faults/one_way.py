@@ -1,4 +1,4 @@
-"""The link carries one direction only."""
+"""The link carries frames in one direction only."""
 
 from typing import Literal
 

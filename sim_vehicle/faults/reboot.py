@@ -1,4 +1,4 @@
-"""The autopilot restarts, in flight too."""
+"""The autopilot restarts, also in flight."""
 
 from typing import Annotated
 

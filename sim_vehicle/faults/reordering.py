@@ -24,7 +24,7 @@ class Params(FaultParams):
 
 
 class Reordering:
-    """Delay of a share of the frames by up to hold_s (uniform); later frames overtake them."""
+    """Delay of a share of the frames by up to hold_s (uniform); later frames overtake delayed frames."""
 
     in_order = False
 

@@ -23,7 +23,7 @@ SPAWN_KEY = 0xFA17  # separates the faults' randomness from that of the vehicles
 
 @dataclass(frozen=True, slots=True)
 class VehicleAccess:
-    """Access to one vehicle of the fleet: its channel (created on demand), its faults, and its reboot."""
+    """Access to one vehicle of the fleet: channel (created on demand), injected faults, reboot."""
 
     channel: Callable[[], Channel]
     injected_faults: InjectedFaults
@@ -32,19 +32,19 @@ class VehicleAccess:
 
 @dataclass(slots=True)
 class _PlannedFault:
-    """One fault on one vehicle, from its planning to its end."""
+    """One fault on one vehicle: planned, running or ended."""
 
     index: int
     spec: FaultSpec
-    over: bool = False
-    stop: EndFault | None = None  # while it runs
+    ended: bool = False
+    stop: EndFault | None = None  # None unless the fault runs
 
     @property
     def runs(self) -> bool:
         return self.stop is not None
 
     def end(self, now: float) -> None:
-        self.over = True
+        self.ended = True
         if self.stop is not None:
             self.stop(now)
             self.stop = None
@@ -55,10 +55,10 @@ class Schedule:
 
     Parameters
     ----------
-    specs: planned faults; FaultError if one names an unknown vehicle.
+    specs: planned faults; FaultError for an unknown vehicle.
     sysids: system ids by vehicle index; a system id can occur on several links.
-    access: returns the access to the vehicle of an index.
-    seed: of the scenario.
+    access: returns the access to a vehicle by its index.
+    seed: the scenario's seed.
     """
 
     def __init__(
@@ -80,26 +80,26 @@ class Schedule:
 
     @property
     def next_due_s(self) -> float:
-        """Time of the next change [s]; inf: none."""
+        """Return the time of the next change [s]; inf without a change."""
         if self._tickers:
             return -math.inf
         return self._events[0][0] if self._events else math.inf
 
     def tick(self, now: float) -> None:
-        """Begin and end the faults due at `now` [s], in the order of time."""
+        """Begin and end the faults due by `now` [s], earliest first."""
         while self._events and self._events[0][0] <= now + EPSILON_S:
-            due_s, _, act = heapq.heappop(self._events)
-            act(due_s)
+            due_s, _, action = heapq.heappop(self._events)
+            action(due_s)
         for grow in tuple(self._tickers.values()):
             grow(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault `at_s` after `now` [s]; FaultError if it names an unknown vehicle."""
+        """Begin a fault `at_s` after `now` [s]; FaultError for an unknown vehicle."""
         self._plan(spec, self._indices(spec), now + spec.at_s)
         self.tick(now)
 
     def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
-        """End the faults begun on one vehicle under this key, and begin others instead."""
+        """End the faults of one vehicle under this key, and begin the given faults instead."""
         for fault in self._replaceable.pop((index, key), ()):
             fault.end(now)
         if specs:
@@ -109,7 +109,7 @@ class Schedule:
         self.tick(now)
 
     def names(self, index: int) -> tuple[str, ...]:
-        """Return the names of a vehicle's present faults."""
+        """Return the names of a vehicle's running faults."""
         return tuple(fault.spec.fault for fault in self._planned if fault.index == index and fault.runs)
 
     def _indices(self, spec: FaultSpec) -> list[int]:
@@ -127,18 +127,18 @@ class Schedule:
         """Schedule one fault on several vehicles."""
         planned = [_PlannedFault(index, spec) for index in indices]
         for fault in planned:
-            self._at(at_s, partial(self._begin, fault))
+            self._schedule(at_s, partial(self._begin, fault))
             if spec.for_s is not None:
-                self._at(at_s + spec.for_s, fault.end)
+                self._schedule(at_s + spec.for_s, fault.end)
         return planned
 
-    def _at(self, time_s: float, act: Callable[[float], None]) -> None:
-        heapq.heappush(self._events, (time_s, next(self._order), act))
+    def _schedule(self, time_s: float, action: Callable[[float], None]) -> None:
+        heapq.heappush(self._events, (time_s, next(self._order), action))
 
     def _begin(self, fault: _PlannedFault, now: float) -> None:
-        if fault.over:
+        if fault.ended:
             return
-        self._planned = [other for other in self._planned if not other.over] + [fault]
+        self._planned = [other for other in self._planned if not other.ended] + [fault]
         kind = FAULTS[fault.spec.fault]
         fault.stop = kind.begin(self._target(fault.index), fault.spec.parameters(), now)
 

@@ -1,4 +1,4 @@
-"""A sensor reports itself unhealthy."""
+"""A sensor is reported unhealthy."""
 
 from enum import Enum
 

@@ -1,7 +1,7 @@
 """A bad pair of SiK radios: one slow frequency for both directions, bursts of loss, RADIO_STATUS.
 
-After each heartbeat that a radio transmits, it adds a RADIO_STATUS for its own side, as system '3', component
-'D'. The two radios transmit in turns: a frame waits for a turn, for earlier frames, and for its own
+At each transmitted heartbeat a radio sends a RADIO_STATUS to its own side, as system '3', component 'D'. The
+two radios transmit in turns. A frame is delayed by the wait for a turn, by earlier frames, and by its own
 transmission.
 """
 
@@ -36,7 +36,7 @@ class Params(FaultParams):
         default=0.06, description="longest wait for a turn to transmit"
     )
     buffer_bytes: Annotated[int, Field(ge=300)] = Field(
-        default=2048, description="buffer of a radio; frames that find it full are lost"
+        default=2048, description="buffer of a radio; a frame that does not fit is lost"
     )
     rssi: Annotated[int, Field(ge=0, le=254)] = Field(default=75, description="reported signal strength, raw")
     noise: Annotated[int, Field(ge=0, le=254)] = Field(default=50, description="reported noise, raw")
@@ -63,15 +63,18 @@ class Radio:
 
     in_order = True
 
-    def __init__(self, params: Params, air: _Air, channel: Channel, way: Direction, rng: np.random.Generator):
-        self._params, self._air, self._channel, self._way, self._rng = params, air, channel, way, rng
+    def __init__(
+        self, params: Params, air: _Air, channel: Channel, direction: Direction, rng: np.random.Generator
+    ):
+        self._params, self._air, self._channel = params, air, channel
+        self._direction, self._rng = direction, rng
         self._loss = BurstLoss(params.bursts(), rng)
         self._corruption = Corruption(params.spoilt, 3, rng)
         self._waiting: deque[tuple[float, int]] = deque()  # end of the transmission [s], length
         self._waiting_bytes = 0
         self._codec = mavlink.MAVLink(None, srcSystem=RADIO_SYSTEM, srcComponent=RADIO_COMPONENT)
         self.other: Radio | None = None
-        self.lost = 0  # number of its frames lost in the air
+        self.lost = 0  # frames lost in the air
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         self._empty_buffer(due_s)
@@ -115,7 +118,7 @@ class Radio:
             lost_by_other & 0xFFFF,
             0,
         )
-        back = next(way for way in Direction if way is not self._way)
+        back = next(direction for direction in Direction if direction is not self._direction)
         self._channel.inject(back, bytes(report.pack(self._codec)), now)
         self._codec.seq = (self._codec.seq + 1) % 256
 

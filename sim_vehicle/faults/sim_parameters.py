@@ -1,6 +1,6 @@
 """ArduPilot's simulation parameters that cause failures, and the faults for their values.
 
-SIM_BATT_VOLTAGE, SIM_RC_FAIL and the wind are no faults: the personality's flight parameters have them.
+SIM_BATT_VOLTAGE, SIM_RC_FAIL and the wind are not faults, but flight parameters of the personality.
 """
 
 import math
@@ -19,7 +19,7 @@ def _gps(read: Read) -> list[FaultSpec]:
 
 
 def _glitch(read: Read) -> list[FaultSpec]:
-    """X and Y are degrees of latitude and longitude (with the length at the equator), Z is metres."""
+    """Return the GPS glitch; X and Y are degrees of latitude and longitude (111 320 m each), Z is metres."""
     offsets = {
         "north_m": read("SIM_GPS_GLITCH_X") * METRES_PER_DEGREE,
         "east_m": read("SIM_GPS_GLITCH_Y") * METRES_PER_DEGREE,
@@ -32,7 +32,7 @@ def _glitch(read: Read) -> list[FaultSpec]:
 
 
 def _engine(read: Read) -> list[FaultSpec]:
-    """Return the motor loss for a mask of motors and their remaining thrust; half a motor counts as one."""
+    """Return the motor loss for a mask of motors; a motor with at most half of its thrust counts as lost."""
     mask = read("SIM_ENGINE_FAIL")
     if not math.isfinite(mask) or read("SIM_ENGINE_MUL") > 0.5:
         return []
@@ -51,9 +51,9 @@ _GROUPS: dict[str, Callable[[Read], list[FaultSpec]]] = {
 
 
 def faults_of(name: str, read: Read) -> tuple[str, Sequence[FaultSpec]] | None:
-    """Return the key and the faults for the present value of a changed parameter.
+    """Return the key and the faults of a changed parameter; None for a parameter that causes no failure.
 
-    None for a parameter that causes no failure. `read` returns the values of the parameters in its group.
+    `read` returns the present value of a parameter.
     """
     faults = _GROUPS.get(name)
     return None if faults is None else (faults.__name__, faults(read))

@@ -17,21 +17,21 @@ RESERVED = {
     "for": "duration [s]",
     "sysid": "system ids: 3, or 1+4, or 2-6; all by default",
 }
-SIMILARITY = 0.7  # similarity of a suggestion; a lower value suggests `at` for `rate`
+SIMILARITY = 0.7  # lowest similarity of a suggestion; a lower limit would suggest `at` for `rate`
 RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
 # The longest suffixes first: `_bytes_s` ends in `_s` too.
 UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
 
 
 class FaultError(ValueError):
-    """An invalid fault; the text says which, the value found, and the allowed values."""
+    """An invalid fault; the text has the fault, the value found, and the allowed values."""
 
 
 class FaultSpec(BaseModel):
     """One fault of a scenario.
 
-    params: of the fault, checked against it; vehicles: system ids, None for all; at_s: start [s], from the
-    start of the simulation or from the injection; for_s: duration [s], None for no end.
+    params: parameters of the fault. vehicles: system ids, None for all. at_s: start [s], from the start of
+    the simulation or from the injection. for_s: duration [s], None for no end.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -48,7 +48,7 @@ class FaultSpec(BaseModel):
         return self
 
     def parameters(self) -> FaultParams:
-        """Return the parameters, checked and with their defaults."""
+        """Return the checked parameters, including defaults."""
         return _parameters(self.fault, self.params)
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class FaultSpec(BaseModel):
 
 
 def parse_fault(text: str) -> FaultSpec:
-    """Parse `NAME[:key=value,...]`; at, for and sysid are keys of every fault. FaultError if invalid."""
+    """Parse `NAME[:key=value,...]`, with `RESERVED` keys of every fault; FaultError for invalid text."""
     name, _, rest = text.strip().partition(":")
     _check_name(name)
     given: dict[str, str] = {}

@@ -1,7 +1,7 @@
 """Component metadata: the files, and the messages with their URIs.
 
-The files are those of the component metadata protocol: a general one, which lists the others with checksums,
-and one with the parameters. Both are xz with a CRC-32, which small decoders support.
+The protocol has a general file, which lists the URI and checksum of the parameter file, and the parameter
+file. Both files are xz with a CRC-32, which small decoders support.
 """
 
 import json
@@ -69,7 +69,7 @@ def crc_extra(message_id: int) -> int:
 
 
 class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """One of the messages above, packed like pymavlink's own."""
+    """A message of `_MESSAGES`, packed like the messages of pymavlink."""
 
     def __init__(self, message_id: int, **values: int | str) -> None:
         name, fields = _MESSAGES[message_id]
@@ -92,7 +92,7 @@ class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 @dataclass(frozen=True, slots=True)
 class ParameterMeta:
-    """The metadata of one parameter; an int default makes it an integer."""
+    """The metadata of one parameter, an integer if its default is an int."""
 
     name: str
     default: float | int
@@ -114,10 +114,7 @@ class Component:
 
 
 class ComponentMetadata:
-    """The metadata files of one kind of vehicle under `directory`, and the messages with their URIs.
-
-    One immutable object serves all vehicles of a kind.
-    """
+    """The metadata files and messages of one kind of vehicle, shared by all its vehicles; immutable."""
 
     def __init__(
         self, component: Component, parameters: Iterable[ParameterMeta], *, directory: str = "/etc/extras"
@@ -147,7 +144,7 @@ class ComponentMetadata:
         }
 
     def message(self, message_id: int, time_boot_ms: int) -> ComponentMessage | None:
-        """Return COMPONENT_METADATA, COMPONENT_INFORMATION or COMPONENT_INFORMATION_BASIC, or None."""
+        """Return the message with this id; None for a message without component metadata."""
         uri = f"mftp://{self._general_path}"
         crc = checksum(self.files[self._general_path.lstrip("/")])
         component = self._component

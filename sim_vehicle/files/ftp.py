@@ -1,7 +1,7 @@
 """The server of the MAVLink file transfer protocol, a state machine without I/O.
 
-Both autopilots serve one open file at a time; their answers to errors differ and are data (`FtpRules`).
-Bursts are paced: the rest follows with the next ticks.
+Both autopilots serve one open file at a time. `FtpRules` has the differences between autopilots. Bursts are
+paced: each tick sends a part.
 """
 
 import errno
@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.files.filesystem import Entry, FileError, FileSystem
+from sim_vehicle.files.filesystem import DirectoryEntry, FileError, FileSystem
 from sim_vehicle.files.ftp_rules import OPENING, FtpError, FtpRules, Opcode
 from sim_vehicle.files.pacing import BYTES_S, MOST_BYTES_AT_ONCE, Pacer
 
@@ -42,7 +42,7 @@ class _Request:
 
 
 @dataclass
-class _Open:
+class _OpenFile:
     session: int
     path: str
     content: bytes | None  # None: open for writing
@@ -54,7 +54,7 @@ class _Burst:
     request: _Request
     offset: int
     seq: int
-    left: int  # messages before the next request of the client
+    left: int  # remaining messages before the next request of the client
 
 
 class FtpServer:
@@ -79,7 +79,7 @@ class FtpServer:
     ) -> None:
         self._files, self._rules, self._send = files, rules, send
         self._pacer = Pacer(bytes_s, most_bytes_at_once)
-        self._open: _Open | None = None
+        self._open: _OpenFile | None = None
         self._burst: _Burst | None = None
         self._last: tuple[_Request, bytes] | None = None  # the latest request and its answer
         self._operations: dict[int, Callable[[_Request, float], tuple[bytes, int]]] = {
@@ -103,7 +103,7 @@ class FtpServer:
 
     @property
     def busy(self) -> bool:
-        """True during a burst, which needs `tick`."""
+        """Return True during a burst, which needs `tick`."""
         return self._burst is not None
 
     def receive(self, message: Any, now: float) -> None:
@@ -123,10 +123,10 @@ class FtpServer:
         except _Nak as nak:
             self._reply_nak(request, nak)
         except FileError as error:
-            self._reply_nak(request, _of_errno(error.number))
+            self._reply_nak(request, _nak_of_errno(error.number))
 
     def tick(self, now: float) -> None:
-        """Continue a burst by `now` [s], and close idle files."""
+        """Send the messages of a burst due by `now` [s], and close an idle file."""
         while self._burst is not None and self._pacer.take(FRAME_BYTES, now):
             self._continue_burst(self._burst, now)
         opened = self._open
@@ -175,7 +175,7 @@ class FtpServer:
     # -- sessions ----------------------------------------------------------------------------------------
 
     def _check_session(self, request: _Request, now: float) -> None:
-        """Check the session: another number may not use the open file, but replaces an idle one."""
+        """Check the session: another session may replace an idle file, but not use or replace a busy file."""
         opened, opcode = self._open, request.opcode
         if not self._rules.client_names_session:
             if opcode == Opcode.READ_FILE and request.session != 0:
@@ -209,12 +209,12 @@ class FtpServer:
             self._files.close(opened.path)
 
     def _abandon(self) -> None:
-        """Close an abandoned file and ignore its errors."""
+        """Close an abandoned file, without an answer to errors."""
         with suppress(FileError):
             self._close()
 
-    def _claim(self, request: _Request, now: float) -> int:
-        """Return the session for a file to be opened."""
+    def _new_session(self, request: _Request, now: float) -> int:
+        """Return the session of the next opened file; _Nak while another file is open."""
         opened = self._open
         if opened is not None and now - opened.used_s > self._rules.idle_s:
             self._abandon()
@@ -225,16 +225,16 @@ class FtpServer:
     # -- files -------------------------------------------------------------------------------------------
 
     def _open_to_read(self, request: _Request, now: float) -> tuple[bytes, int]:
-        session = self._claim(request, now)
+        session = self._new_session(request, now)
         path = _path(request.data)
         content = self._files.read(path)
-        self._open = _Open(session, path, content, now)
+        self._open = _OpenFile(session, path, content, now)
         return SIZE.pack(len(content)), 0
 
     def _open_to_write(self, request: _Request, now: float) -> tuple[bytes, int]:
-        session = self._claim(request, now)
+        session = self._new_session(request, now)
         path = self._files.open_to_write(_path(request.data), truncate=request.opcode == Opcode.CREATE_FILE)
-        self._open = _Open(session, path, None, now)
+        self._open = _OpenFile(session, path, None, now)
         return (SIZE.pack(len(self._files.read(path))) if self._rules.reports_sizes else b""), 0
 
     def _content(self) -> bytes:
@@ -326,7 +326,7 @@ class FtpServer:
 
 
 def checksum(content: bytes) -> int:
-    """Return CRC-32 in the protocol's form: the usual polynomial without inversions."""
+    """Return the protocol's CRC-32: initial value 0, without a final inversion."""
     return zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
@@ -337,12 +337,12 @@ def _path(data: bytes) -> str:
     return name.decode("utf-8", "surrogateescape")
 
 
-def _line(entry: Entry) -> bytes:
+def _line(entry: DirectoryEntry) -> bytes:
     name = entry.name.encode("utf-8", "surrogateescape")
     return b"D%s\0" % name if entry.size is None else b"F%s\t%d\0" % (name, entry.size)
 
 
-def _of_errno(number: int) -> _Nak:
+def _nak_of_errno(number: int) -> _Nak:
     if number == errno.ENOENT:
         return _Nak(FtpError.FILE_NOT_FOUND)
     if number == errno.EEXIST:

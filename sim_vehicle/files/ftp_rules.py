@@ -50,8 +50,8 @@ class FtpRules:
     """The differences between autopilots."""
 
     client_names_session: bool  # False: every file is opened in session 0
-    another_session: FtpError  # answer to a request in another session than the open one
-    second_open: FtpError  # answer to a second open
+    another_session: FtpError  # answer to a request outside of the open session
+    second_open: FtpError  # answer to an open request while a file is open
     nothing_open: FtpError  # answer to a read or write without an open file
     terminate_needs_open: bool
     obeys_read_size: bool  # False: data messages are always full
@@ -59,7 +59,7 @@ class FtpRules:
     unknown_command: FtpError
     truncates: bool
     lists_dots: bool  # `.` and `..` are listed as entries to skip
-    idle_s: float  # idle time after which a session may be replaced, or is closed
+    idle_s: float  # idle time [s] after which a session may be replaced (ArduPilot) or is closed (PX4)
     burst_messages: int  # messages of a burst before the next request
 
 

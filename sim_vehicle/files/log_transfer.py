@@ -1,7 +1,7 @@
 """Listing, download and erasure of flight logs over MAVLink, a state machine without I/O.
 
-LOG_ENTRY and LOG_DATA have no target. One autopilot serves one ground station at a time and refuses others;
-the other serves all.
+LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time and refuses others; PX4
+serves all ground stations.
 """
 
 from collections.abc import Callable
@@ -23,9 +23,9 @@ class LogRules:
     """The differences between autopilots."""
 
     first_id: int
-    one_at_a_time: bool  # a transfer must end before the next
+    one_at_a_time: bool  # True: a transfer must end before the next transfer
     refused_armed: str  # STATUSTEXT while armed; "": logs are served in flight
-    list_first: bool  # data requires a list request since the last LOG_REQUEST_END
+    list_first: bool  # True: data requires a list request since the last LOG_REQUEST_END
 
 
 ARDUPILOT = LogRules(
@@ -36,7 +36,7 @@ PX4 = LogRules(first_id=0, one_at_a_time=False, refused_armed="", list_first=Tru
 
 @dataclass
 class _Transfer:
-    """The transfer to one ground station: entries (`log` is None) or the bytes of a log."""
+    """A transfer to one ground station: entries (`log` is None) or the bytes of a log."""
 
     next: int
     last: int  # last id of entries, or the end of the bytes
@@ -50,7 +50,7 @@ class LogTransfer:
     Parameters
     ----------
     logs: returns the logs, oldest first.
-    erase: erases them.
+    erase: erases the logs.
     rules: the behaviour of the autopilot.
     send, send_text: called with each outgoing message and STATUSTEXT (severity, text).
     armed: returns True while the vehicle is armed.
@@ -84,7 +84,7 @@ class LogTransfer:
 
     @property
     def busy(self) -> bool:
-        """True during a transfer, which needs `tick`."""
+        """Return True during a transfer, which needs `tick`."""
         return bool(self._transfers)
 
     def handles(self, message_type: str) -> bool:
@@ -103,7 +103,7 @@ class LogTransfer:
         self.tick(now)
 
     def tick(self, now: float) -> None:
-        """Continue the transfers by `now` [s], in turns for each ground station."""
+        """Send the messages due by `now` [s], in turns for each ground station."""
         if self._rules.refused_armed and self._armed():
             return
         while self._transfers:
@@ -114,7 +114,7 @@ class LogTransfer:
                     del self._transfers[peer]
 
     def reset(self) -> None:
-        """Forget the transfers after a reboot; the logs stay."""
+        """End the transfers after a reboot; the logs stay."""
         self._transfers.clear()
         self._listed.clear()
         self._warned = False
@@ -124,14 +124,14 @@ class LogTransfer:
     def _is_busy_for(self, peer: tuple[int, int]) -> bool:
         if not (self._rules.one_at_a_time and self._transfers):
             return False
-        if peer not in self._transfers:  # a served station may ask again without a refusal
+        if peer not in self._transfers:  # a repeated request of the served station is not refused
             self._send_text(mavlink.MAV_SEVERITY_INFO, "Log download in progress")
         return True
 
     def _request_list(self, message: Any, peer: tuple[int, int]) -> None:
         if self._is_busy_for(peer):
             return
-        self._remember(peer)
+        self._note_list_request(peer)
         first = self._rules.first_id
         newest = first + len(self._logs()) - 1
         if newest < first:
@@ -164,7 +164,7 @@ class LogTransfer:
         self._transfers.pop(peer, None)
         self._listed.pop(peer, None)
 
-    def _remember(self, peer: tuple[int, int]) -> None:
+    def _note_list_request(self, peer: tuple[int, int]) -> None:
         self._listed.pop(peer, None)
         if len(self._listed) >= MOST_STATIONS:
             forgotten = next(iter(self._listed))
@@ -189,6 +189,6 @@ class LogTransfer:
     def _send_entry(self, transfer: _Transfer) -> None:
         logs, index = self._logs(), transfer.next - self._rules.first_id
         utc_s = size = 0
-        if 0 <= index < len(logs):  # otherwise no log, or an erased one
+        if 0 <= index < len(logs):  # otherwise the list is empty, or the log was erased
             utc_s, size = max(int(logs[index].utc_s), 0), len(logs[index].content)
         self._send(mavlink.MAVLink_log_entry_message(transfer.next, len(logs), transfer.last, utc_s, size))

@@ -15,7 +15,7 @@ class Pacer:
         self._filled_s = -math.inf
 
     def take(self, size: int, now: float) -> bool:
-        """Take `size` bytes at `now` [s]; return False if they must wait."""
+        """Take `size` bytes at `now` [s]; return False if the bytes must wait."""
         if now > self._filled_s:
             self._bytes = min(self._bytes + (now - self._filled_s) * self._bytes_s, self._most)
             self._filled_s = now

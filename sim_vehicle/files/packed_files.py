@@ -14,7 +14,7 @@ PARAMETERS_WITH_DEFAULTS_MAGIC = 0x671C
 PARAMETERS_HEADER = struct.Struct("<HHH")  # magic, parameters in this file, parameters of the vehicle
 MISSION_MAGIC = 0x763D
 MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, index of the first, items
-NO_CLEAR = 1  # option: uploaded items replace and extend the old ones
+NO_CLEAR = 1  # option: uploaded items replace and extend the old items
 MOST_NAME = 16
 
 _FLOAT = 4
@@ -24,19 +24,19 @@ _ITEM = mavlink.MAVLink_mission_item_int_message
 
 
 class Parameter(NamedTuple):
-    """One parameter; integers are of type int."""
+    """One parameter, an integer if its value is an int."""
 
     name: str
     value: float | int
     default: float | int
-    bits: int = 32  # of an integer
+    bits: int = 32  # size of an integer
 
 
 def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
     """Return `param.pck` for a query (`start=`, `count=`, `withdefaults=`); FileError for a bad query.
 
-    Names omit the beginning they share with the previous name. The content is fixed at the open, so later
-    reads need no padding.
+    A name omits its common beginning with the previous name. The content is fixed when the file is opened, so
+    later reads need no padding.
     """
     wanted = _query(query)
     start, count, defaults = wanted["start"], wanted["count"], bool(wanted["withdefaults"])
@@ -50,7 +50,7 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
         kind = _INTEGERS[bits] if isinstance(value, int) else _FLOAT
         differs = defaults and default != value
         encoded = name.encode("ascii")[:MOST_NAME]
-        common = min(_common(last, encoded), len(encoded) - 1)
+        common = min(_common_length(last, encoded), len(encoded) - 1)
         packed += bytes([kind | differs << 4, common | (len(encoded) - common - 1) << 4])
         packed += encoded[common:] + _value(kind, value)
         if differs:
@@ -60,29 +60,34 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
 
 
 def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
-    """Return the values in an uploaded `param.pck`, whose header has its length; None if malformed."""
+    """Return the values in an uploaded `param.pck`; None if malformed. The header has the file's length."""
     if len(content) < PARAMETERS_HEADER.size:
         return None
     magic, count, length = PARAMETERS_HEADER.unpack_from(content)
     if magic != PARAMETERS_MAGIC or length != len(content):
         return None
     values: dict[str, float | int] = {}
-    at, last = PARAMETERS_HEADER.size, b""
+    offset, last = PARAMETERS_HEADER.size, b""
     for _ in range(count):
-        if at + 2 > length:
+        if offset + 2 > length:
             return None
-        kind, common, more = content[at], content[at + 1] & 15, (content[at + 1] >> 4) + 1
+        kind, common, more = content[offset], content[offset + 1] & 15, (content[offset + 1] >> 4) + 1
         form = _VALUES.get(kind)
-        at += 2
-        if form is None or common > len(last) or common + more > MOST_NAME or at + more + form.size > length:
+        offset += 2
+        if (
+            form is None
+            or common > len(last)
+            or common + more > MOST_NAME
+            or offset + more + form.size > length
+        ):
             return None
-        last = last[:common] + content[at : at + more]
+        last = last[:common] + content[offset : offset + more]
         try:
             name = last.decode("ascii")
         except UnicodeDecodeError:
             return None
-        values[name] = form.unpack_from(content, at + more)[0]
-        at += more + form.size
+        values[name] = form.unpack_from(content, offset + more)[0]
+        offset += more + form.size
     return values
 
 
@@ -95,15 +100,15 @@ def pack_mission(mission_type: int, items: Iterable[Any]) -> bytes:
 
 
 class UploadedMission(NamedTuple):
-    """An uploaded mission file: its items replace those from index `start` on."""
+    """An uploaded mission file; its items replace the stored items from index `start` on."""
 
     start: int
-    clear: bool  # the old items are removed first
+    clear: bool  # True: all stored items are removed first
     items: list[Any]  # MISSION_ITEM_INT
 
 
 def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
-    """Return an uploaded mission file; None if malformed, of another type or incomplete."""
+    """Return the mission in an uploaded file; None if malformed, of another type or incomplete."""
     if len(content) < MISSION_HEADER.size:
         return None
     magic, kind, options, start, count = MISSION_HEADER.unpack_from(content)
@@ -111,10 +116,10 @@ def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
     if (magic, kind) != (MISSION_MAGIC, mission_type) or len(content) != MISSION_HEADER.size + count * size:
         return None
     items = []
-    for at in range(MISSION_HEADER.size, len(content), size):
-        if not any(content[at : at + size]):  # omitted by the client
+    for offset in range(MISSION_HEADER.size, len(content), size):
+        if not any(content[offset : offset + size]):  # omitted by the client
             return None
-        fields = _ITEM.unpacker.unpack_from(content, at)
+        fields = _ITEM.unpacker.unpack_from(content, offset)
         items.append(_ITEM(**dict(zip(_ITEM.ordered_fieldnames, fields, strict=True))))
     return UploadedMission(start, not options & NO_CLEAR, items)
 
@@ -132,7 +137,7 @@ def _query(query: str) -> Mapping[str, int]:
     return wanted
 
 
-def _common(one: bytes, other: bytes) -> int:
+def _common_length(one: bytes, other: bytes) -> int:
     length = 0
     for a, b in zip(one, other, strict=False):
         if a != b:

@@ -6,7 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.component_metadata import ComponentMetadata
-from sim_vehicle.files.filesystem import FileSystem, Source, constant
+from sim_vehicle.files.filesystem import FileSystem, GeneratedFile, constant
 from sim_vehicle.files.logs.recorder import FlightRecorder, StoredLog
 from sim_vehicle.files.packed_files import (
     Parameter,
@@ -38,9 +38,15 @@ def ardupilot_files(
 ) -> FileSystem:
     """Return ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` is writable.
 
-    `parameters` are in the order of their index; `set_parameter` is called for each parameter of an upload.
-    `banner` sends the texts of a parameter download. `items(mission type)` are MISSION_ITEM_INT;
-    `set_items(mission type, upload)` returns False for unusable items. `system` has the texts under `@SYS`.
+    Parameters
+    ----------
+    parameters: returns the parameters, in the order of their index.
+    set_parameter: called for each parameter of an upload.
+    banner: sends the texts of a parameter download.
+    items: returns the stored MISSION_ITEM_INT of a mission type.
+    set_items: stores an uploaded mission of a type; returns False for unusable items.
+    recorder: the recorder of the logs.
+    system: functions that return the texts under `@SYS`, by name.
     """
 
     def pack(query: str) -> bytes:
@@ -53,13 +59,13 @@ def ardupilot_files(
             set_parameter(name, value)
         return values is not None
 
-    fixed = {"@PARAM/param.pck": Source(pack, lambda: len(pack_parameters(parameters())), unpack)}
+    fixed = {"@PARAM/param.pck": GeneratedFile(pack, lambda: len(pack_parameters(parameters())), unpack)}
     for name, kind in MISSION_FILES.items():
         fixed[f"@MISSION/{name}.dat"] = _mission_file(kind, items, set_items)
     for name, text in system.items():
         fixed[f"@SYS/{name}"] = _text_file(text)
 
-    def sources() -> Mapping[str, Source]:
+    def sources() -> Mapping[str, GeneratedFile]:
         logs = {f"{ARDUPILOT_LOGS}/{log.number:08d}.BIN": _log_file(log, recorder) for log in recorder.logs}
         if recorder.logs:
             logs[f"{ARDUPILOT_LOGS}/LASTLOG.TXT"] = constant(b"%d\r\n" % recorder.logs[-1].number)
@@ -69,9 +75,9 @@ def ardupilot_files(
 
 
 def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightRecorder) -> FileSystem:
-    """Return PX4's tree: `/etc/extras` with the metadata, the logs by date; the SD card is writable."""
+    """Return PX4's tree: metadata under `/etc/extras`, and logs by date on the writable SD card."""
 
-    def sources() -> Mapping[str, Source]:
+    def sources() -> Mapping[str, GeneratedFile]:
         fixed = {path: constant(content) for path, content in metadata().files.items()}
         logs = {f"{PX4_LOGS}/{px4_log_name(log)}": _log_file(log, recorder) for log in recorder.logs}
         return {**fixed, **logs}
@@ -80,7 +86,7 @@ def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightReco
 
 
 def px4_log_name(log: StoredLog) -> str:
-    """Return `YYYY-MM-DD/hh_mm_ss.ulg`, the start of a log (UTC)."""
+    """Return the path of a log, `YYYY-MM-DD/hh_mm_ss.ulg`, from its start (UTC)."""
     days, seconds = divmod(max(int(log.begun_utc_s), 0), 86_400)
     year, month, day = _civil(days)
     minutes, second = divmod(seconds, 60)
@@ -99,24 +105,24 @@ def _civil(days: int) -> tuple[int, int, int]:
 
 def _mission_file(
     kind: int, items: Callable[[int], Iterable[Any]], set_items: Callable[[int, UploadedMission], bool]
-) -> Source:
+) -> GeneratedFile:
     def write(content: bytes) -> bool:
         upload = unpack_mission(kind, content)
         return upload is not None and set_items(kind, upload)
 
-    return Source(
+    return GeneratedFile(
         read=lambda _query: pack_mission(kind, items(kind)),
         size=lambda: len(pack_mission(kind, items(kind))),
         write=write,
     )
 
 
-def _text_file(text: Callable[[], str]) -> Source:
-    return Source(read=lambda _query: text().encode(), size=lambda: len(text().encode()))
+def _text_file(text: Callable[[], str]) -> GeneratedFile:
+    return GeneratedFile(read=lambda _query: text().encode(), size=lambda: len(text().encode()))
 
 
-def _log_file(log: StoredLog, recorder: FlightRecorder) -> Source:
-    return Source(
+def _log_file(log: StoredLog, recorder: FlightRecorder) -> GeneratedFile:
+    return GeneratedFile(
         read=lambda _query: bytes(log.content),
         size=lambda: len(log.content),
         remove=lambda: recorder.remove(log),

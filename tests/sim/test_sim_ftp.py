@@ -13,7 +13,7 @@ from profiles import examples
 from pymavlink import mavftp
 
 from sim_vehicle.files import ftp_rules as ftp
-from sim_vehicle.files.filesystem import FileError, FileSystem, Source, constant
+from sim_vehicle.files.filesystem import FileError, FileSystem, GeneratedFile, constant
 from sim_vehicle.files.ftp_rules import FtpError, FtpRules, Opcode
 
 BOTH = pytest.mark.parametrize("rules", [ftp.ARDUPILOT, ftp.PX4], ids=["ardupilot", "px4"])
@@ -21,7 +21,7 @@ TEXT = bytes(range(256)) * 40
 FILES = {"etc/motd": b"hello", "etc/big.bin": TEXT, "etc/empty": b""}
 
 
-def files(**more: Source) -> FileSystem:
+def files(**more: GeneratedFile) -> FileSystem:
     sources = {name: constant(content) for name, content in FILES.items()} | more
     return FileSystem(lambda: sources, writable=("disk",), most_bytes=10_000)
 
@@ -123,7 +123,7 @@ def test_terminating_ends_a_burst(rules: FtpRules) -> None:
 
 def test_a_read_returns_the_content_at_the_open() -> None:
     content = bytearray(b"one")
-    source = Source(read=lambda _query: bytes(content), size=lambda: len(content))
+    source = GeneratedFile(read=lambda _query: bytes(content), size=lambda: len(content))
     c = FtpClient(FileSystem(lambda: {"log": source}), ftp.ARDUPILOT)
     session = opened(c, b"log")
     content += b" two"

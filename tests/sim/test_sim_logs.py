@@ -14,7 +14,7 @@ from profiles import examples
 from pymavlink import DFReader
 
 from sim_vehicle.files.logs.dataflash import DataFlashLog
-from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogFacts, Sample
+from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogStart, Sample
 from sim_vehicle.files.logs.recorder import FLEET_BYTES, FlightRecorder, LogLimits, limits_for
 from sim_vehicle.files.logs.ulog import UlogLog
 from sim_vehicle.vehicle.mission import Item
@@ -26,14 +26,14 @@ HOME = (47.397, 8.545, 488.0)
 BOTH = pytest.mark.parametrize("format_", [DataFlashLog, UlogLog], ids=["dataflash", "ulog"])
 
 
-def facts(**changes: Any) -> LogFacts:
+def facts(**changes: Any) -> LogStart:
     parameters = {"SYSID": 3, "SPEED": 7.5}
     values: dict[str, Any] = {
         "utc_s": UTC_S, "boot_s": BOOT_S, "banner": ("ArduCopter V4.6.2 (sim)", "Frame: QUAD/X"),
         "flight_sw_version": 0x010F02FF, "parameters": parameters, "defaults": {"SYSID": 1, "SPEED": 7.5},
         "mode": 4,
     }  # fmt: skip
-    return LogFacts(**(values | changes))
+    return LogStart(**(values | changes))
 
 
 def sample(**changes: Any) -> Sample:

@@ -1,5 +1,5 @@
-"""Flight logs of the vehicle itself, in its autopilot's file format, kept in memory.
+"""Onboard flight logs in the autopilot's file format, kept in memory.
 
-`record` has the types, `recorder` keeps the logs of one vehicle within limits, `dataflash` writes ArduPilot's
-format and `ulog` PX4's. The vehicle calls the recorder; this room imports no vehicle.
+`record` has the types. `recorder` keeps the logs of one vehicle within limits. `dataflash` writes ArduPilot's
+format, `ulog` writes PX4's format. The vehicle calls the recorder; this room imports no vehicle.
 """

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sim_vehicle.files.logs.record import Failsafe, LogFacts, Sample
+from sim_vehicle.files.logs.record import Failsafe, LogStart, Sample
 from sim_vehicle.vehicle.mission import Item
 
 HEAD = b"\xa3\x95"
@@ -89,7 +89,7 @@ _I32 = 2**31 - 1
 
 
 def _definitions() -> bytes:
-    """Return the formats, units and multipliers, equal in every log."""
+    """Return the formats, units and multipliers, which are equal in every log."""
     made = bytearray()
 
     def add(name: str, *values: Any) -> None:
@@ -125,15 +125,15 @@ class DataFlashLog:
     def _us(self, now: float) -> int:
         return max(round((now - self._boot_s) * 1e6), 0)
 
-    def begin(self, now: float, facts: LogFacts) -> None:
-        self._boot_s, self._defaults = facts.boot_s, facts.defaults
-        self._utc_of_boot_s = facts.utc_s - (now - facts.boot_s)
+    def begin(self, now: float, start: LogStart) -> None:
+        self._boot_s, self._defaults = start.boot_s, start.defaults
+        self._utc_of_boot_s = start.utc_s - (now - start.boot_s)
         self.content += _DEFINITIONS
-        for text in facts.banner:
+        for text in start.banner:
             self.text(now, 6, text)
-        for name, value in facts.parameters.items():
+        for name, value in start.parameters.items():
             self.parameter(now, name, value)
-        self.mode(now, facts.mode)
+        self.mode(now, start.mode)
 
     def sample(self, now: float, sample: Sample) -> None:
         us = self._us(now)

@@ -9,11 +9,11 @@ from sim_vehicle.vehicle.mission import Item
 
 
 class LogWhen(Enum):
-    """The times at which a vehicle records."""
+    """The periods in which a vehicle records."""
 
     NEVER = auto()
     ARMED = auto()  # a log from each arming to the disarming
-    FROM_BOOT = auto()  # the first log begins with the boot, the others with the arming
+    FROM_BOOT = auto()  # the first log begins at the boot, later logs at the arming
     ALWAYS = auto()  # one log from the boot on
 
 
@@ -28,8 +28,8 @@ class Failsafe(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class LogFacts:
-    """The start of a log."""
+class LogStart:
+    """The state of the vehicle at the start of a log."""
 
     utc_s: float  # UNIX time of the start
     boot_s: float  # simulated time of the boot, origin of the log's times
@@ -71,14 +71,14 @@ class Sample:
 
 
 class FlightLog(Protocol):
-    """One log being written; `content` is the file so far, always readable.
+    """A log during recording; `content` is the file so far, which is always readable.
 
-    Times `now` are simulated [s]; modes are custom_mode, severities MAV_SEVERITY.
+    `now`: simulated time [s]. Modes are custom_mode, severities MAV_SEVERITY.
     """
 
     content: bytearray
 
-    def begin(self, now: float, facts: LogFacts) -> None: ...
+    def begin(self, now: float, start: LogStart) -> None: ...
     def sample(self, now: float, sample: Sample) -> None: ...
     def text(self, now: float, severity: int, text: str) -> None: ...
     def mode(self, now: float, number: int) -> None: ...

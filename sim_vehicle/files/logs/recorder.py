@@ -1,17 +1,17 @@
-"""The logs of one vehicle, one a flight; surplus logs are erased, oldest first."""
+"""The logs of one vehicle, one a flight; above the limit the oldest log is erased."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.files.logs.record import FlightLog, LogFacts, Sample
+from sim_vehicle.files.logs.record import FlightLog, LogStart, Sample
 
 FLEET_BYTES = 256 << 20  # total size of the logs of all vehicles
 MOST_LOG_BYTES = 8 << 20
 MOST_LOGS, FEWEST_LOGS = 10, 2
 FULL_RATE_HZ = 10.0
-SAMPLE_BYTES = 258  # of the larger format
+SAMPLE_BYTES = 258  # size of a sample in the larger format
 FLIGHT_S = 600.0  # shortest flight that must fit into a log, at a reduced rate
 RESERVE = 0.05  # share of a log reserved for events after the last sample
 
@@ -26,7 +26,7 @@ class LogLimits:
 
 
 def limits_for(fleet_size: int) -> LogLimits:
-    """Return limits for 256 MB of logs in the whole fleet: fewer, shorter logs at a lower rate."""
+    """Return limits for 256 MB of logs in the whole fleet; a larger fleet has fewer, shorter logs."""
     share = FLEET_BYTES // max(fleet_size, 1)
     needed = int(FLIGHT_S * FULL_RATE_HZ * SAMPLE_BYTES / (1 - RESERVE))
     logs = min(max(share // needed, FEWEST_LOGS), MOST_LOGS)
@@ -36,7 +36,7 @@ def limits_for(fleet_size: int) -> LogLimits:
 
 @dataclass(slots=True, eq=False)
 class StoredLog:
-    """One log file; `number` counts from 1 since the last erasure, `utc_s` is the time of the last write."""
+    """One log file: a number from 1 since the last erasure, the UNIX times of first and last write [s]."""
 
     number: int
     begun_utc_s: float
@@ -64,15 +64,15 @@ class FlightRecorder:
 
     @property
     def enabled(self) -> bool:
-        """True if the limits allow any log."""
+        """Return True if the limits allow any log."""
         return self._limits.logs > 0
 
     @property
     def recording(self) -> bool:
         return self._log is not None
 
-    def begin(self, now: float, facts: LogFacts) -> None:
-        """Begin a log at `now` [s], and end the current one."""
+    def begin(self, now: float, start: LogStart) -> None:
+        """End the current log and begin a new log at `now` [s]."""
         self.end(now)
         if not self.enabled:
             return
@@ -80,8 +80,8 @@ class FlightRecorder:
         self._log = self._new_log()
         self._last_number += 1
         self._begun_s, self._due_s, self._full = now, now, False
-        self.logs.append(StoredLog(self._last_number, facts.utc_s, facts.utc_s, self._log.content))
-        self._log.begin(now, facts)
+        self.logs.append(StoredLog(self._last_number, start.utc_s, start.utc_s, self._log.content))
+        self._log.begin(now, start)
 
     def end(self, now: float) -> None:
         """End the current log."""
@@ -97,7 +97,7 @@ class FlightRecorder:
         self._last_number = 0
 
     def remove(self, log: StoredLog) -> None:
-        """Erase one log, which may be the current one."""
+        """Erase one log, also the current log."""
         if self._log is not None and log is self.logs[-1]:
             self._log, self._due_s = None, math.inf
         self.logs.remove(log)
@@ -107,7 +107,7 @@ class FlightRecorder:
         return now + EPSILON_S >= self._due_s
 
     def sample(self, now: float, sample: Sample) -> None:
-        """Record the state of the vehicle; ignore it before it is due."""
+        """Record a sample; ignore a sample before it is due."""
         log = self._log
         if log is None or now + EPSILON_S < self._due_s:
             return
@@ -120,7 +120,7 @@ class FlightRecorder:
         self.logs[-1].utc_s = self.logs[-1].begun_utc_s + now - self._begun_s
 
     def event(self, now: float) -> FlightLog | None:
-        """Return the current log for an event at `now` [s], or None without a log or room."""
+        """Return the current log for an event at `now` [s]; None without a log or if the log is full."""
         if self._log is None or len(self._log.content) >= self._limits.log_bytes:
             return None
         self._touch(now)

@@ -13,10 +13,7 @@ FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def samples(v: View) -> list[Sample]:
-    """Return one sample for each vehicle of the view, in order.
-
-    Logs have 32-bit floats, so larger values are limited.
-    """
+    """Return one sample for each vehicle of the view, in order; values are limited to 32-bit floats."""
     world, status, i = v.world, v.status, v.i
     gps, batteries, dynamics = world.gps, world.batteries, world.dynamics
     lat_deg, lon_deg = world.estimated_geodetic()

@@ -1,6 +1,6 @@
 """PX4's ULog format (.ulg): self-describing topics, parameters and texts, readable by all its log tools.
 
-Topics and fields have PX4's names; a topic has the simulated fields only.
+Topics and fields have PX4's names. A topic has only the simulated fields.
 """
 
 import math
@@ -8,7 +8,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from sim_vehicle.files.logs.record import Failsafe, LogFacts, Sample
+from sim_vehicle.files.logs.record import Failsafe, LogStart, Sample
 from sim_vehicle.vehicle.mission import Item
 
 MAGIC = b"ULog\x01\x12\x35\x01"
@@ -109,23 +109,23 @@ class UlogLog:
     def _add(self, topic: str, now: float, *values: Any) -> None:
         self.content += _STRUCTS[topic].pack(_SIZES[topic], _D, _IDS[topic], self._us(now), *values)
 
-    def begin(self, now: float, facts: LogFacts) -> None:
-        self._boot_s = facts.boot_s
-        self._utc_of_boot_s = facts.utc_s - (now - facts.boot_s)
+    def begin(self, now: float, start: LogStart) -> None:
+        self._boot_s = start.boot_s
+        self._utc_of_boot_s = start.utc_s - (now - start.boot_s)
         self.content += MAGIC + struct.pack("<Q", self._us(now)) + _FORMATS
         for key, text in (
             ("sys_name", "PX4"),
             ("ver_hw", "PX4_SITL"),
-            ("ver_sw", facts.banner[0] if facts.banner else ""),
+            ("ver_sw", start.banner[0] if start.banner else ""),
         ):
             self.content += _keyed("I", f"char[{len(text.encode())}] {key}", text.encode())
-        version = facts.flight_sw_version & 0xFFFFFFFF
+        version = start.flight_sw_version & 0xFFFFFFFF
         self.content += _keyed("I", "uint32_t ver_sw_release", struct.pack("<I", version))
         self.content += _keyed("I", "int32_t time_ref_utc", struct.pack("<i", 0))
-        for name, value in facts.parameters.items():
+        for name, value in start.parameters.items():
             self.parameter(now, name, value)
         self.content += _SUBSCRIPTIONS
-        self.mode(now, facts.mode)
+        self.mode(now, start.mode)
 
     def sample(self, now: float, sample: Sample) -> None:
         us = self._us(now)
