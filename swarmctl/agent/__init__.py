@@ -1,7 +1,7 @@
 """The decisions of one vehicle, pure: `step(state, event, now) -> (state, effects)`.
 
-`step` has one handler for each event and calls the parts in the order in which they act. `state` holds what
-an agent knows and does. New information only marks the plan dirty; the next `Tick` plans once with all of it.
+`step` has one handler for each event and calls the parts in order. `state` is the agent's whole knowledge.
+New information only marks the plan dirty; the next `Tick` plans once with all of it.
 
 | part | decision |
 |---|---|

@@ -28,9 +28,9 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
     place = place_for_return(state)
-    if (outcome == "taken" or not remote) and not _is_let_land(state, event):
+    if (outcome == "taken" or not remote) and not _keeps_landing(state, event):
         if event.after_s and urgent_return_reason(state):
-            event = msgspec.structs.replace(event, after_s=0.0)  # the others' return times are set around it
+            event = msgspec.structs.replace(event, after_s=0.0)  # other returns are scheduled around it
         state, effects = _ordered(state, event, remote=remote)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
@@ -56,7 +56,7 @@ def place_for_return(state: AgentState) -> VehiclePosition | None:
         speed_m_s=state.task.arrival.speed_m_s,
         # A fixed wing in hold may be anywhere on its circle.
         keeps_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
-        # True for any cause of the return, and for an urgent failsafe that has not been followed yet.
+        # True for any cause of the return, and for an urgent failsafe that the vehicle does not follow yet.
         is_returning=_follows(state, ev.FlightOrder.RETURN)
         or (bool(urgent_return_reason(state)) and state.ordered is not ev.FlightOrder.LAND),
     )
@@ -69,8 +69,8 @@ def holding_radius_m(task: Task) -> float:
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
     """Return whether the vehicle follows this order in flight, until another order."""
-    for_a_while = state.return_turn_boot_s is not None or state.interrupted_plan is not None
-    return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not for_a_while
+    is_temporary = state.return_turn_boot_s is not None or state.interrupted_plan is not None
+    return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not is_temporary
 
 
 def urgent_return_reason(state: AgentState) -> str:
@@ -83,7 +83,7 @@ def _demanded(state: AgentState, kind: DemandKind) -> str:
     return next(urgent, "")
 
 
-def _is_let_land(state: AgentState, event: ev.OperatorCommand) -> bool:
+def _keeps_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether a failsafe lands the vehicle, so that a recall does not stop the landing."""
     called_back = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
     return called_back and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
@@ -111,14 +111,16 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
         return "taken", "the vehicle aborts its launch and lands [launch-aborted]"
     if _follows(state, order):
         return "taken", "the vehicle already follows this order [already-done]"
-    if _is_let_land(state, event):
+    if _keeps_landing(state, event):
         reason = _demanded(state, DemandKind.LAND)
         return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
     notes = (
         ["the link is lost; the order is sent when the link is back [waits-for-link]"] if state.lost else []
     )
     if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
-        notes += [f"the order cancels the return of a failsafe: {state.outcome} [return-cancelled]"]
+        notes += [
+            f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
+        ]
     if event.after_s and urgent_return_reason(state):
         notes.append(f"the vehicle returns at once: {urgent_return_reason(state)} [urgent-return]")
     elif event.after_s:
@@ -130,7 +132,7 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
         return (
             "refused",
-            f"the vehicle cannot resume its route after: {state.outcome or state.phase} [not-resumed]",
+            f"the vehicle cannot resume its route: {state.outcome or state.phase} [not-resumed]",
         )
     if state.phase is Phase.LAUNCHING:
         return "taken", "the vehicle is about to take off [launching]"
@@ -157,8 +159,8 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
             return replace(state, launch_ignored=state.launch_ignored | frozenset(event.ignore)), []
         if state.phase not in ON_GROUND or (state.ordered in ROLE_OF_ORDER and not remote):
             return state, []  # launched already, or kept on the ground by an operator
-        past = frozenset(event.ignore)
-        return replace(state, launch_ordered=True, launch_is_operators=remote, launch_ignored=past), []
+        ignored = frozenset(event.ignore)
+        return replace(state, launch_ordered=True, launch_is_operators=remote, launch_ignored=ignored), []
     if state.phase in ON_GROUND and remote:
         return replace(
             state, launch_ordered=False, launch_wait_since_boot_s=None, ordered=order, order_followed=True
@@ -166,7 +168,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
-        # On the ground or just above it, armed or about to be: in both cases it has to land.
+        # The vehicle is armed or will be soon, on the ground or just above it: it has to land.
         changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch aborted"}
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LEAVING, **changes)
     changes = {
@@ -181,7 +183,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
     if not event.after_s:
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
-    # A recall with a turn: hold until then.
+    # A recall with a start time: hold until then.
     changes |= {"phase": Phase.HOLDING, "return_turn_boot_s": state.vehicle.time_boot_s + event.after_s}
     if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
@@ -189,7 +191,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:
-    """Use new weights (the paper's sliders) from the next plan on; a plan being uploaded stays."""
+    """Use new weights (the paper's sliders) from the next plan on; an upload in progress continues."""
     if state.phase in PLANS_NO_MORE:
         why = f"the vehicle does not plan routes in this phase: {state.phase}"
         why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
@@ -204,7 +206,7 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    note = "the link is lost; the vehicle plans when it is back [waits-for-link]" if state.lost else ""
+    note = "the link is lost; the vehicle plans when the link is back [waits-for-link]" if state.lost else ""
     if not changed:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)
@@ -214,9 +216,9 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
 def command(
     state: AgentState, order: ev.FlightOrder, *, by_person: bool = False, **changes: Any
 ) -> StepResult:
-    """Give the vehicle an order, which cancels a mission change in progress. `changes` are further fields.
+    """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
-    `by_person`: a person has just given the order; it is sent in every mode of the vehicle.
+    `by_person`: an operator has just given the order, so it is sent in every mode of the vehicle.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})

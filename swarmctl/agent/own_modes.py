@@ -1,5 +1,4 @@
-"""Flight modes that an agent chose itself. Another mode is another operator's choice and is not
-overridden."""
+"""Flight modes that the agent has set. Another mode is another operator's choice; the agent respects it."""
 
 from __future__ import annotations
 
@@ -16,12 +15,12 @@ def own_mode_roles(state: AgentState) -> frozenset[str]:
     if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
         return frozenset({"hold", "mission"})
     if state.ordered in (None, ev.FlightOrder.LAUNCH):
-        # A swap may set hold; it checks itself whether another operator did.
+        # A swap may set hold, and checks by itself for a hold set by another operator.
         in_hold = state.pending is not None or state.hold_is_own
         return frozenset({"mission", "hold"} if in_hold else {"mission"})
     ordered = {ROLE_OF_ORDER[state.ordered]}
     if state.task.wings is not None and state.ordered is not ev.FlightOrder.HOLD:
-        # A fixed wing lands by its mission, on an order to land and after a return. Another operator who sets
-        # that mode meanwhile is not noticed.
+        # A fixed wing lands by its mission, on an order to land and after a return. The agent cannot notice
+        # another operator's mission mode during that time.
         ordered.add("mission")
     return frozenset(ordered if state.order_followed else ordered | state.previous_own_roles)

@@ -17,8 +17,8 @@ SHARE_STATE_EVERY_S = 1.0
 
 
 def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> StepResult:
-    # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle that sees the contrary of a
-    # received observation publishes it: one of the two sensors errs, or a sender lies.
+    # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle publishes an observation that
+    # contradicts a received one: one of the two sensors errs, or a sender lies.
     against = state.belief.contradicted(event.cells)
     new = (*state.belief.uncertain(event.cells), *against)
     effects: list[ev.Effect] = []
@@ -32,7 +32,7 @@ def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> Step
 def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: float) -> StepResult:
     try:
         return _learn(state, event.items), []
-    except ValueError:  # a cell outside the area, or one name with two contents: merge the valid ones singly
+    except ValueError:  # a cell outside the area, or one name with two contents: merge the items one by one
         pass
     for item in event.items:
         try:
@@ -46,24 +46,24 @@ def _learn(state: AgentState, items: tuple[BeliefItem, ...]) -> AgentState:
     belief = state.belief.merge(items)
     if belief is state.belief:
         return state
-    learned = tuple((*t.source, t.upto if isinstance(t, Checkpoint) else t.seq) for t in items)
+    learned = tuple((*item.source, item.upto if isinstance(item, Checkpoint) else item.seq) for item in items)
     return replace(state, belief=belief, dirty=True, because=(*state.because, *learned))
 
 
 def share_state(state: AgentState) -> StepResult:
-    """Publish the vehicle's state once a second. Without a new position it sends the last one and its age."""
-    vehicle, there = state.vehicle, state.last_position
-    if there.lat_deg is None or there.lon_deg is None or there.alt_rel_m is None:
+    """Publish the vehicle's state once a second; without a new position, the last one with its age."""
+    vehicle, last = state.vehicle, state.last_position
+    if last.lat_deg is None or last.lon_deg is None or last.alt_rel_m is None:
         return state, []
-    # The vehicle's clock falls back on a reboot.
+    # The vehicle's clock restarts at 0 after a reboot.
     elapsed_s = vehicle.time_boot_s - state.last_shared_s
     if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
         return state, []
     message = StateShared(
         time_s=vehicle.time_boot_s,
-        lat_deg=there.lat_deg,
-        lon_deg=there.lon_deg,
-        alt_rel_m=there.alt_rel_m,
+        lat_deg=last.lat_deg,
+        lon_deg=last.lon_deg,
+        alt_rel_m=last.alt_rel_m,
         phase=state.phase,
         n_observed=state.belief.n_observed,
         n_found=state.belief.n_found,
@@ -73,11 +73,11 @@ def share_state(state: AgentState) -> StepResult:
         late_s=state.late_s,
         outcome=state.outcome[:MAX_TEXT],
         trouble=(state.alarm or state.trouble)[:MAX_TEXT],
-        alt_amsl_m=there.alt_amsl_m,
+        alt_amsl_m=last.alt_amsl_m,
         earliest_in_s=earliest_in_s(state),
-        velocity_m_s=(there.east_m_s, there.north_m_s, there.climb_m_s),
+        velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
         hears=heard_neighbours(state),
         returns_to=return_target(state),
-        age_s=max(vehicle.time_boot_s - there.time_boot_s, 0.0),
+        age_s=max(vehicle.time_boot_s - last.time_boot_s, 0.0),
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]

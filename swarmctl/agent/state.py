@@ -56,7 +56,7 @@ class Phase(StrEnum):
     LEAVING = "leaving"
     """returning or landing by order"""
     RELEASED = "released"
-    """taken over by a pilot, a failsafe or another station; the agent commands nothing more"""
+    """taken over by a pilot, a failsafe or another station; the agent sends no commands"""
     DONE = "done"
     FAILED = "failed"
 
@@ -88,9 +88,9 @@ class Task:
     """cruise altitude above home [m]"""
     method: Method
     arrival: TimeBound = UNBOUNDED
-    """time bound for the arrival over its goal"""
+    """time bound for the arrival over the goal"""
     max_exposure: float = math.inf
-    """cells whose P_s exceeds this are not entered"""
+    """greatest P_s of a cell that a route may enter"""
     no_fly: frozenset[Cell] = frozenset()
     landing_index: int = 0
     landing_count: int = 1
@@ -102,14 +102,14 @@ class Task:
     wings: FixedWing | None = None
     """parameters of a fixed wing; None: a copter"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
-    """order after its mission can no longer be changed: RETURN or LAND"""
+    """order for a vehicle whose mission can no longer be changed: RETURN or LAND"""
     rules: tuple[ActiveRule, ...] = ALWAYS_ON
     """failsafe rules with their parameters"""
     fence: Fence | None = None
     separation: SeparationRules = DEFAULT_SEPARATION
     """distances kept from other vehicles, and the evasive action"""
     arrival_group: ArrivalGroup | None = None
-    """the vehicles with which it arrives; None: it arrives by itself"""
+    """vehicles of the simultaneous arrival; None: no simultaneous arrival"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,9 +120,9 @@ class DeconflictionCounts:
     by_height: int = 0
     by_route: int = 0
     by_waiting: int = 0
-    """kept the previous plan, or held"""
+    """conflicts after which the vehicle kept its previous plan, or held"""
     ceased: int = 0
-    """the other vehicle changed its plan, or times shifted"""
+    """conflicts that ended because the other vehicle changed its plan, or times shifted"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +138,8 @@ class FlightComparison:
 class AgentState:
     """Everything an agent knows; `step` replaces it and never changes it in place.
 
-    Names in `_boot_s` are times of the vehicle's own clock; `repeat_order_at_s` and `retry_at_s` are of the
-    run's.
+    Names in `_boot_s` are times by the vehicle's clock; `repeat_order_at_s` and `retry_at_s` are times by the
+    run's clock.
     """
 
     task: Task
@@ -180,10 +180,10 @@ class AgentState:
     """P_s at the last decision to keep or take the route being flown, (rows, cols)"""
     retry_at_s: float = -math.inf
     failed_swaps: int = 0
-    """consecutive"""
+    """number of consecutive failed mission changes"""
     launch_ordered: bool = False
     launch_is_operators: bool = False
-    """ordered by an operator, not by its own process"""
+    """True: an operator ordered the launch; False: the agent's own process"""
     launch_wait_since_boot_s: float | None = None
     """start of the wait for a clear first route; a launch attempt in between does not reset it"""
     launch_ignored: frozenset[int] = frozenset()
@@ -191,21 +191,21 @@ class AgentState:
     ordered: ev.FlightOrder | None = None
     """last order given to the vehicle"""
     order_followed: bool = False
-    """the vehicle's mode showed that it follows the order"""
+    """True once the vehicle's mode has confirmed the order"""
     previous_own_roles: frozenset[str] = frozenset()
-    """own mode roles at the time of the order"""
+    """own mode roles before the order"""
     hold_is_own: bool = False
-    """the hold between two plans was set by this agent or by its swap"""
+    """True if this agent or its swap has set the hold between two plans"""
     return_turn_boot_s: float | None = None
-    """holding; latest start of the return"""
+    """latest start of the return of a holding vehicle; None: no return waits"""
     returns_when_clear: bool = False
-    """the return may start earlier, as soon as its path is clear; False: at its turn in a recall"""
+    """True: the return starts as soon as its path is clear; False: at its start time in a recall"""
     return_checked_boot_s: float = -math.inf
-    """last check whether the return path is clear"""
+    """time of the last check of the return path"""
     return_started_boot_s: float | None = None
     """start of a return that may still have to hold again"""
     return_deadline_boot_s: float = -math.inf
-    """end of all waiting for that return; fixed when the return is first demanded"""
+    """end of all waiting for a return, counted from its first demand"""
     returning_neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of other vehicles that return or wait to return"""
     repeat_order_at_s: float = math.inf
@@ -235,15 +235,15 @@ class AgentState:
     interrupted_plan: ev.SwapMission | None = None
     """plan left to hold for other vehicles; None: not giving way"""
     gave_way_to: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """last states of the vehicles it gives way to; a silent one may still stand there"""
+    """last states of the vehicles to which this one gives way; a silent vehicle may still be there"""
     height_offset_m: float = 0.0
     """height above the task's altitude, to stay clear of others"""
     must_change: bool = False
-    """the next plan is flown even if it is no better"""
+    """True: the next plan is flown even if it is no better"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
     """recent intents of other vehicles"""
     own_intent: Trajectory | None = None
-    """last intent sent; times of its own clock, heights above the sea"""
+    """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
     """comparisons of others' intents with the own intent"""
@@ -257,7 +257,7 @@ class AgentState:
     holding_since_boot_s: float = math.inf
     """start of the hold that gives way, or time of the last report about this hold"""
     descent_checked_boot_s: float = -math.inf
-    """last check whether the descent is clear"""
+    """time of the last check of the descent"""
     others_earliest_s: Mapping[int, float] = field(default_factory=dict)
     """earliest arrivals of others over their goals, by this vehicle's clock"""
     due_s: float | None = None
@@ -267,6 +267,7 @@ class AgentState:
     speed_m_s: float | None = None
     """commanded speed on the present plan; None: the vehicle's own; 0: unknown"""
     speed_given_s: float = -math.inf
+    """time of the last speed command, by the vehicle's clock [s]"""
     n_alarms: int = 0
     n_holds: int = 0
     n_climbs: int = 0
@@ -290,7 +291,7 @@ class AgentState:
     refused: int = 0
     """impossible observations received"""
     given_up: bool = False
-    """returning or landing because its mission could not be flown"""
+    """True: the flight has failed, and the vehicle returns or lands"""
     outcome: str = ""
     """end of the flight, as text; empty before"""
     trouble: str = ""
@@ -300,18 +301,18 @@ class AgentState:
 
     @property
     def height_m(self) -> float:
-        """Height of its flight above home."""
+        """Height of the flight above home [m]."""
         return self.task.altitude_m + self.height_offset_m
 
     @property
     def alarm(self) -> str:
         """Active proximity alarms as text; empty without any."""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
-        return f"will come too close to vehicle {others}" if others else ""
+        return f"predicted to come too close to vehicle {others}" if others else ""
 
     @property
     def late(self) -> str:
-        """Predicted violation of the time bound as text; empty while it is met."""
+        """Predicted violation of the time bound as text; empty while the bound is met."""
         arrival = self.task.arrival
         if self.late_s is None:
             return ""

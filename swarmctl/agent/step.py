@@ -50,7 +50,7 @@ def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
 
 
 def wants_tick(state: AgentState, now: float) -> bool:
-    """Return whether a plan is to be decided now and nothing prevents it."""
+    """Return whether the agent has to decide on a plan now."""
     return (
         state.dirty
         and state.phase in PLANNING
@@ -60,14 +60,14 @@ def wants_tick(state: AgentState, now: float) -> bool:
         and now >= state.retry_at_s
         # The empty role: the vehicle's mode is not known yet.
         and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
-        and (not _is_taking_up(state) or _is_urgent(state))
+        and (not _has_new_plan(state) or _is_urgent(state))
     )
 
 
-def _is_taking_up(state: AgentState) -> bool:
-    """Return whether it got its plan only just now.
+def _has_new_plan(state: AgentState) -> bool:
+    """Return whether the vehicle has just received its plan.
 
-    The next plan comes no earlier than a mission change takes. It includes all that is learned meanwhile.
+    The next plan waits for the duration of a mission change, and then includes all new observations.
     """
     if state.phase is not Phase.FLYING:
         return False
@@ -75,7 +75,7 @@ def _is_taking_up(state: AgentState) -> bool:
 
 
 def _is_urgent(state: AgentState) -> bool:
-    """Return whether it has no plan to fly on with, or a wall close ahead."""
+    """Return whether the vehicle has no plan to continue, or a wall is close ahead."""
     if state.must_change or state.route is None:
         return True
     if not may_learn_of_walls(state):
@@ -98,9 +98,9 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
         placed = replace(state.last_position, time_boot_s=0.0)
         return replace(state, last_position=placed, trouble="the vehicle has rebooted [rebooted]"), []
     if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
-        # The process orders a launch once; after a reboot that order would not come again.
-        return cancel_launch(state, "the vehicle has rebooted while it waited for its launch")
-    # Readiness and mission are to be established again.
+        # The process does not repeat its order to launch after a reboot.
+        return cancel_launch(state, "the vehicle rebooted while it waited for its launch")
+    # Readiness and mission have to be checked again.
     state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
     return replace(
         state,
@@ -115,12 +115,12 @@ def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepR
     state, begun = launch_if_possible(state)
     waits = state.phase is Phase.STANDBY and state.launch_wait_since_boot_s is not None
     if event.order is ev.FlightOrder.LAUNCH and waits:
-        effects = [_noted(effect, state.trouble) for effect in effects]
+        effects = [_with_note(effect, state.trouble) for effect in effects]
     return state, [*begun, *effects]
 
 
-def _noted(effect: ev.Effect, note: str) -> ev.Effect:
-    """Return an answer with a note added, other effects unchanged."""
+def _with_note(effect: ev.Effect, note: str) -> ev.Effect:
+    """Return an answer with a note, and any other effect unchanged."""
     if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
         return effect
     answer = msgspec.structs.replace(effect.answer, note=note)
@@ -142,14 +142,14 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
     if event.order is not state.ordered:
         return state, []
     if state.ended:
-        is_late_order = event.order in ROLE_OF_ORDER  # an operator tried it after the release
+        is_late_order = event.order in ROLE_OF_ORDER  # an operator gave the order after the release
         return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if is_late_order else []
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
     if state.phase is not Phase.LAUNCHING:
         # The order is repeated while the agent still commands the vehicle.
         return replace(state, repeat_order_at_s=now + RETRY_AFTER_S), []
     if state.armed_seen or (state.lost and not event.nothing_sent):
-        # Armed, as far as is known, and not climbing: it must not be left uncontrolled.
+        # The vehicle may be armed without climbing: it must not stay uncontrolled.
         return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, given_up=True)
     if event.nothing_sent:
         return cancel_launch(state, event.reason)
@@ -160,11 +160,11 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
-    """Act on a new state of the vehicle. The order is the policy; an earlier part may end the turn.
+    """Act on new telemetry. The parts act in this order, and some of them end the sequence:
 
-    1. touchdown ends the flight; 2. failsafes demand; 3. a launch begins; 4. a goal cell begins the landing;
-    5. an unconfirmed landing is ordered again; 6. an unconfirmed order is repeated; 7. the return queue;
-    8. collision avoidance; 9. the landing queue; 10. the speed for a common arrival; 11. intent and state.
+    1. touchdown; 2. failsafes; 3. launch; 4. start of the landing in a goal cell; 5. landing after an
+    unconfirmed hold; 6. repetition of an unconfirmed order; 7. return queue; 8. collision avoidance;
+    9. landing queue; 10. speed for the common arrival; 11. intent and state.
     """
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
@@ -175,19 +175,19 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
     state = note_disarming(state)
     if state.phase in IN_FLIGHT and state.armed_seen and not may_be_armed(state):
-        # The last state is sent at once: the process may end with it.
+        # The last state is sent at once, because the process may end right after it.
         return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
     state, demanded = apply_failsafes(state, now)
     if state.ended:
-        # A released vehicle in the air still matters to the others.
+        # A released vehicle in the air still matters to other vehicles.
         state, published = share_intent(state)
         state, shared = share_state(state) if may_be_armed(state) else (state, [])
         return state, [*demanded, *published, *shared]
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
-        state = _as_decided(state)
-        # From here on it has priority over vehicles en route, and tells them so at once.
+        state = _without_swap_trouble(state)
+        # From now on the vehicle has priority over vehicles en route; its intent is due at once.
         state = replace(state, intent_sent_boot_s=-math.inf)
     state, landed = land_unconfirmed(state)
     if landed:
@@ -195,16 +195,16 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if state.phase in IN_FLIGHT and now >= state.repeat_order_at_s and state.ordered is not None:
         state, again = command(state, state.ordered)
         return state, [*demanded, *again]
-    state, turned = update_return(state)
-    state, kept_apart = avoid_collisions(state)
-    state, waited = queue_for_landing(state)
-    state, paced = adjust_speed(state)
-    state, intent = _tell_intent(state)
+    state, returned = update_return(state)
+    state, avoided = avoid_collisions(state)
+    state, queued = queue_for_landing(state)
+    state, speed = adjust_speed(state)
+    state, intent = _send_intent(state)
     state, shared = share_state(state)
-    return state, [*demanded, *begun, *turned, *kept_apart, *waited, *paced, *intent, *shared]
+    return state, [*demanded, *begun, *returned, *avoided, *queued, *speed, *intent, *shared]
 
 
-def _tell_intent(state: AgentState) -> StepResult:
+def _send_intent(state: AgentState) -> StepResult:
     """Send the intent when due, and check the plan for conflicts."""
     state, published = share_intent(state)
     if not published:
@@ -275,18 +275,18 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     try:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:
-        return _no_way(replace(state, dirty=False, because=(), trouble=str(error)))
+        return _without_route(replace(state, dirty=False, because=(), trouble=str(error)))
     keeps = state.route is not None and state.pending is None and not state.dirty
-    return (_as_decided(state) if keeps else state), effects
+    return (_without_swap_trouble(state) if keeps else state), effects
 
 
-def _as_decided(state: AgentState) -> AgentState:
+def _without_swap_trouble(state: AgentState) -> AgentState:
     """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
     return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
 
 
-def _no_way(state: AgentState) -> StepResult:
-    """Act on the lack of any route from its cell to a goal."""
+def _without_route(state: AgentState) -> StepResult:
+    """Act if no route leads from the vehicle's cell to a goal."""
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
@@ -324,7 +324,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     failed = state.failed_swaps + (not event.is_late)
     state = replace(state, pending=None, failed_swaps=failed)
     state = replace(state, trouble=event.reason, swap_trouble=event.reason)
-    state = replace(state, speed_m_s=UNKNOWN_M_S)  # a mode change during the swap may have reset it
+    state = replace(state, speed_m_s=UNKNOWN_M_S)  # a mode change during the swap may have reset the speed
     if event.is_late:
         state = replace(state, swap_times=state.swap_times.too_late())
     if state.phase in ON_GROUND:
@@ -333,15 +333,15 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return release_vehicle(state, event.reason)
     state = replace(state, hold_is_own=event.flying == "hold")
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
-        # Over its goal and standing still: land.
+        # The vehicle stands still over its goal: land.
         return command(state, ev.FlightOrder.LAND)
     if state.phase is Phase.LANDING:
-        return _as_decided(state), []
+        return _without_swap_trouble(state), []
     if state.phase is not Phase.FLYING:
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-    # Decide again with all that is known by then. Without the old plan, any plan is better than none.
+    # Decide again later, with all observations by then. Without the old plan, any plan is better than none.
     return replace(
         state,
         dirty=True,

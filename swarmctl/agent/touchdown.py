@@ -11,34 +11,33 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
 
 AT_HOME_M = 15.0
-"""Distance from the landing target within which a copter touches down."""
+"""Distance from the landing target within which a copter touches down [m]."""
 
 
 def note_disarming(state: AgentState) -> AgentState:
-    """Record the first of the consecutive heartbeats that report the vehicle as disarmed."""
+    """Record the time of the first heartbeat that reports the vehicle disarmed."""
     since_s = state.vehicle.heartbeat_s if state.disarmed_since_s is None else state.disarmed_since_s
-    told_s = None if state.vehicle.armed else since_s
-    return state if told_s == state.disarmed_since_s else replace(state, disarmed_since_s=told_s)
+    disarmed_s = None if state.vehicle.armed else since_s
+    return state if disarmed_s == state.disarmed_since_s else replace(state, disarmed_since_s=disarmed_s)
 
 
 def may_be_armed(state: AgentState) -> bool:
-    """Return whether the vehicle is armed, as far as is known.
+    """Return whether the vehicle is armed, or may still be.
 
-    A single heartbeat that reports it disarmed may be wrong, unless the vehicle also reports to be on the
-    ground.
+    A single disarmed heartbeat may be wrong, unless the vehicle also reports that it is on the ground.
     """
     vehicle = state.vehicle
-    said_once = state.disarmed_since_s is not None and vehicle.heartbeat_s == state.disarmed_since_s
-    doubtful = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and said_once
-    return vehicle.armed or doubtful
+    is_single = state.disarmed_since_s is not None and vehicle.heartbeat_s == state.disarmed_since_s
+    is_uncertain = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and is_single
+    return vehicle.armed or is_uncertain
 
 
 def end_at_touchdown(state: AgentState) -> AgentState:
     """Return the state with the outcome of the flight, for a vehicle that is disarmed after its launch."""
     # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
-    comes_down = state.phase is Phase.LANDING or holds_over_goal
-    if comes_down and (state.cell in state.task.goals or _rolled_out(state)):
+    at_goal = state.phase is Phase.LANDING or holds_over_goal
+    if at_goal and (state.cell in state.task.goals or _rolled_out(state)):
         return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
@@ -53,7 +52,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
 
 
 def _away(state: AgentState) -> str:
-    """Return the distance from home as text, for a return that ended elsewhere; otherwise ""."""
+    """Return the distance from home as text for a return that ended elsewhere; "" for other flights."""
     v = state.vehicle
     if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
         return ""

@@ -21,7 +21,7 @@ def test_a_mode_that_no_agent_sets_releases_at_once() -> None:
     assert rule(0.0, facts()) is None
     demand = rule(0.1, facts(LOITER))
     assert demand is not None
-    assert demand.kind is DemandKind.LET_GO
+    assert demand.kind is DemandKind.RELEASE
     assert "LOITER" in demand.reason
 
 
@@ -74,7 +74,7 @@ OTHER = {"other_mission": True, "mission_total": 21}
 def test_a_foreign_mission_in_use_releases_the_vehicle(doing: Activity) -> None:
     demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
     assert demand is not None
-    assert demand.kind is DemandKind.LET_GO
+    assert demand.kind is DemandKind.RELEASE
     assert "21 items" in demand.reason
 
 

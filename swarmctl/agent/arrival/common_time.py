@@ -8,8 +8,7 @@ from dataclasses import dataclass
 LEAST_SHARE = 0.2
 """least speed of a vehicle that waits for others, as a share of its full speed"""
 LEAST_M_S = 1.0
-"""least speed of such a vehicle [m/s]; the failsafe against vehicles that stand still would act on a slower
-one"""
+"""least speed of a vehicle that waits for others [m/s]; `not_following` would act on a slower vehicle"""
 HALVINGS = 14
 """number of bisections for a speed, to within 1 mm/s"""
 
@@ -31,13 +30,13 @@ class ArrivalGroup:
 def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:
     """Return the arrival time of the first vehicle [s], from the earliest possible times of all.
 
-    The slowest vehicle sets it. Raises ValueError without any vehicle.
+    The slowest vehicle determines the time. Raises ValueError if there is no vehicle.
     """
     return max(at_s - group.rank[uav] * group.spacing_s for uav, at_s in earliest_s.items())
 
 
 def due_s(group: ArrivalGroup, uav: int, earliest_s: Mapping[int, float]) -> float:
-    """Return the arrival time of `uav`, a vehicle of the group [s]; it is never before its earliest one."""
+    """Return the arrival time of vehicle `uav` of the group [s], never before its earliest possible time."""
     return agreed_arrival_s(group, earliest_s) + group.rank[uav] * group.spacing_s
 
 
@@ -51,7 +50,7 @@ def speed_for(
 ) -> float:
     """Return the speed [m/s] at which a vehicle arrives at `due_s`; `arrives_s(speed)` falls with speed.
 
-    If no speed between `least_m_s` and `most_m_s` meets the time, it is the nearer one of the two.
+    If no speed between `least_m_s` and `most_m_s` meets the time, the result is the nearer limit.
     """
     low, high = least_m_s(most_m_s, slowest_m_s), most_m_s
     if arrives_s(high) >= due_s:

@@ -1,5 +1,4 @@
-"""Simultaneous arrival of one vehicle: its earliest arrival for the others, and the speed for the common
-time."""
+"""Simultaneous arrival of one vehicle: its earliest arrival, and its speed for the common time."""
 
 from __future__ import annotations
 
@@ -24,12 +23,12 @@ from swarmctl.core.planar import PlanarPoint
 
 EVERY_S = 2.0
 """least time between two speed changes [s]"""
-WORTH_M_S = 0.2
+MIN_CHANGE_M_S = 0.2
 """least speed change that is sent [m/s]"""
 NEAR_S = 4.0
-"""time before the goal from which the speed stays [s]: the vehicle brakes there in any case"""
+"""time to the goal below which the speed is not changed [s], because the vehicle brakes there"""
 UNKNOWN_M_S = 0.0
-"""mark for an unknown speed, after a failed change"""
+"""value for an unknown speed, after a failed change"""
 WAITED_FOR = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
 
 
@@ -48,19 +47,21 @@ def earliest_in_s(state: AgentState) -> float | None:
 
 
 def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShared]]) -> AgentState:
-    """Note the earliest arrivals of others, by this vehicle's clock; forget those that do not fly to a
-    goal."""
+    """Store the earliest arrivals of other vehicles, by this vehicle's clock.
+
+    Vehicles that do not fly to a goal are removed.
+    """
     if state.task.arrival_group is None:
         return state
     now_s = state.vehicle.time_boot_s
     due = {uav: now_s + other.earliest_in_s for uav, other in states if other.earliest_in_s is not None}
-    gone = {uav for uav, other in states if other.earliest_in_s is None}
-    kept = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav not in gone}
+    removed = {uav for uav, other in states if other.earliest_in_s is None}
+    kept = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav not in removed}
     return replace(state, others_earliest_s={**kept, **due})
 
 
 def adjust_speed(state: AgentState) -> StepResult:
-    """Set another speed if the vehicle would otherwise miss its arrival time; called for each position."""
+    """Set another speed if the vehicle would otherwise miss its arrival time. Called for each position."""
     group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
     is_under_way = state.phase is Phase.FLYING and state.route is not None and state.pending is None
     if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
@@ -76,14 +77,14 @@ def adjust_speed(state: AgentState) -> StepResult:
     state = update_spare_time(state, due, now_s + soonest_s)
     wanted_m_s = speed_for(path.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
     flies_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
-    if abs(wanted_m_s - flies_m_s) < WORTH_M_S:
+    if abs(wanted_m_s - flies_m_s) < MIN_CHANGE_M_S:
         return replace(state, due_s=due), []
     state = replace(state, due_s=due, speed_m_s=wanted_m_s, speed_given_s=now_s)
     return state, [ev.SetSpeed(wanted_m_s)]
 
 
 def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:
-    """Note that the speed is unknown, so that it is set again."""
+    """Mark the speed as unknown, so that it is set again."""
     return replace(state, speed_m_s=UNKNOWN_M_S, trouble=event.reason), []
 
 
@@ -93,12 +94,12 @@ class _PathToGoal:
 
     track: Sequence[PlanarPoint]
     """points from the vehicle on"""
-    rim_m: float
+    edge_m: float
     """distance from the edge of the goal cell to the end of the track [m]"""
     begins_m_s: float
     """present speed [m/s]"""
     up_s: float
-    """time until the vehicle is at its height [s]"""
+    """time until the vehicle is at its cruise height [s]"""
     stop: BrakingStop | None = None
     """stop before the start of a new plan"""
     turn_radius_m: float | None = None
@@ -108,13 +109,13 @@ class _PathToGoal:
         """Return the time until the vehicle is over its goal cell, if it flies at this speed [s]."""
         if self.turn_radius_m is not None:
             flown, _ = rounded(self.track, self.turn_radius_m)
-            way_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
-            return self.up_s + max(way_m - self.rim_m, 0.0) / speed_m_s
+            flown_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
+            return self.up_s + max(flown_m - self.edge_m, 0.0) / speed_m_s
         stop_s, track, begins_m_s = after_stop(self.track, min(self.begins_m_s, speed_m_s), self.stop)
         return (
             self.up_s
             + stop_s
-            + travel_time.arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=self.rim_m)
+            + travel_time.arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=self.edge_m)
         )
 
 
@@ -126,13 +127,13 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     here = (*grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m or 0.0)
     points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
     track = [point[:2] for point in (here, *track_ahead(points, here))]
-    wings, rim_m = state.task.wings, _rim_m(track, grid.cell_size_m)
+    wings, edge_m = state.task.wings, _edge_m(track, grid.cell_size_m)
     speed_m_s = vehicle.ground_speed_m_s
     if wings is not None:  # a fixed wing climbs along its route
         roll_s = 0.0 if vehicle.armed else ROLL_S
-        return _PathToGoal(track, rim_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
+        return _PathToGoal(track, edge_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
     up_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
-    return _PathToGoal(track, rim_m, speed_m_s, up_s, stop_ahead(state))
+    return _PathToGoal(track, edge_m, speed_m_s, up_s, stop_ahead(state))
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
@@ -141,8 +142,8 @@ def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
     return group.slowest_m_s if wings is None else max(group.slowest_m_s, wings.min_speed_m_s)
 
 
-def _rim_m(track: Sequence[PlanarPoint], cell_size_m: float) -> float:
-    """Return the length of the last leg inside the goal cell [m], by the direction of the leg."""
+def _edge_m(track: Sequence[PlanarPoint], cell_size_m: float) -> float:
+    """Return the length of the last leg inside the goal cell [m]; it depends on the leg's direction."""
     if len(track) < 2:
         return 0.0
     (e0, n0), (e1, n1) = track[-2:]

@@ -55,8 +55,10 @@ RULES: tuple[Rule, ...] = (low_battery, fence_ahead, not_following, gps_loss)
 def evaluate(
     rules: tuple[ActiveRule, ...], memories: tuple[Any, ...], facts: FailsafeFacts, now: float
 ) -> tuple[tuple[Any, ...], tuple[Demand | None, ...]]:
-    """Return the memories and the demands of all rules, in order. `memories`: the last result, at first
-    empty."""
+    """Return the memories and the demands of all rules, in order.
+
+    `memories` is the result of the last call, and empty at first.
+    """
     results = [
         active.rule.evaluate(active.params, memory, facts, now)
         for active, memory in zip(rules, memories or (None,) * len(rules), strict=True)
@@ -65,6 +67,6 @@ def evaluate(
 
 
 def strongest(demands: tuple[Demand | None, ...]) -> Demand | None:
-    """Return the strongest demand, of equal ones the first; None without any."""
+    """Return the strongest demand, the first of equals; None if there is no demand."""
     present = [demand for demand in demands if demand is not None]
     return max(present, key=lambda demand: STRENGTH[demand.kind], default=None)

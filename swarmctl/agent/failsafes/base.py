@@ -19,8 +19,8 @@ class DemandKind(StrEnum):
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"
-    LET_GO = "let_go"
-    """release: another operator flies the vehicle, and the agent commands nothing more"""
+    RELEASE = "let_go"
+    """release to another operator; the agent sends no further commands"""
 
 
 STRENGTH: dict[DemandKind, int] = {kind: rank for rank, kind in enumerate(DemandKind)}
@@ -36,7 +36,7 @@ ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
     "goal": DemandKind.LAND,
     "land": DemandKind.LAND,
 }
-"""Demand that each activity in flight already fulfils; only a stronger one changes anything."""
+"""Demand that each activity in flight already fulfils; only a stronger demand changes the activity."""
 
 IN_FLIGHT = frozenset(ACTIVITY_AS_DEMAND)
 
@@ -49,12 +49,12 @@ class Demand:
     reason: str
     """text for the operator: found and expected values"""
     urgent: bool = True
-    """without waiting; a return that is not urgent holds until its path is clear"""
+    """followed without waiting; a return that is not urgent first holds until its path is clear"""
 
 
 @dataclass(frozen=True, slots=True)
 class ActiveRoute:
-    """Route that a vehicle has to fly now."""
+    """Route that the vehicle has to fly now."""
 
     plan_id: int
     points: tuple[LatLon, ...]
@@ -68,7 +68,7 @@ class Fence:
     corners_m: tuple[tuple[float, float], ...]
     """(east, north) in the area's local frame [m], in order"""
     ceiling_m: float
-    """above home"""
+    """greatest height above home [m]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +80,11 @@ class FailsafeFacts:
     """local frame of the area, for lengths"""
     doing: Activity = "ground"
     own_roles: frozenset[str] = frozenset()
-    """roles of the modes that its agent may have set"""
+    """roles of the modes that the agent may have set"""
     orders: int = 0
-    """number of orders given by its agent"""
+    """number of orders given by the agent"""
     lost: bool = False
-    """link lost; all other fields are old"""
+    """True while the link is lost; all other fields are old then"""
     route: ActiveRoute | None = None
     """None during a mission change, or without a mission"""
     fence: Fence | None = None
@@ -116,9 +116,9 @@ class Rule(Protocol):
     def evaluate(
         self, params: Any, memory: Any, facts: FailsafeFacts, now: float, /
     ) -> tuple[Any, Demand | None]:
-        """Return (memory, demand) at `now` [s]. `memory` is None at first; the demand is None if all is well.
+        """Return (memory, demand) at `now` [s]; the demand is None if all is well.
 
-        A demand stands as long as it is repeated.
+        `memory` is None at first. A demand lasts as long as each evaluation repeats it.
         """
 
 
@@ -131,12 +131,12 @@ class ActiveRule:
 
 
 def holds_since(since_s: float | None, holds: bool, now: float) -> float | None:
-    """Return since when a condition holds without a break [s]; None if it does not hold."""
+    """Return the time since which a condition holds without a break [s]; None if it does not hold."""
     if not holds:
         return None
     return now if since_s is None else since_s
 
 
 def has_lasted(since_s: float | None, seconds: float, now: float) -> bool:
-    """Return whether a condition that holds since `since_s` has lasted for `seconds`."""
+    """Return whether a condition has lasted for `seconds` since `since_s`."""
     return since_s is not None and now - since_s >= seconds

@@ -22,7 +22,7 @@ _DOING: dict[Phase, Activity] = {
     Phase.LANDING: "goal",
     Phase.HOLDING: "hold",
 }
-_WAITS = "; holds until the return path is clear"
+_WAITS = "; the vehicle holds until its return path is clear"
 _REACTIONS = {
     DemandKind.HOLD: "holds",
     DemandKind.RETURN: "returns",
@@ -33,7 +33,7 @@ _REACTIONS = {
 def apply_failsafes(state: AgentState, now: float) -> StepResult:
     """Evaluate all rules, and follow the strongest new demand.
 
-    A demand is followed once, also if it lasts, so that an operator can give another order afterwards.
+    A lasting demand is followed only once, so that an operator can give another order afterwards.
     """
     if state.ended:
         return state, []
@@ -45,7 +45,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
         for was, demand in zip(before, demands, strict=True)
     )
     strongest = failsafes.strongest(arisen)
-    if strongest is not None and strongest.kind is DemandKind.LET_GO:
+    if strongest is not None and strongest.kind is DemandKind.RELEASE:
         return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
         ev.NotifyOperator(f"{active.rule.NAME.replace('_', ' ')} has ended {_code(active)}")
@@ -64,13 +64,15 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
 
 
 def _is_new(state: AgentState, was: Demand | None, demand: Demand) -> bool:
-    """Return whether a demand is new: the first, of another kind, or now urgent for a waiting vehicle."""
-    presses = was is not None and demand.urgent and not was.urgent and state.return_turn_boot_s is not None
-    return was is None or was.kind is not demand.kind or presses
+    """Return whether a demand is the first, of another kind, or newly urgent for a waiting vehicle."""
+    is_newly_urgent = (
+        was is not None and demand.urgent and not was.urgent and state.return_turn_boot_s is not None
+    )
+    return was is None or was.kind is not demand.kind or is_newly_urgent
 
 
 def _reaction(after: AgentState, demand: Demand) -> str:
-    return _WAITS if after.returns_when_clear else f"; {_REACTIONS[demand.kind]}"
+    return _WAITS if after.returns_when_clear else f"; the vehicle {_REACTIONS[demand.kind]}"
 
 
 def _code(active: ActiveRule) -> str:
@@ -107,26 +109,26 @@ def _active_route(state: AgentState) -> ActiveRoute | None:
 
 def _changes(state: AgentState, demand: Demand) -> bool:
     """Return whether a demand is stronger than the current activity."""
-    does = failsafes.ACTIVITY_AS_DEMAND.get(_doing(state))
-    return does is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[does]
+    fulfilled = failsafes.ACTIVITY_AS_DEMAND.get(_doing(state))
+    return fulfilled is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[fulfilled]
 
 
 def _follow(state: AgentState, demand: Demand) -> StepResult:
     order = ev.FlightOrder(demand.kind.value)
-    down = order is not ev.FlightOrder.HOLD
+    is_leaving = order is not ev.FlightOrder.HOLD
     changes: dict[str, Any] = {
         "dirty": False,
         "interrupted_plan": None,
         # A return or landing without an operator's order counts as a failed flight.
-        "given_up": state.given_up or down,
+        "given_up": state.given_up or is_leaving,
         "outcome": demand.reason,
         "trouble": demand.reason,
     }
     if order is ev.FlightOrder.RETURN and not demand.urgent:
         until_s = state.vehicle.time_boot_s + MAX_RETURN_WAIT_S
-        if (waits := wait_to_return(state, until_s, **changes)) is not None:
-            return waits
+        if (waiting := wait_to_return(state, until_s, **changes)) is not None:
+            return waiting
         changes |= return_started(state, until_s)
     else:
         changes |= NOT_WAITING
-    return command(state, order, phase=Phase.LEAVING if down else Phase.HOLDING, **changes)
+    return command(state, order, phase=Phase.LEAVING if is_leaving else Phase.HOLDING, **changes)

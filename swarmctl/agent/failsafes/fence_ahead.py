@@ -8,7 +8,7 @@ Routes are inside the fence, leg by leg, so a vehicle on its route turns or stop
 | off its route, would cross the fence while stopping | hold; a fixed wing returns, as it cannot stop |
 | outside the fence | return |
 
-A single position may be wrong: the demand is the weaker of two consecutive ones.
+A single position may be wrong: the demand is the weaker of the last two.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from swarmctl.core.section import Section
 NAME = "fence_ahead"
 
 BRAKES_M_S2 = 2.5
-"""Default of ArduCopter's WPNAV_ACCEL."""
+"""Deceleration [m/s²]: the default of ArduCopter's WPNAV_ACCEL."""
 MOVED_M = 0.5
-"""Least movement that gives a course."""
+"""Least movement that gives a course [m]."""
 
 
 class Params(Section):
@@ -58,13 +58,13 @@ def evaluate(
     here, fence = facts.position_m, facts.fence
     if here is None or fence is None or not facts.in_flight or facts.lost:
         return None, None
-    told_s = facts.vehicle.position_s
-    if memory is not None and memory.evaluated_s == told_s:
+    position_s = facts.vehicle.position_s
+    if memory is not None and memory.evaluated_s == position_s:
         return memory, memory.demanded
     before, memory = memory, _moved(memory, here)
     found = _found(params, memory, facts, fence, here)
     demand = None if before is None else _weaker(before.found, found)
-    return FenceAheadMemory(memory.here, memory.course, told_s, found, demand), demand
+    return FenceAheadMemory(memory.here, memory.course, position_s, found, demand), demand
 
 
 def _found(
@@ -72,21 +72,21 @@ def _found(
 ) -> Demand | None:
     """Return the demand of this position alone."""
     if not contains(fence.corners_m, here):
-        return Demand(DemandKind.RETURN, "outside the fence")
+        return Demand(DemandKind.RETURN, "the vehicle is outside the fence")
     if (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
         found = f"{high_m:.0f} m above home (limit {fence.ceiling_m:.0f} m)"
-        return Demand(DemandKind.RETURN, f"outside the fence: {found}")
+        return Demand(DemandKind.RETURN, f"the vehicle is outside the fence: {found}")
     if facts.doing == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
         # A fixed wing in hold would circle across the fence, so it returns.
-        does = DemandKind.RETURN if facts.turn_radius_m else DemandKind.HOLD
-        return Demand(does, "off its route and about to leave the fence")
+        kind = DemandKind.RETURN if facts.turn_radius_m else DemandKind.HOLD
+        return Demand(kind, "the vehicle is off its route and about to leave the fence")
     return None
 
 
 def _weaker(a: Demand | None, b: Demand | None) -> Demand | None:
     if a is None or b is None:
         return None
-    return min((b, a), key=lambda action: STRENGTH[action.kind])
+    return min((b, a), key=lambda demand: STRENGTH[demand.kind])
 
 
 def _moved(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemory:

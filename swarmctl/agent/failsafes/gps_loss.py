@@ -7,7 +7,7 @@ The autopilot notices the loss first and mostly acts by itself; the agent then r
 |---|---|---|---|
 | no fix | warning | landing: without a position it can neither hold nor return | |
 | no position, GPS has no fix | warning | landing | |
-| no position, GPS has a fix | warning | return: it may know its position | landing, unless it is returning |
+| no position, GPS has a fix | warning | return: it may still be possible | landing, unless it is returning |
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class GpsLossMemory:
     blind_since_s: float | None = None
     """time of the first telemetry without a position"""
     landing: Demand | None = None
-    """the landing demanded; it continues with a new fix, because the fix may be lost again"""
+    """demanded landing; it continues after a new fix, because the fix may be lost again"""
 
 
 def evaluate(
@@ -48,7 +48,7 @@ def evaluate(
     if not facts.in_flight:
         return GpsLossMemory(), None
     if facts.lost:
-        # The last telemetry is old: no duration counts, and a landing stays.
+        # The last telemetry is old: all durations restart, and a demanded landing stays.
         return GpsLossMemory(landing=memory.landing), None
     status_s = vehicle.status_s
     since_s = None if status_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, status_s)

@@ -1,7 +1,7 @@
 """Lost link: no telemetry arrives from a vehicle, and no order reaches it.
 
-Its reaction was set on the vehicle before the take-off (`preflight.policy`); the ground station can only
-announce it. A vehicle that is heard again after its failsafe began is released (`taken_over`).
+The vehicle's reaction was set before the take-off (`preflight.policy`); the ground station can only announce
+it. If telemetry returns after the vehicle's own failsafe began, the vehicle is released (`taken_over`).
 """
 
 from __future__ import annotations

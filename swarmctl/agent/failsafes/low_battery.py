@@ -3,7 +3,7 @@
 | charge | demand |
 |---|---|
 | below `return_percent` | return; may wait for a clear path |
-| `wait_percent` lower still | return without waiting |
+| a further `wait_percent` lower | return without waiting |
 | below `land_percent` | landing |
 """
 

@@ -42,7 +42,7 @@ def evaluate(
     if facts.doing != "mission":
         return None, None
     if route is None or here is None or facts.lost:
-        # Without data, no duration counts, and a demand stays.
+        # Without data all durations restart, and a demand stays.
         kept = None if memory is None else memory.demanded
         return memory and NotFollowingMemory(memory.plan_id, memory.track_m, demanded=kept), kept
     if memory is None or memory.plan_id != route.plan_id:
@@ -56,11 +56,11 @@ def evaluate(
     if off_since_s is None and still_since_s is None:
         demanded = None
     elif demanded is None and has_lasted(off_since_s, params.seconds, now):
-        found = f"{away_m:.0f} m off its route (limit {params.metres:g} m)"
+        found = f"the vehicle is {away_m:.0f} m off its route (limit {params.metres:g} m)"
         demanded = Demand(DemandKind(params.action), f"{found} for {params.seconds:g} s")
     elif demanded is None and has_lasted(still_since_s, params.seconds, now):
         mode = facts.vehicle.mode
         demanded = Demand(
-            DemandKind(params.action), f"in mode {mode}, without moving for {params.seconds:g} s"
+            DemandKind(params.action), f"the vehicle has not moved for {params.seconds:g} s in mode {mode}"
         )
     return NotFollowingMemory(route.plan_id, memory.track_m, off_since_s, still_since_s, demanded), demanded

@@ -16,7 +16,7 @@ from swarmctl.core.vehicle import STALE_MODE_S
 NAME = "taken_over"
 
 BOOTS_S = 10.0
-"""Time allowed on the ground in a foreign mode. A rebooting vehicle shows its boot mode before its clock
+"""Time allowed on the ground in a foreign mode [s]. A rebooting vehicle shows its boot mode before its clock
 shows the reboot. A launch order in that time releases the vehicle."""
 TEXT_BEFORE_S = 1.5
 """Greatest time from a status text to the mode that the text explains [s]."""
@@ -39,7 +39,7 @@ def evaluate(
     _params: Params, memory: TakenOverMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[TakenOverMemory, Demand | None]:
     vehicle, before = facts.vehicle, memory or TakenOverMemory(text=facts.vehicle.status_text)
-    # A mode foreign before an order may be an intermediate one of that order.
+    # After an order, a foreign mode may be an intermediate mode of that order.
     since_s = before.foreign_since_s if facts.orders == before.orders else None
     is_own = vehicle.mode_role in {"", *facts.own_roles}
     new = vehicle.status_text != before.text
@@ -50,14 +50,16 @@ def evaluate(
         now if new else before.text_s,
     )
     if facts.doing == "ground" and vehicle.armed:
-        return memory, Demand(DemandKind.LET_GO, f"armed by another operator, in mode {vehicle.mode}")
+        return memory, Demand(
+            DemandKind.RELEASE, f"another operator has armed the vehicle, in mode {vehicle.mode}"
+        )
     if facts.lost:
         return memory, None
     if vehicle.other_mission and (demand := _other_mission(facts)) is not None:
         return memory, demand
     if is_own:
         return memory, None
-    # The mode may be a previous own one: wait for the next heartbeat.
+    # The mode may be an earlier one of this agent: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
     if facts.doing == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
@@ -65,13 +67,15 @@ def evaluate(
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
     recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S
     text = f" (vehicle reports: {vehicle.status_text})" if recent else ""
-    return memory, Demand(DemandKind.LET_GO, f"in mode {vehicle.mode}, not ordered by this program{text}")
+    return memory, Demand(
+        DemandKind.RELEASE, f"the vehicle is in mode {vehicle.mode}, which this program has not ordered{text}"
+    )
 
 
 def _other_mission(facts: FailsafeFacts) -> Demand | None:
     n_items = facts.vehicle.mission_total or 0
     text = f"the vehicle has a mission of {n_items} items that this program has not uploaded"
     if facts.doing == "ground":
-        return Demand(DemandKind.WARN, f"{text}; it is not launched with that mission")
+        return Demand(DemandKind.WARN, f"{text}; the vehicle is not launched with that mission")
     flies_it = facts.doing in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
-    return Demand(DemandKind.LET_GO, text) if flies_it else None
+    return Demand(DemandKind.RELEASE, text) if flies_it else None

@@ -39,7 +39,9 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return state, []
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
         # Another operator has the vehicle, or it is booting.
-        return release_vehicle(state, f"in mode {state.vehicle.mode}, not ordered by this program")
+        return release_vehicle(
+            state, f"the vehicle is in mode {state.vehicle.mode}, which this program has not ordered"
+        )
     if clashes := _route_clashes(state, _waited_for(state)):
         return _waits(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
