@@ -40,7 +40,7 @@ from swarmctl.cli.flights import (
 )
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.texts import resolve_vehicles
+from swarmctl.core.texts import extended, resolve_vehicles
 from swarmctl.flight import companion
 from swarmctl.flight.director import Permission
 from swarmctl.flight.gc_tuning import tune_collector
@@ -169,18 +169,16 @@ def _network(
     scenario: Scenario, connect: str | None, launch: Launch, keyring: Keyring | None
 ) -> Configuration | None:
     (spec,) = scenario.specs
-    nowhere = scenario.config.communication.router is None and not scenario.config.communication.mesh
-    if connect is None and nowhere and launch is Launch.WHEN_READY:
+    is_isolated = scenario.config.communication.router is None and not scenario.config.communication.mesh
+    if connect is None and is_isolated and launch is Launch.WHEN_READY:
         say(f"`communication` has neither router nor mesh: {spec.name} flies alone [no-network]")
         return None
     try:
         names = {other.sysid: other.name for other in scenario.swarm}
         return joining.as_agent(scenario.config, spec.sysid, names, connect, keyring)
     except joining.NoNetwork as error:
-        advice = (
-            f", or give --connect tcp/HOST:PORT, or fly alone with --launch {Launch.WHEN_READY} [no-network]"
-        )
-        fail([f"{error}{advice if nowhere and connect is None else ''}"], USAGE)
+        advice = f", or give --connect tcp/HOST:PORT, or fly alone with --launch {Launch.WHEN_READY}"
+        fail([extended(str(error), advice if is_isolated and connect is None else "")], USAGE)
 
 
 def _without_listen(scenario: Scenario) -> Scenario:

@@ -21,6 +21,7 @@ from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
 from swarmctl.config import joining
 from swarmctl.core.frames import FrameCodec
+from swarmctl.core.texts import extended
 from swarmctl.security.files import KeyringError
 from swarmctl.station import watch
 from swarmctl.station.watch import Board, View, table
@@ -49,24 +50,24 @@ def show(
     swarm = load_roster_or_exit(config)
     try:
         keyring = joining.keyring_of(swarm, OPERATOR, dt.datetime.now(dt.UTC))
-        network = joining.as_watcher(swarm, swarm.names, connect, keyring)
+        network = joining.as_station(swarm, swarm.names, connect, keyring)
     except KeyringError as error:
         fail(keys_problem_lines(config, [str(error)]), EXPECTED)
     except joining.NoNetwork as error:
-        advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT [no-network]"
-        fail([f"{error}{advice}"], USAGE)
+        advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT"
+        fail([extended(str(error), advice)], USAGE)
     verify = None if keyring is None else keyring.verify
     board = Board(swarm.name, swarm.names, swarm.grid, FrameCodec(swarm.name, None, verify))
     shown = _live if out.is_terminal and not once else _lines if not once else _once
     try:
-        with shown() as see:
-            asyncio.run(_watch(network, board, swarm.name, see, once=once))
+        with shown() as show_view:
+            asyncio.run(_watch(network, board, swarm.name, show_view, once=once))
     except BusError as error:
         fail([str(error)], EXPECTED)
     except asyncio.CancelledError:
         # Ctrl-C ends the live display as intended; with --once it interrupts the command.
         raise typer.Exit(INTERRUPTED if once else OK) from None
-    if not board.any_heard:
+    if not board.has_any:
         fail(
             [
                 "no message of any vehicle was received; check that the agents run, and connect to the "
@@ -77,16 +78,16 @@ def show(
 
 
 async def _watch(
-    network: Configuration, board: Board, swarm: str, see: Callable[[View], None], *, once: bool
+    network: Configuration, board: Board, swarm: str, show_view: Callable[[View], None], *, once: bool
 ) -> None:
     """Show the swarm. Raises CancelledError on Ctrl-C; a second Ctrl-C ends the process at once."""
-    me = asyncio.current_task()
-    assert me is not None
+    task = asyncio.current_task()
+    assert task is not None
 
     def interrupted() -> None:
-        if me.cancelling():
+        if task.cancelling():
             os._exit(INTERRUPTED)
-        me.cancel()
+        task.cancel()
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         with contextlib.suppress(ValueError, RuntimeError):  # not the main thread
@@ -98,9 +99,9 @@ async def _watch(
             if bus.connected:
                 return f"{where}: connected"
             trouble = f" ({bus.trouble})" if bus.trouble else ""
-            return f"{where}: not connected{trouble}: {joining.not_reached(network)}"
+            return f"{where}: not connected{trouble}: {joining.connection_advice(network)}"
 
-        await watch.watch(bus, board, swarm, network_state, see, once=once)
+        await watch.watch(bus, board, swarm, network_state, show_view, once=once)
 
 
 @contextlib.contextmanager

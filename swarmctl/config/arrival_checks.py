@@ -83,8 +83,8 @@ def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Conf
         text = f"{arrival.within_s:g} s is too short for {task.name}: the fastest route found takes "
         yield ConfigProblem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); raise the bound")
     else:
-        text = f"no route that {task.method.name} finds takes {task.name} {arrival} from its take-off to its "
-        text += f"goal: the nearest route takes {takes_s:.1f} s ({parts}); widen the window"
+        text = f"no route of planner {task.method.name} takes {task.name} {arrival} from take-off to goal: "
+        text += f"the nearest route takes {takes_s:.1f} s ({parts}); widen the window"
         yield ConfigProblem((*here, "arrive_after_s"), text)
 
 

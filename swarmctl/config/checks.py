@@ -90,7 +90,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 
 def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:
-    """Return the least maximum exposure with a route; None if no value gives one."""
+    """Return the least maximum exposure with a route; None if no value gives a route."""
     exposure = first_problem(task, scenario.prior).exposure
     levels = np.unique(exposure[np.isfinite(exposure) & (exposure > task.max_exposure)])
 
@@ -173,7 +173,7 @@ def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Co
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:
     """Yield given keys without effect.
 
-    psi_per_cell always has one: `plan` shows the paper's routes beside the planner's own.
+    psi_per_cell always has an effect: `plan` shows the paper's routes beside the planner's own.
     """
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:

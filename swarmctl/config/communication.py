@@ -49,9 +49,9 @@ VehicleRef = int | str
 
 
 class PartitionSection(Section):
-    """A period in which UAVs hear only UAVs of their own group.
+    """A period in which UAVs receive messages of their own group only.
 
-    A UAV in no group hears no other UAV. Where periods overlap, a message has to pass every partition.
+    A UAV in no group receives no message. In overlapping periods a message has to pass every partition.
     """
 
     from_s: float = Field(
@@ -63,7 +63,8 @@ class PartitionSection(Section):
         description="End, in simulated seconds since the start [s]. Default: the end of the flight.",
     )
     groups: tuple[tuple[VehicleRef, ...], ...] = Field(
-        min_length=1, description="Groups of UAVs, by name or system id. UAVs of one group hear each other."
+        min_length=1,
+        description="Groups of UAVs, by name or system id. UAVs of one group receive each other's messages.",
     )
 
     def model_post_init(self, _context: object) -> None:
@@ -130,7 +131,7 @@ class Communication(Section):
     max_distance_m: float | None = Field(
         None,
         gt=0.0,
-        description="Radio range [m]. UAVs farther apart do not hear each other. Default: no limit.",
+        description="Radio range [m]. UAVs farther apart do not exchange messages. Default: no limit.",
     )
     min_distance_m: float = Field(
         0.0,
@@ -168,14 +169,14 @@ class Communication(Section):
     )
     relay: bool = Field(
         False,
-        description="Each UAV forwards observations of others at once. Useful where some UAVs cannot reach "
+        description="Each UAV forwards observations of other UAVs at once. Useful if some UAVs cannot reach "
         "each other.",
     )
     sync_every_s: float = Field(
         3.0,
         ge=0.0,
-        description="Period at which a UAV compares its knowledge with a neighbour's and requests what it "
-        "lacks [s]. 0: never, as in the paper; lost messages stay lost.",
+        description="Period at which a UAV compares its knowledge with a neighbour's and requests missing "
+        "observations [s]. 0: never, as in the paper; lost messages stay lost.",
     )
     penalty_per_m: float = Field(
         0.0,
@@ -189,7 +190,7 @@ class Communication(Section):
         if self.max_distance_m is not None and self.min_distance_m >= self.max_distance_m:
             raise ValueError(
                 f"min_distance_m {self.min_distance_m:g} is not below max_distance_m "
-                f"{self.max_distance_m:g}, so no two UAVs hear each other; lower min_distance_m"
+                f"{self.max_distance_m:g}, so no two UAVs exchange messages; lower min_distance_m"
             )
         if self.loss_burst is not None and self.loss == 0.0:
             raise ValueError("loss_burst has no effect without loss; set loss above 0, or remove loss_burst")

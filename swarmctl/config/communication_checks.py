@@ -12,7 +12,7 @@ from swarmctl.config.yaml_lines import Path as KeyPath
 
 HERE: KeyPath = ("communication",)
 MAX_LISTED = 10
-"""names of vehicles in one problem"""
+"""greatest number of vehicle names in one problem"""
 
 
 def check_communication(config: Config) -> Iterator[ConfigProblem]:
@@ -20,7 +20,7 @@ def check_communication(config: Config) -> Iterator[ConfigProblem]:
     communication, names = config.communication, _names(config)
     yield from _check_radio(communication)
     yield from _check_transport(communication)
-    if names:  # otherwise another check reports that there is no vehicle
+    if names:  # another check reports a configuration without vehicles
         yield from _check_times(communication, names)
         yield from _check_mesh(communication, names)
 
@@ -39,7 +39,7 @@ def _check_radio(c: Communication) -> Iterator[ConfigProblem]:
         yield ConfigProblem((*HERE, "loss_burst"), str(error), depends_on=(*HERE, "loss"))
     if 0.0 < c.sync_every_s < c.delay_s:
         text = f"{c.sync_every_s:g} is shorter than delay_s = {c.delay_s:g}: a UAV would repeat a request "
-        text += f"before it arrives; give {c.delay_s:g} or more, or 0 to turn the exchange off"
+        text += f"before the first arrives; give {c.delay_s:g} or more, or 0 to turn the exchange off"
         yield ConfigProblem((*HERE, "sync_every_s"), text, depends_on=(*HERE, "delay_s"))
 
 
@@ -49,7 +49,7 @@ def _check_transport(c: Communication) -> Iterator[ConfigProblem]:
             if given:
                 text = "bus: memory stays within one process; write bus: zenoh, or remove this key"
                 yield ConfigProblem((*HERE, key), text, depends_on=(*HERE, "bus"))
-    between: dict[KeyPath, str] = {(*HERE, "mesh", who): endpoint for who, endpoint in c.mesh.items()}
+    between: dict[KeyPath, str] = {(*HERE, "mesh", word): endpoint for word, endpoint in c.mesh.items()}
     if c.router is not None:
         between[*HERE, "router"] = c.router
     if _is_certified(c.listen):

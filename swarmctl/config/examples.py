@@ -35,7 +35,7 @@ def _folder() -> Path:
 def starter(file_name: str, n_vehicles: int, *, real: bool) -> str:
     """Return a commented configuration of `n_vehicles` simulated vehicles, or of `real` ones by URL.
 
-    It passes the checks as it is. Lines with places and URLs of real vehicles are marked EDIT.
+    The text passes the checks unchanged. Lines with places and URLs of real vehicles are marked EDIT.
     """
     n_cells = max(20, n_vehicles)
     grid = Grid(n_cells, n_cells, 50.0, 45.9860, 14.4200)

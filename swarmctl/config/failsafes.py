@@ -22,7 +22,8 @@ class Rules(Section):
     )
     fence_ahead: FenceAhead | None = Field(
         FenceAhead(),
-        description="Fence ahead: a vehicle off its route holds before the fence. Outside it returns.",
+        description="Fence ahead: a vehicle off its route holds before the fence. Outside the fence the "
+        "vehicle returns.",
     )
     not_following: NotFollowing | None = Field(
         NotFollowing(), description="Not following: a vehicle in its mission mode does not fly the mission."

@@ -25,7 +25,7 @@ class Swarm(Protocol):
 
 
 class NoNetwork(ValueError):
-    """The configuration lacks an endpoint or keys; the text says what to add."""
+    """A configuration without an endpoint or keys; the text names the missing part."""
 
 
 def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
@@ -46,7 +46,8 @@ def as_agent(
     mesh = _mesh(swarm, names)
     if not mesh:
         raise NoNetwork(
-            "`communication` has neither router nor mesh, so agents cannot connect; add a router or a mesh"
+            "`communication` has neither router nor mesh, so agents cannot connect; add a router or a mesh "
+            "[no-network]"
         )
     if uav not in mesh:
         raise NoNetwork(f"communication.mesh has no endpoint for {names[uav]}; add it")
@@ -56,10 +57,10 @@ def as_agent(
     return zenoh_config.mesh_node(here, others, swarm.name, [*names], certified(here, keyring))
 
 
-def as_watcher(
+def as_station(
     swarm: Swarm, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """Return the network of a ground station; in a mesh it is a node that only this machine reaches.
+    """Return the network of a ground station; in a mesh, a node that only this machine reaches.
 
     Raises NoNetwork.
     """
@@ -67,21 +68,21 @@ def as_watcher(
         return zenoh_config.client(router, certified(router, keyring))
     nodes = [*_mesh(swarm, names).values()]
     if not nodes:
-        raise NoNetwork("`communication` has neither router nor mesh; add a router or a mesh")
+        raise NoNetwork("`communication` has neither router nor mesh; add a router or a mesh [no-network]")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
     return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], certified(here, keyring))
 
 
-def not_reached(network: Configuration) -> str:
+def connection_advice(network: Configuration) -> str:
     """Return advice for a network of which no endpoint answers.
 
     Zenoh reports the same ("Timeout!") for an absent machine and for a certificate that one side refuses.
     """
     if not any(endpoint.is_certified for endpoint in network.connect):
-        return "check that the program runs there, and that no firewall blocks the port"
+        return "check that the program runs on that machine, and that no firewall blocks the port"
     return (
-        "check that the program runs there, that no firewall blocks the port, and that both machines have "
-        "the same ca.pem (copy the folders of one run of `swarmctl keys` to all machines)"
+        "check that the program runs on that machine, that no firewall blocks the port, and that both "
+        "machines have the same ca.pem (copy the folders of one run of `swarmctl keys` to all machines)"
     )
 
 

@@ -33,7 +33,7 @@ def check_links(config: Config) -> Iterator[ConfigProblem]:
 def forwarding_problem(links: Links, url: str) -> str:
     """Return the reason why forwarding to this URL is unsafe; empty if it is safe.
 
-    It is unsafe if other machines could command vehicles through it.
+    Forwarding is unsafe if other machines could command vehicles through this URL.
     """
     signed = links.signing_key is not None
     return open_to_strangers(parse_url(url), signed=signed) if links.forward_commands else ""

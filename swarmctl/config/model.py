@@ -160,7 +160,7 @@ def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProble
 
 
 def _check_rest(data: Any, wrong: list[yaml_lines.Path], check: Check) -> Iterator[ConfigProblem]:
-    """Check the remaining values without the wrong ones, so that one reading reports all problems."""
+    """Check the remaining values without the wrong ones, so that one run reports all problems."""
     if not isinstance(data, dict):
         return
     vehicles = data.get("vehicles")
@@ -208,19 +208,19 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
 
 def _in_file(path: yaml_lines.Path, data: Any, *, keep_last: bool) -> yaml_lines.Path:
     """Return the path without parts that the file lacks: pydantic inserts names of union members."""
-    there: list[str | int] = []
+    kept: list[str | int] = []
     for i, part in enumerate(path):
         if isinstance(data, dict):
             keys = {str(key): key for key in data}
             if str(part) in keys:
-                there.append(str(part))
+                kept.append(str(part))
                 data = data[keys[str(part)]]
             elif keep_last and i == len(path) - 1:
-                there.append(part)
+                kept.append(part)
         elif isinstance(data, tuple) and isinstance(part, int) and part < len(data):
-            there.append(part)
+            kept.append(part)
             data = data[part]
-    return tuple(there)
+    return tuple(kept)
 
 
 def _unknown_key(path: yaml_lines.Path) -> str:

@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class Policy(Section):
-    """A vehicle's reactions by its own autopilot. Its parameters must say the same, or it is not armed."""
+    """Declared reactions of each vehicle's autopilot. A vehicle with other parameters is not armed."""
 
     lost_link: Literal["return", "land", "hold", "continue"] = Field(
         "continue",
@@ -21,8 +21,8 @@ class Policy(Section):
         10,
         ge=5,
         le=120,
-        description="Time without a heartbeat until that reaction, by the vehicle's clock [s]. It has no "
-        "effect with continue.",
+        description="Time without a heartbeat until that reaction, by the vehicle's clock [s]. No effect "
+        "with continue.",
     )
     low_battery: Literal["return", "land"] = Field("return", description="Reaction to a low battery.")
     fence_breach: Literal["return", "land", "hold"] = Field(
@@ -44,7 +44,7 @@ class FenceSection(Section):
         50.0,
         gt=0.0,
         le=5000.0,
-        description="Distance of the fence from the area and the starts [m]. It has no effect with polygon.",
+        description="Distance of the fence from the area and the starts [m]. No effect with polygon.",
     )
     max_altitude_m: float | None = Field(
         None,
@@ -61,7 +61,7 @@ class FenceSection(Section):
 
 
 class PreflightSection(Section):
-    """Checks that every vehicle passes before it is armed. `swarmctl preflight` makes them without arming."""
+    """Checks that every vehicle passes before it is armed. `swarmctl preflight` runs them without arming."""
 
     policy: Policy = Field(Policy(), description="Declared failsafe reactions of the autopilots.")
     reserve_percent: float = Field(

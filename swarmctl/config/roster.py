@@ -1,7 +1,7 @@
 """The roster of a swarm: the part of a configuration that orders need, its vehicles and its network.
 
-An order to a vehicle in flight waits for no planner to load and no route to be planned. Errors in sections
-that it does not need do not stop it. A flight checks the whole configuration (`swarmctl.config.checks`).
+An order to a vehicle in flight loads no planner and plans no route. Errors in other sections do not stop the
+order. A flight checks the whole configuration (`swarmctl.config.checks`).
 """
 
 from __future__ import annotations
@@ -43,8 +43,7 @@ class RosterError(Exception):
 def load_roster(path: Path) -> Roster:
     """Return the roster of a configuration file.
 
-    If the roster's part has an error, the whole configuration is checked. Raises
-    RosterError with all its errors.
+    If the roster's part has an error, the whole configuration is checked. Raises RosterError with all errors.
     """
     try:
         return _read(path.read_text(encoding="utf-8"))
@@ -87,7 +86,7 @@ def _read(text: str) -> Roster:
     """Return the roster of a YAML text. Raises ValueError and TypeError."""
     data = yaml_lines.parse(text).data
     known = {key: data[key] for key in _Swarm.model_fields if key in data}
-    # Through JSON, because it has lists for tuples, as YAML has.
+    # JSON has lists for tuples, as YAML has; Python's strict validation would refuse lists.
     found = _Swarm.model_validate_json(json.dumps(known))
     count = found.simulate.count if found.simulate is not None else 0
     pairs = [(n, f"uav{n}") for n in range(1, count + 1)] + [(v.sysid, v.name) for v in found.vehicles]

@@ -91,7 +91,7 @@ class Scenario:
         return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
 
     def generator(self, purpose: RandomStream, uav: int) -> np.random.Generator:
-        """Return a vehicle's random generator, spawned from the run's seed; each call returns it anew."""
+        """Return a new random generator of a vehicle, spawned from the run's seed; equal at each call."""
         return np.random.default_rng(np.random.SeedSequence(self.config.seed, spawn_key=(purpose, uav)))
 
     def survival_probability(

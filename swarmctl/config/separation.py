@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class SeparationSection(Section):
-    """The least distance between two vehicles. They are too close if both distances are less at one time."""
+    """The least distances between vehicles. Two are too close if both distances are less at one time."""
 
     horizontal_m: float = Field(
         10.0, gt=0.0, le=1000.0, description="Least distance between two vehicles over ground [m]."
@@ -31,5 +31,6 @@ class SeparationSection(Section):
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
         description="Reaction of the vehicle with the higher system id to a predicted conflict. hold: it "
-        "holds until the way is clear, or climbs if it would hold in the other's way. none: only the alarm.",
+        "holds until the way is clear, or climbs if its hold would block the other vehicle. none: only the "
+        "alarm.",
     )

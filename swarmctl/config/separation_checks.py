@@ -40,16 +40,16 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
     concerned = set[int]().union(*shared)
     flights = dict(_flights(scenario, {uav: routes[uav] for uav in concerned if uav in routes}))
     fastest_m_s = max(spec.speed_m_s for spec in scenario.specs)
-    slots = Limits(limits.horizontal_m + TIME_TOLERANCE_S * fastest_m_s, limits.vertical_m)
+    widened = Limits(limits.horizontal_m + TIME_TOLERANCE_S * fastest_m_s, limits.vertical_m)
     specs = {spec.sysid: spec for spec in scenario.specs}
-    for conflict in conflicts(flights, slots):
+    for conflict in conflicts(flights, widened):
         if {conflict.uav, conflict.other} not in shared:
             continue
         at = conflict.closest
         near = (
             f"{at.horizontal_m:.0f} m over ground and {at.vertical_m:.0f} m in height after {at.t_s:.0f} s "
-            f"(limits, with {TIME_TOLERANCE_S:g} s for delays: {slots.horizontal_m:g} m and "
-            f"{slots.vertical_m:g} m)"
+            f"(limits, with {TIME_TOLERANCE_S:g} s for delays: {widened.horizontal_m:g} m and "
+            f"{widened.vertical_m:g} m)"
         )
         yield _problem(scenario, specs[conflict.uav], specs[conflict.other], near)
         return  # one change of the configuration usually resolves the other conflicts too
@@ -106,5 +106,5 @@ def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigPro
 
 
 def _cure(one: Spec, other: Spec) -> str:
-    slots = "simulate.delay_step_s" if one.simulated and other.simulated else "delay_s of one of them"
-    return f"give them altitudes that differ by more, or raise {slots} until the routes stay apart"
+    delay = "simulate.delay_step_s" if one.simulated and other.simulated else "delay_s of one of them"
+    return f"give them altitudes that differ by more, or raise {delay} until the routes stay apart"

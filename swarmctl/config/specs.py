@@ -123,13 +123,13 @@ def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
     return simulate.goal or (_border_cell(grid, simulate.goal_side, share),)
 
 
-def _beside(grid: Grid, side: Side, share: float, away_m: float, crowded: int) -> LatLon:
+def _beside(grid: Grid, side: Side, share: float, away_m: float, count: int) -> LatLon:
     """Return the position `away_m` outside a side, at `share` of its length.
 
-    It is opposite the centre of a cell if the side has a cell for each of the `crowded` vehicles.
+    The position is opposite the centre of a cell if the side has a cell for each of `count` vehicles.
     """
     east_m, north_m = share * grid.width_m, share * grid.height_m
-    if crowded <= (grid.rows if side in ("west", "east") else grid.cols):
+    if count <= (grid.rows if side in ("west", "east") else grid.cols):
         east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
     match side:
         case "west":

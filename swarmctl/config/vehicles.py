@@ -90,7 +90,7 @@ class Vehicle(Section):
     )
     url: MavlinkUrl = Field(
         description="MAVLink URL of the vehicle: udpin://HOST:PORT, udpout://HOST:PORT, tcpin://HOST:PORT, "
-        "tcpout://HOST:PORT or serial:///dev/ttyUSB0:57600. Several vehicles may share one."
+        "tcpout://HOST:PORT or serial:///dev/ttyUSB0:57600. Several vehicles may share a URL."
     )
     sysid: int = Field(ge=1, le=254, description="MAVLink system id of the vehicle.")
     link: LinkName = Field("direct", description="Link: direct (this program), or mavsdk (MAVSDK, optional).")

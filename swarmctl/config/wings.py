@@ -17,15 +17,15 @@ class WingsSection(Section):
         11.0,
         gt=3.0,
         le=35.0,
-        description="Lowest speed that a fixed wing is commanded, for arrivals at one time [m/s].",
+        description="Lowest commanded speed of a fixed wing, for arrivals at one time [m/s].",
     )
     turn_radius_m: float = Field(40.0, gt=0.0, le=1000.0, description="Radius of turns on the route [m].")
     loiter_radius_m: float = Field(
         60.0,
         gt=0.0,
         le=1000.0,
-        description="Radius of the circles in which fixed wings hold and descend, as their own parameters "
-        "say [m].",
+        description="Radius of the circles in which fixed wings hold and descend, as set in their "
+        "parameters [m].",
     )
     takeoff_height_m: float = Field(
         20.0,
@@ -45,17 +45,18 @@ class WingsSection(Section):
         ge=0.0,
         lt=360.0,
         description="Heading of all landings, clockwise from north [deg], such as into the wind. Default: "
-        "for each landing the heading over the fewest cells of the area, and of those the nearest to its "
-        "course.",
+        "for each landing the heading over the fewest cells of the area; among equals, the heading nearest "
+        "to the course.",
     )
 
     def model_post_init(self, _context: object) -> None:
         if self.min_speed_m_s > self.speed_m_s:
             raise ValueError(
-                f"min_speed_m_s {self.min_speed_m_s:g} is more than speed_m_s {self.speed_m_s:g}; lower it"
+                f"min_speed_m_s {self.min_speed_m_s:g} is more than speed_m_s {self.speed_m_s:g}; "
+                "lower min_speed_m_s"
             )
         if self.loiter_radius_m < self.turn_radius_m:
             raise ValueError(
                 f"loiter_radius_m {self.loiter_radius_m:g} is less than turn_radius_m "
-                f"{self.turn_radius_m:g}, the tightest turn; raise it to turn_radius_m or more"
+                f"{self.turn_radius_m:g}, the tightest turn; raise loiter_radius_m"
             )

@@ -85,7 +85,10 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
 
 
 def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two fixed wings whose landings meet, at any time: the time in the circle is unknown."""
+    """Yield the first two fixed wings whose landings meet.
+
+    Times do not count, because the time in the circle is unknown.
+    """
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
     apart_m = scenario.config.separation.horizontal_m
     known = [(spec, list(_outlines(task))) for spec, task in planes]
@@ -105,7 +108,7 @@ def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
                 "wings.landing_heading_deg"
             )
             yield ConfigProblem(("separation", "horizontal_m"), text)
-            return  # one change cures most of them
+            return  # one change of the configuration usually resolves the other problems too
 
 
 def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
@@ -113,7 +116,7 @@ def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
         home = home_pattern(task)
         goals = [goal_pattern(task, goal) for goal in task.goals]
     except Unreachable:
-        return  # another check reports it
+        return  # another check reports the landing
     yield from (("at their goals", goal.outline()) for goal in goals if goal is not None)
     if home is not None:
         yield "at home", home.outline()
@@ -124,11 +127,11 @@ def _nearest_m(a: list[PlanarPoint], b: list[PlanarPoint]) -> float:
     return min(distance_to_track(point, b) for point in _dense(a))
 
 
-def _dense(way: list[PlanarPoint]) -> Iterator[PlanarPoint]:
-    for (e0, n0), (e1, n1) in pairwise(way):
+def _dense(track: list[PlanarPoint]) -> Iterator[PlanarPoint]:
+    for (e0, n0), (e1, n1) in pairwise(track):
         pieces = math.ceil(math.dist((e0, n0), (e1, n1)) / SAMPLE_EVERY_M) or 1
         yield from ((e0 + (e1 - e0) * k / pieces, n0 + (n1 - n0) * k / pieces) for k in range(pieces))
-    yield way[-1]
+    yield track[-1]
 
 
 def _shares(spec: Spec, other: Spec) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Iterable, Mapping
 
 MAX_LISTED = 10
@@ -12,6 +13,15 @@ MAX_LISTED = 10
 def printable(text: str) -> str:
     """Return the text with `?` for each unprintable character, such as a terminal's escapes."""
     return "".join(c if c.isprintable() else "?" for c in text)
+
+
+_CODE = re.compile(r" \[[a-z0-9-]+\]$")
+
+
+def extended(message: str, more: str) -> str:
+    """Return the message with `more` before its code, so that the code stays at the end."""
+    code = _CODE.search(message)
+    return message + more if code is None else f"{message[: code.start()]}{more}{code.group()}"
 
 
 def is_loopback(host: str) -> bool:

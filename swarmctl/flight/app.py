@@ -1,4 +1,4 @@
-"""The composition root: a `Scenario` becomes resources and members, and these one task tree."""
+"""The composition root: it builds resources, members and one task tree from a `Scenario`."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ class FlightOptions:
     operator_service_of: int | None = None
     """the vehicle whose operator service this process offers; None: the station's, for all vehicles"""
     orders_closed: Callable[[Sequence[Member]], str] | None = None
-    """returns why operators' orders are refused now, or an empty text. None: one process flies all vehicles,
-    and takes the orders of its own machine"""
+    """function that returns the reason why operators' orders are refused now, or an empty text. None: one
+    process flies all vehicles, and takes the orders of its own machine"""
     signing: CommandSigning = UNSIGNED
-    """opens operators' commands"""
+    """verifier of operators' commands and signer of answers"""
     frame_codec: FrameCodec | None = None
-    """signs the messages of this process's vehicles and verifies the others'; None: messages are unsigned"""
+    """signer and verifier of the messages between vehicles; None: messages are unsigned"""
     signer: Signer | None = None
-    """signs the evidence when the run ends; None: the evidence stays unsigned"""
+    """signer of the evidence at the end of the run; None: the evidence stays unsigned"""
     waivers: tuple[Waiver, ...] = ()
     """preflight checks that an operator lets fail"""
 
@@ -88,10 +88,10 @@ async def fly(
     bus: Transport | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
 ) -> Report:
-    """Fly the scenario and return how it ended; write `run.mcap`, the evidence and the tlogs to `folder`.
+    """Fly the scenario and return its report; write `run.mcap`, the evidence and the tlogs to `folder`.
 
-    `outputs` writes the other files. `bus` is an open transport; None opens the configured one, or one in
-    memory on a virtual clock.
+    `outputs` writes the other files. `bus` is an open transport; None opens the configured transport, or a
+    bus in memory on a virtual clock.
     """
     if clock == "real":
         scenario = with_free_port(scenario)
@@ -135,7 +135,7 @@ class _Run:
     failures: list[BaseException] = field(default_factory=list)
     bug: Exception | None = None
     commands: CommandCounts = field(default_factory=CommandCounts)
-    tallies: dict[int, NetworkCounters] = field(default_factory=dict)
+    network_counters: dict[int, NetworkCounters] = field(default_factory=dict)
     reports: dict[int, external_observations.ReportCounts] = field(default_factory=dict)
     checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
     crossings: deque[CrossingCounts] = field(default_factory=partial(deque, maxlen=1))
@@ -158,10 +158,10 @@ class _Run:
 
     def report(self) -> Report:
         states = {m.spec.sysid: m.state for m in self.members}
-        gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in self.failures)
+        simulator_failed = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in self.failures)
         final_states = tuple(
             f"{m.name}: ended with the simulator [simulator-ended]"
-            if gone and m.spec.simulated
+            if simulator_failed and m.spec.simulated
             else describe_final_state(m)
             for m in self.members
         )
@@ -179,8 +179,8 @@ class _Run:
             clock=self.clock,
             wall_s=time.monotonic() - self.began_s if self.clock == "real" else None,
             commands=asdict(self.commands),
-            networks=self.tallies,
-            looks={uav: asdict(tally) for uav, tally in self.reports.items()},
+            networks=self.network_counters,
+            payload_reports={uav: asdict(counts) for uav, counts in self.reports.items()},
             crossings=self.crossings[-1] if self.crossings else None,
         )
         return content | {"preflight": summary_of(self.checked)}
@@ -205,7 +205,7 @@ def _build_members(
         closed_by=run.options.orders_closed,
         signing=run.options.signing,
     )
-    # A list first: if one member cannot be built, none is added, because the summary needs all links.
+    # All or none: the summary needs the links of all members, so an error must not leave only some.
     run.members += list(
         build_members(
             run.scenario,
@@ -220,7 +220,7 @@ def _build_members(
             run.reports,
         )
     )
-    run.tallies |= network.all_counters()
+    run.network_counters |= network.all_counters()
 
 
 def _director(run: _Run, permission: Permission, evidence: Evidence, network: Network) -> Director:
@@ -249,19 +249,19 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
 
 
 def _return_queue(run: _Run, network: Network) -> ReturnQueue | None:
-    """Return the queue of a vehicle whose swarm other processes fly; None: this process flies them all."""
+    """Return the queue of a vehicle of a swarm in several processes; None if this process flies them all."""
     uav = run.options.operator_service_of
     return None if uav is None else ReturnQueue(uav, partial(network.states, uav))
 
 
 async def _run_flight(run: _Run, director: Director, network: Network, resources: FlightResources) -> None:
-    """Run the task tree; send airborne vehicles home or down when it fails or is abandoned."""
+    """Run the task tree; bring airborne vehicles down if the tree fails or is abandoned."""
     flight, say = run.scenario.config.flight, run.ui.say
     order = FlightOrder(flight.on_exit)
-    shown = partial(show, run.members, run.statistics, run.ui, run.scenario, director, network)
+    show_states = partial(show, run.members, run.statistics, run.ui, run.scenario, director, network)
     try:
         run.ended = await run_tasks(
-            director, run.members, resources.simulator_task, run.ui, shown, resources.evidence
+            director, run.members, resources.simulator_task, run.ui, show_states, resources.evidence
         )
     except Exception:
         await emergency.in_turns(
@@ -281,9 +281,9 @@ async def _run_flight(run: _Run, director: Director, network: Network, resources
 def _recorded(permission: Permission, evidence: Evidence) -> Permission:
     """Return a permission that also records the operator's answer as evidence."""
 
-    def permit(foreign: Sequence[Member]) -> None:
-        permission(foreign)
-        for member in foreign:
+    def permit(external: Sequence[Member]) -> None:
+        permission(external)
+        for member in external:
             firmware = member.identity.firmware if member.identity is not None else None
             evidence.operator("permits arming", member.name, firmware=firmware, url=member.spec.url)
 
@@ -302,7 +302,7 @@ def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
 
 
 def _reachable(members: Sequence[Member], simulator_task: asyncio.Task[None] | None) -> list[Member]:
-    """Return the members that have not gone with the simulator."""
+    """Return the members without the vehicles of a simulator that has ended."""
     return [
         m for m in members if not (m.spec.simulated and simulator_task is not None and simulator_task.done())
     ]

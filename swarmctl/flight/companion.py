@@ -1,4 +1,4 @@
-"""One agent on its own machine: it flies one vehicle of a swarm; other machines fly the others."""
+"""An agent on its own machine, for one vehicle of a swarm; other machines fly the other vehicles."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import CommandVerifier, sign_answer
 
 FIRST_LINK_S = 3.0
-"""time without a network until the operator is told"""
+"""time without a network after which a message reports it"""
 POLL_S = 0.5
 REACHED = "the swarm's network is reached [network-reached]"
 
@@ -57,24 +57,24 @@ def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenar
 
 
 def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
-    """Return why operators' orders are refused; empty: they are taken.
+    """Return the reason why operators' orders are refused; empty if they are taken.
 
-    Without keys the sender of an order is unknown: anyone on the network could launch an aircraft or land it.
-    Therefore only vehicles of the built-in simulator take orders then.
+    Without keys the sender of an order is unknown: anyone on the network could launch or land an aircraft.
+    Therefore without keys only vehicles of the built-in simulator take orders.
     """
     real = [m.name for m in members if m.identity is None or not m.identity.simulated]
     if has_keys or not real:
         return ""
     return (
-        f"{', '.join(real)} is not simulated, and orders without keys have no proven sender: make keys with "
-        "`swarmctl keys` and set communication.keys [orders-need-keys]"
+        f"orders without keys have no proven sender, so real vehicles ({', '.join(real)}) refuse them: make "
+        "keys with `swarmctl keys` and set communication.keys [orders-need-keys]"
     )
 
 
 def ended_by_operator(report: Report) -> list[str]:
     """Return the names of the vehicles that ended their flight by following an operator's order.
 
-    A stopped run has no such vehicles: there the process itself gives the order. A vehicle that was given up,
+    A stopped run has no such vehicles: its process gives the orders itself. A vehicle that was given up,
     released or disarmed on its way has failed, with any order.
     """
     if report.ended != "ended":
@@ -107,9 +107,9 @@ async def fly(
     address_of: AddressOf = undisturbed,
     waivers: tuple[Waiver, ...] = (),
 ) -> Report:
-    """Fly the vehicle of `scenario_for` over `network`, or over an open `bus`, or without any network.
+    """Fly the vehicle of `scenario_for` over `network`, or over an open `bus`, or without a network.
 
-    The flight goes on while the network is missing. Raises BusError where it can never be opened.
+    The flight continues while the network is missing. Raises BusError if the network cannot be opened.
     """
     (spec,) = scenario.specs
     options = FlightOptions(
@@ -144,7 +144,7 @@ async def fly(
     if network is None:
         return await flight(bus or MemoryBus(failed))
     with ZenohBus(network, on_failure=failed) as zenoh:
-        watch = asyncio.create_task(_say_links(zenoh, network, ui))
+        watch = asyncio.create_task(_report_connection(zenoh, network, ui))
         try:
             return await flight(zenoh)
         finally:
@@ -152,7 +152,7 @@ async def fly(
 
 
 class _KeyringSigning:
-    """Accepts requests that the operator has signed since now, and signs the vehicle's answers."""
+    """The check of requests that the operator signs from now on, and the signing of the vehicle's answers."""
 
     def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
         tolerance_s = scenario.config.communication.clock_tolerance_s
@@ -167,12 +167,12 @@ class _KeyringSigning:
         return sign_answer(self._swarm, key, payload, answer, self._sign)
 
 
-async def _say_links(bus: ZenohBus, network: Configuration, ui: Ui) -> None:
-    """Report each time the network is reached or lost, and after FIRST_LINK_S if it is missing."""
+async def _report_connection(bus: ZenohBus, network: Configuration, ui: Ui) -> None:
+    """Report each connection and disconnection, and a network that is missing for FIRST_LINK_S."""
     connected = None
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(FIRST_LINK_S):
-            while not bus.connected:  # noqa: ASYNC110 - it changes on threads of Zenoh's
+            while not bus.connected:  # noqa: ASYNC110 - Zenoh's threads change it
                 await asyncio.sleep(POLL_S)
     while True:
         if bus.connected is not connected:
@@ -182,8 +182,8 @@ async def _say_links(bus: ZenohBus, network: Configuration, ui: Ui) -> None:
 
 
 def _missing(bus: ZenohBus, network: Configuration) -> str:
-    where = f": {bus.trouble}" if bus.trouble else ""
+    reason = f": {bus.trouble}" if bus.trouble else ""
     return (
-        f"the swarm's network is not reached{where}; the vehicle flies by its own observations until it is "
-        f"({joining.not_reached(network)}) [network-missing]"
+        f"the swarm's network is not reached{reason}; until then the vehicle flies by its own observations; "
+        f"{joining.connection_advice(network)} [network-missing]"
     )

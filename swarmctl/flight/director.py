@@ -1,6 +1,6 @@
 """The course of a flight: all vehicles answer, become ready, hold a verified mission, then launch.
 
-Before the launch one failed vehicle stops the whole flight, while all vehicles are on the ground. After the
+Before the launch all vehicles are on the ground, and one failed vehicle stops the whole flight. After the
 launch a failed vehicle is reported, and the others fly on.
 """
 
@@ -16,6 +16,7 @@ from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
+from swarmctl.core.texts import extended
 from swarmctl.flight.member import POLL_S, Member, names, until
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.shutdown import Shutdown
@@ -41,7 +42,7 @@ only; no vehicle gets the permission to arm"""
 
 
 class PreflightFailed(Exception):
-    """Preflight failed and no vehicle was armed; one line for each reason."""
+    """A failed preflight, before any vehicle is armed; one line for each reason."""
 
     def __init__(self, lines: Sequence[str]) -> None:
         super().__init__("\n".join(lines))
@@ -61,12 +62,12 @@ class Clearance(Protocol):
     async def failures(self, subjects: Sequence[Member], everyone: Sequence[Member]) -> list[str]:
         """Return a line for each failed check of vehicles that have answered."""
 
-    async def found_early(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
+    async def early_failures(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
         """Return the failed checks of a vehicle that is ready before the others, for an early report."""
 
 
 class Director:
-    """The course of one flight. Setting `stop` asks for an early, orderly end."""
+    """The course of one flight. Set `stop` for an early, orderly end."""
 
     def __init__(
         self,
@@ -99,7 +100,7 @@ class Director:
             return "end the program at once"
         if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
             order = self._flight.on_exit
-            return "hold, and leave them there" if order == "hold" else f"hold, then {order}"
+            return "hold, and end with vehicles in the air" if order == "hold" else f"hold, then {order}"
         released = any(is_released_in_air(m.state) for m in self._members)
         return "end, with released vehicles in the air" if released else "end"
 
@@ -177,9 +178,9 @@ class Director:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 
     def _is_released(self, member: Member) -> bool:
-        """Return whether another station or a pilot has armed the vehicle, so that the others fly without it.
+        """Return whether another station or a pilot has armed the vehicle; the others then fly without it.
 
-        The link and the heartbeats to the vehicle continue. In a run of checks only, the vehicle fails them.
+        The link and the heartbeats to the vehicle continue. In a run of checks only, such a vehicle fails.
         """
         return not self._checks_only and member.state.phase is Phase.RELEASED
 
@@ -211,13 +212,13 @@ class Director:
     def _not_simulated(self) -> list[Member]:
         """Return the vehicles that the built-in simulator does not fly.
 
-        Raises PreflightFailed where two vehicles share a system id, or another vehicle answers in place of a
-        simulated one.
+        Raises PreflightFailed if two vehicles share a system id, or if another vehicle answers in place of a
+        simulated vehicle.
         """
-        doubled = [m for m in self._members if m.runner.conflict]
-        if doubled:
+        duplicates = [m for m in self._members if m.runner.conflict]
+        if duplicates:
             advice = "give each vehicle its own system id"
-            raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in doubled])
+            raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in duplicates])
         external = [m for m in self._members if m.identity is None or not m.identity.simulated]
         unexpected = [m for m in external if m.spec.simulated]
         if unexpected:
@@ -233,7 +234,7 @@ class Director:
                 await act(member)
             except (LinkError, PreflightFailed) as error:
                 if under_way - {member.name} and not self._is_released(member):
-                    self._say(f"{error}; waiting for the other vehicles")
+                    self._say(extended(str(error), "; waiting for the other vehicles"))
                 raise
             finally:
                 under_way.discard(member.name)
@@ -251,13 +252,13 @@ class Director:
             await asyncio.sleep(EARLY_CHECKS_S)
             for member in [m for m in unchecked.values() if m.state.phase is Phase.STANDBY]:
                 del unchecked[member.name]
-                for text in await self._clearance.found_early(member, self._members):
-                    self._say(f"{text}; waiting for the other vehicles")
+                for text in await self._clearance.early_failures(member, self._members):
+                    self._say(extended(text, "; waiting for the other vehicles"))
 
     async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """Run one preflight step on all vehicles at once. Raises PreflightFailed with all failures.
 
-        A vehicle that another station or a pilot takes over during the step is no failure.
+        A vehicle that another station or a pilot takes over during the step does not count as a failure.
         """
         members = [m for m in self._members if not self._is_released(m)]
         outcomes: list[BaseException | None]
@@ -341,7 +342,7 @@ class Director:
         try:
             await self._prepare_again(member)
         except (LinkError, PreflightFailed) as error:
-            self._say(f"{error}; the vehicle stays on the ground")
+            self._say(extended(str(error), "; the vehicle stays on the ground"))
             member.runner.post(ev.OperatorCommand(ev.FlightOrder.HOLD))
             return
         member.runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
@@ -351,21 +352,21 @@ class Director:
         # A vehicle whose launch is refused stands by again.
         standing = ON_GROUND | {Phase.LAUNCHING}
         while member.state.phase in standing and not (self._when_ready and self._is_over(member)):
-            if member.state.lost or not _wants_preparing(member):
+            if member.state.lost or not _needs_preparation(member):
                 await asyncio.sleep(POLL_S)
                 continue
             try:
                 await self._prepare_again(member)
             except (LinkError, PreflightFailed) as error:
                 if not member.state.ended:
-                    self._say(f"{error}; trying again in {RETRY_S:g} s")
+                    self._say(extended(str(error), f"; trying again in {RETRY_S:g} s"))
                     await asyncio.sleep(RETRY_S)
 
     def _is_over(self, member: Member) -> bool:
         return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
 
 
-def _wants_preparing(member: Member) -> bool:
+def _needs_preparation(member: Member) -> bool:
     phase = member.state.phase
     return phase is Phase.WAITING or (phase is Phase.STANDBY and not member.runner.cleared.is_set())
 

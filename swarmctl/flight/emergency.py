@@ -16,17 +16,17 @@ ORDER_TIMEOUT_S = 10.0
 
 
 async def at_once(
-    why: str, members: Sequence[Member], order: FlightOrder, say: Callable[[str], None]
+    reason: str, members: Sequence[Member], order: FlightOrder, say: Callable[[str], None]
 ) -> None:
     """Order all armed vehicles at the same time, because the operator does not wait."""
-    armed = _to_bring(members)
+    armed = _armed_and_unreleased(members)
     if armed:
-        say(f"{why}; {names(armed)} ordered to {order} at the same time; watch them [emergency]")
-        await asyncio.gather(*(_tell(member, order, check_mode_first=False) for member in armed))
+        say(f"{reason}; {names(armed)} ordered to {order} at the same time; watch them [emergency]")
+        await asyncio.gather(*(_order(member, order, check_mode_first=False) for member in armed))
 
 
 async def in_turns(
-    why: str,
+    reason: str,
     members: Sequence[Member],
     order: FlightOrder,
     say: Callable[[str], None],
@@ -37,36 +37,36 @@ async def in_turns(
     """Order armed vehicles whose agents have crashed; released vehicles are left alone.
 
     Returning vehicles hold until their turn, at most `within_s`, so that no two meet. `speedup` is vehicle
-    seconds in one second of the loop. No operator has ordered this, so each order first checks that the
+    seconds in one second of the loop. No operator has given these orders, so each order first checks that the
     vehicle's mode is one of swarmctl's.
     """
-    armed = _to_bring(members)
+    armed = _armed_and_unreleased(members)
     if not armed:
         return
-    called = [member.spec.sysid for member in armed] if order is FlightOrder.RETURN else []
-    turns_note = ", one after the other" if len(called) > 1 else ""
-    say(f"{why}; {names(armed)} ordered to {order}{turns_note}; watch them [emergency]")
-    turns = return_delays_s(armed, say, called)
+    returning = [member.spec.sysid for member in armed] if order is FlightOrder.RETURN else []
+    turns_note = ", one after the other" if len(returning) > 1 else ""
+    say(f"{reason}; {names(armed)} ordered to {order}{turns_note}; watch them [emergency]")
+    turns = return_delays_s(armed, say, returning)
 
-    async def bring(member: Member) -> None:
+    async def order_in_turn(member: Member) -> None:
         after_s = min(turns.get(member.spec.sysid, 0.0) / speedup, within_s)
         if after_s > 0.0:
             began_s = _now_s()
-            holds = await _tell(member, FlightOrder.HOLD, check_mode_first=True)
+            holds = await _order(member, FlightOrder.HOLD, check_mode_first=True)
             await asyncio.sleep(max(began_s + after_s - _now_s(), 0.0))
             if holds and member.runner.link.state().mode_role != "hold":
                 return  # a pilot or another station has chosen another mode during the wait
-        await _tell(member, order, check_mode_first=True)
+        await _order(member, order, check_mode_first=True)
 
-    await asyncio.gather(*map(bring, armed))
+    await asyncio.gather(*map(order_in_turn, armed))
 
 
-def _to_bring(members: Sequence[Member]) -> list[Member]:
+def _armed_and_unreleased(members: Sequence[Member]) -> list[Member]:
     return [m for m in members if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED]
 
 
-async def _tell(member: Member, order: FlightOrder, *, check_mode_first: bool) -> bool:
-    """Order a vehicle and return whether telemetry showed that it follows."""
+async def _order(member: Member, order: FlightOrder, *, check_mode_first: bool) -> bool:
+    """Order a vehicle and return whether telemetry shows that the vehicle follows."""
     link = member.runner.link
     action = {FlightOrder.HOLD: link.hold, FlightOrder.LAND: link.land}.get(order, link.return_home)
     with contextlib.suppress(LinkError, TimeoutError):

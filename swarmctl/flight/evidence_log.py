@@ -1,4 +1,4 @@
-"""The evidence of one run: its first entry and the signer of its last."""
+"""The evidence of one run: its first entry, and the signer of the last entry."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
         "clock": clock,
         "vehicles": {spec.name: spec.sysid for spec in scenario.specs},
     }
-    book = EvidenceFile(
+    file = EvidenceFile(
         folder / FILE_NAME,
         opened,
         unix_s=lambda: epoch_s + loop.time(),
@@ -37,13 +37,13 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
         say=say,
         in_thread=clock == "real",
     )
-    return Evidence(book, {spec.sysid: spec.name for spec in scenario.specs})
+    return Evidence(file, {spec.sysid: spec.name for spec in scenario.specs})
 
 
 def operator_evidence_signer(scenario: Scenario) -> EvidenceSigner | None:
     """Return the operator's signer if the configured folder of keys has its key, else None.
 
-    Raises KeyringError where the key is there and cannot be used.
+    Raises KeyringError if the key exists and cannot be used.
     """
     keys = scenario.config.communication.keys
     if keys is None or not (Path(keys) / OPERATOR / "sign.pem").exists():

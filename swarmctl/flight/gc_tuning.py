@@ -11,9 +11,8 @@ YOUNG, OLDER, OLDEST = 10_000, 20, 1_000
 def tune_collector() -> None:
     """Exclude the objects loaded so far from collections, and make full collections rare.
 
-    Call it before a flight.
-    A full collection takes 50 ms for a hundred UAVs after ten seconds, and longer with every observation
-    held. Hardly any of these objects is garbage: an agent's dropped objects go with their last reference.
+    Call this before a flight. A full collection takes 50 ms for a hundred UAVs after ten seconds, and longer
+    with each stored observation. It finds little: reference counts free the objects that an agent drops.
     """
     gc.collect()
     gc.freeze()

@@ -28,8 +28,8 @@ def operator_service_for(
 ) -> OperatorService:
     """Return the service of the vehicle `uav`, or the station's for all vehicles (None).
 
-    `members` may be filled later. `closed_by` returns the reason why orders are refused now; None: one
-    process flies all vehicles, and `orders_closed` decides.
+    `members` may be filled later. `closed_by` returns the reason why orders are refused now, or an empty
+    text. None: one process flies all vehicles, and `orders_closed` decides.
     """
 
     def closed(command: Request) -> str:
@@ -52,7 +52,7 @@ def operator_service_for(
 
 
 def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
-    """Return why a process that flies all vehicles refuses an order; empty: it takes the order.
+    """Return the reason why a process that flies all vehicles refuses an order; empty if it is taken.
 
     Orders to this process are not signed. Therefore no order launches a real vehicle, and real vehicles take
     orders from this machine only.
@@ -62,11 +62,11 @@ def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrde
     if not real:
         return ""
     if order.order == "launch":
-        return f"{', '.join(real)} is not simulated: only `swarmctl fly` launches it [launch-by-fly-only]"
+        return f"only `swarmctl fly` launches real vehicles ({', '.join(real)}) [launch-by-fly-only]"
     if listen == NO_ENDPOINT or parse_endpoint(listen).is_loopback:
         return ""
     return (
-        f"{', '.join(real)} is not simulated, and other machines reach {listen}, where orders need no key: "
-        "set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys "
+        f"other machines reach {listen}, where orders need no key, so real vehicles ({', '.join(real)}) "
+        "refuse orders: set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys "
         "[orders-need-keys]"
     )

@@ -1,7 +1,7 @@
-"""Return queue of a vehicle whose swarm is flown by several processes.
+"""The return queue of a vehicle whose swarm is flown by several processes.
 
 No process assigns the turns. Each vehicle broadcasts about once a second whether it returns. A vehicle begins
-its return when its path home meets no returning vehicle's; the lowest system id goes first.
+its return when its path home meets no path of a returning vehicle. The lowest system id goes first.
 """
 
 from __future__ import annotations
@@ -36,33 +36,35 @@ class _ReceivedState:
 
 @dataclass(slots=True)
 class ReturnQueue:
-    """The queue as seen by the vehicle `uav`; `states` returns the others' last states."""
+    """The queue from the view of vehicle `uav`; `states` returns the last states of the other vehicles."""
 
     uav: int
     states: Callable[[], Mapping[int, StateShared]]
     _received: dict[int, _ReceivedState] = field(default_factory=dict)
     _free: tuple[object, float] | None = None
-    """the vehicles ahead of it and those returning, and since when its path is free with these [s]"""
+    """the vehicles ahead in the queue, the returning ones, and the time since which the path is free [s]"""
 
     def may_return(self, place: VehiclePosition, now_s: float) -> bool:
         """Return whether the vehicle may begin its return from `place`. Call several times a second."""
-        self._listen(now_s)
+        self._update(now_s)
         returning = self._returning(place, now_s)
         if schedule_for({**returning, self.uav: place}).begins_s[self.uav] > 0.0:
             self._free = None
             return False
-        before = frozenset(u for u, h in self._received.items() if u < self.uav and _may_wait(h, now_s))
-        key = (before, frozenset(returning))
+        ahead = frozenset(
+            uav for uav, received in self._received.items() if uav < self.uav and _may_wait(received, now_s)
+        )
+        key = (ahead, frozenset(returning))
         if self._free is None or self._free[0] != key:
             self._free = (key, now_s)
-        return now_s - self._free[1] >= SLOT_S * len(before)
+        return now_s - self._free[1] >= SLOT_S * len(ahead)
 
     def may_land(self, place: VehiclePosition, now_s: float) -> bool:
         """Return whether the descent from this position is free of airborne vehicles.
 
         At equal height the vehicle with the lower system id counts as the lower vehicle.
         """
-        self._listen(now_s)
+        self._update(now_s)
         here, apart_m = (place.lat_deg, place.lon_deg), max(MIN_HORIZONTAL_M, place.keeps_m[0])
         for uav, received in self._received.items():
             state, age_s = received.state, now_s - received.at_s + received.state.age_s
@@ -75,14 +77,14 @@ class ReturnQueue:
                 return False
         return True
 
-    def _listen(self, now_s: float) -> None:
+    def _update(self, now_s: float) -> None:
         for uav, state in self.states().items():
             known = self._received.get(uav)
             if known is None or known.state.time_s != state.time_s:
                 self._received[uav] = _ReceivedState(state, now_s)
 
     def _returning(self, own: VehiclePosition, now_s: float) -> dict[int, VehiclePosition]:
-        """Return the places of vehicles that return, or did in their last state and may not be down yet."""
+        """Return the positions of vehicles that return, or may still return after their last state."""
         places = {}
         for uav, received in self._received.items():
             place = None if received.state.phase == Phase.HOLDING else place_from_state(received.state, own)
@@ -92,5 +94,5 @@ class ReturnQueue:
 
 
 def _may_wait(received: _ReceivedState, now_s: float) -> bool:
-    """Return whether the vehicle waits for its turn, too, or may not have reported that yet."""
+    """Return whether the vehicle may wait for its turn too, by a recent state."""
     return received.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - received.at_s <= SILENT_S

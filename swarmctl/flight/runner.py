@@ -1,7 +1,7 @@
 """The I/O shell of one agent: reports of link, sensor and bus go in as events, effects come out.
 
-The runner alone performs effects, and feeds their outcomes back as events. All decisions are the agent's;
-only the last check before arming (`_check_launch`) is asked of the agent here.
+The runner alone performs effects, and feeds their outcomes back as events. The agent makes all decisions; the
+runner adds only the last check before arming (`_check_launch`).
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from swarmctl.links.base import (
 
 UPLOADS = Backoff(attempts=3, first_s=2.0)
 IDENTIFY_TIMEOUT_S = 15.0
-LOOK_EVERY_S = 0.5
-"""time between two looks at neighbours, by the vehicle's clock"""
+NEIGHBOURS_EVERY_S = 0.5
+"""time between two readings of the neighbours' states, by the vehicle's clock"""
 CLEARANCE_TIMEOUT_S = 30.0
 """time for preflight checks that are still under way when the launch is ordered"""
 CLEARANCE_LASTS_S = 30.0
-"""age at which checks are repeated before a launch: batteries drain, other stations change fences"""
+"""age from which checks are repeated before a launch: batteries drain, other stations change fences"""
 
 
 class Observer(Protocol):
@@ -65,11 +65,11 @@ class Observer(Protocol):
     def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
-        """Take a line about a vehicle; `to_operator`: worth an operator's attention."""
+        """Receive a message about a vehicle; `to_operator`: True if an operator should read it."""
 
 
 class LaunchNotPermitted(RuntimeError):
-    """A launch without permission reached the runner: a bug, stopped by the last barrier before arming."""
+    """A launch without permission, stopped by the last barrier before arming. Only a bug can cause it."""
 
 
 class Runner:
@@ -90,14 +90,14 @@ class Runner:
         self.state = begin(task, prior)
         self.link = link
         self.armable: Identity | None = None
-        """the vehicle that may be armed; no other is launched at this address"""
+        """the vehicle that may be armed; no other vehicle is launched at this address"""
         self.cleared = asyncio.Event()
-        """set when preflight checks have passed since the last boot; the launch waits for it"""
+        """the event of passed preflight checks since the last boot; the launch waits for this event"""
         self.check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
-        """repeats the preflight checks and returns a line for each that forbids arming"""
+        """a function that repeats the preflight checks and returns a line for each failure"""
         self._cleared_s = -math.inf
         self.conflict = ""
-        """a line about another sender that uses its system id; empty: there is none"""
+        """a message about another sender with the vehicle's system id; empty without one"""
         self._sensor = sensor
         self._network = network
         self._observers = observers
@@ -108,18 +108,18 @@ class Runner:
         self._job: asyncio.Task[None] | None = None
         self._ending: set[asyncio.Task[None]] = set()
         """earlier jobs that were cancelled; the next job waits for their end"""
-        self._looked_s = -math.inf
+        self._neighbours_read_s = -math.inf
         self._states: dict[int, StateShared] = {}
         self._intents: dict[int, IntentShared] = {}
         """other vehicles' last intents that were posted as events"""
         self._received: list[BeliefItem] = []
-        """received and not folded yet"""
+        """observations received and not folded yet"""
         self.post(ev.Joined(network.join(task.uav, self._receive)))
         if operator_service is not None:
             operator_service.join(task.uav, task.name, self.post)
 
     def clear(self) -> None:
-        """Note that the preflight checks have passed now."""
+        """Record that the preflight checks have passed now."""
         self._cleared_s = asyncio.get_running_loop().time()
         self.cleared.set()
 
@@ -138,13 +138,13 @@ class Runner:
         self._wake.set()
 
     def on_link_event(self, event: LinkEvent) -> None:
-        """Turn a link's report into events. Called from the receive path, so it only appends."""
+        """Turn a link's report into events. The receive path calls this, so it only queues events."""
         match event:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
                 self.post(ev.TelemetryReceived(state))
-                self._look_around(state.time_boot_s)
+                self._read_neighbours(state.time_boot_s)
                 if cells := self._sensor.look(state):
                     self.post(ev.Observed(cells))
             case VehicleLost(age_s):
@@ -155,7 +155,7 @@ class Runner:
                 self.cleared.clear()
                 self.post(ev.Rebooted())
                 self.note(
-                    "the vehicle has rebooted; on the ground the program makes it ready again [rebooted]",
+                    "the vehicle has rebooted; a vehicle on the ground is made ready again [rebooted]",
                     to_operator=True,
                 )
             case SystemIdConflict(address):
@@ -175,11 +175,11 @@ class Runner:
             case FirstHeartbeat():
                 self.note("first heartbeat")
 
-    def _look_around(self, boot_s: float) -> None:
+    def _read_neighbours(self, boot_s: float) -> None:
         """Post new states and intents of neighbours."""
-        if 0.0 <= boot_s - self._looked_s < LOOK_EVERY_S:
+        if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
             return
-        self._looked_s = boot_s
+        self._neighbours_read_s = boot_s
         states = self._network.states(self.state.task.uav)
         new = {uav: state for uav, state in states.items() if state is not self._states.get(uav)}
         self._states = states
@@ -192,7 +192,7 @@ class Runner:
             self.post(ev.Intents(tuple((uav, intents[uav][1], intents[uav][0]) for uav in changed)))
 
     async def run(self) -> None:
-        """Fold events until cancelled; jobs end with it."""
+        """Fold events until cancelled; a cancellation also ends the jobs."""
         async with asyncio.TaskGroup() as jobs:
             while True:
                 await self._wake.wait()
@@ -211,7 +211,7 @@ class Runner:
         now = asyncio.get_running_loop().time()
         before = self.state
         if self._offload and isinstance(event, ev.Tick):
-            # A search over a large area holds no GIL; the loop serves the other vehicles meanwhile.
+            # A search over a large area holds no GIL, so the loop can serve the other vehicles.
             self.state, effects = await asyncio.to_thread(step, before, event, now)
         else:
             self.state, effects = step(before, event, now)
@@ -291,8 +291,8 @@ class Runner:
             self.post(ev.SpeedFailed(str(error)))
 
     async def _order(self, order: ev.FlightOrder, *, check_mode_first: bool) -> None:
-        if order is ev.FlightOrder.LAUNCH and (why := await self._forbidden()):
-            self.post(ev.OrderFailed(order, why, nothing_sent=True))
+        if order is ev.FlightOrder.LAUNCH and (reason := await self._forbidden()):
+            self.post(ev.OrderFailed(order, reason, nothing_sent=True))
             return
         actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
             ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: launch_conflict(self.state)),
@@ -310,7 +310,10 @@ class Runner:
             self.post(ev.OrderDone(order))
 
     async def _forbidden(self) -> str:
-        """Return why the vehicle must not be armed now; empty: it may. A launch sends nothing before this."""
+        """Return the reason why the vehicle must not be armed now; empty if it may be armed.
+
+        The link sends nothing for a launch before this check.
+        """
         try:
             await self._check_launch()
         except LinkError as error:
@@ -318,7 +321,7 @@ class Runner:
         return ""
 
     async def _check_launch(self) -> None:
-        """Raise LinkError where the vehicle must not be armed now."""
+        """Raise LinkError if the vehicle must not be armed now."""
         if self.armable is None:
             raise LaunchNotPermitted(f"{self.state.task.name}: launch without permission to arm")
         try:
@@ -339,7 +342,7 @@ class Runner:
             )
 
     async def _clear_again(self) -> None:
-        """Repeat the preflight checks. Raises LinkError where one fails now."""
+        """Repeat the preflight checks. Raises LinkError if a check fails now."""
         name = self.state.task.name
         if self.check_again is None:
             raise LinkError(f"{name}: not launched: the preflight checks are too old and cannot be repeated")

@@ -22,7 +22,7 @@ RETURN_NOW = "{}: returning now, with other vehicles in the air: the deadline is
 class Shutdown:
     """The shutdown of this process's vehicles.
 
-    `return_queue`: for a process that flies one vehicle of a swarm; None: it flies all of them.
+    `return_queue`: for a process that flies one vehicle of a swarm; None if it flies all vehicles.
     """
 
     def __init__(
@@ -43,8 +43,8 @@ class Shutdown:
             m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
         ]
         order = ev.FlightOrder(self._flight.on_exit)
-        # A vehicle that returns already, or waits for its turn to, is not held only to be sent home again.
-        returning = [m for m in in_flight if order is ev.FlightOrder.RETURN and _returns_already(m)]
+        # A vehicle that already returns, or waits for its turn to return, gets no order to hold.
+        returning = [m for m in in_flight if order is ev.FlightOrder.RETURN and _already_returns(m)]
         stopped = [m for m in in_flight if m not in returning]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
             self._say(
@@ -76,10 +76,10 @@ class Shutdown:
             await self._within(HOLD_DEADLINE_S, _returns, late)
 
     async def _when_others_are_clear(self, flying: Sequence[Member]) -> list[Member]:
-        """Wait while a vehicle of another process returns on a path that would meet one of these.
+        """Wait until no vehicle of another process returns on a path that meets these vehicles' paths.
 
-        Return the vehicles to order. One that has left its hold meanwhile, because its battery is low or an
-        operator has ordered it, is not among them.
+        Return the vehicles to order, without those that left their hold during the wait (low battery, or an
+        operator's order).
         """
         if self._return_queue is None:
             return list(flying)
@@ -103,7 +103,7 @@ class Shutdown:
         return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]
 
     async def _land(self, flying: Sequence[Member]) -> None:
-        """Land each vehicle where it holds; one that holds above another waits until that is down."""
+        """Land each vehicle where it holds; a vehicle above another waits until the lower one is down."""
         waiting = [m for m in flying if self._is_above_another(m, flying)]
         if waiting:
             self._say(f"{names(waiting)}: landing when the vehicles below are down [waits-to-land]")
@@ -122,16 +122,16 @@ class Shutdown:
             await self._within(HOLD_DEADLINE_S, _lands, waiting)
 
     def _is_above_another(self, member: Member, flying: Sequence[Member]) -> bool:
-        """Return whether an airborne vehicle, of this process or another, is where it would come down."""
+        """Return whether an airborne vehicle of any process is in the way of this vehicle's descent."""
         place = place_for_return(member.state)
         if place is None or self._return_queue is None:
-            return bool(_under(member, flying))
+            return bool(_vehicles_below(member, flying))
         return not self._return_queue.may_land(place, asyncio.get_running_loop().time())
 
     def _order(self, members: Iterable[Member], order: ev.FlightOrder) -> None:
         members = list(members)
-        called = [m.spec.sysid for m in members] if order is ev.FlightOrder.RETURN else []
-        turns = return_delays_s(self._members, self._say, called)
+        returning = [m.spec.sysid for m in members] if order is ev.FlightOrder.RETURN else []
+        turns = return_delays_s(self._members, self._say, returning)
         for member in members:
             after_s = turns.get(member.spec.sysid, 0.0)
             member.runner.post(ev.OperatorCommand(order, after_s=after_s))
@@ -144,15 +144,15 @@ class Shutdown:
                 await until(condition, members)
         except TimeoutError:
             late = [m for m in members if not condition(m)]
-            self._say(f"{names(late)}: not done within {deadline_s:g} s [deadline]")
+            self._say(f"{names(late)}: the order was not completed within {deadline_s:g} s [deadline]")
 
 
-def _returns_already(member: Member) -> bool:
+def _already_returns(member: Member) -> bool:
     return member.state.phase is Phase.LEAVING or member.state.returns_when_clear
 
 
 def _holds(member: Member) -> bool:
-    """Return whether the vehicle follows the order to hold, or needs none: it is down or on its way down."""
+    """Return whether the vehicle follows the order to hold, or needs no order because its flight ends."""
     state = member.state
     return (state.phase is Phase.HOLDING and state.order_followed) or state.ended or state.launch_aborted
 
@@ -167,7 +167,7 @@ def _lands(member: Member) -> bool:
     return member.state.ended or member.state.order_followed
 
 
-def _under(member: Member, flying: Sequence[Member]) -> list[Member]:
+def _vehicles_below(member: Member, flying: Sequence[Member]) -> list[Member]:
     """Return the airborne vehicles in the descent of this vehicle.
 
     At equal height the vehicle with the lower system id counts as the lower vehicle.
@@ -177,12 +177,12 @@ def _under(member: Member, flying: Sequence[Member]) -> list[Member]:
         return []
     here, found = (place.lat_deg, place.lon_deg), []
     for other in flying:
-        there = place_for_return(other.state)
-        if other is member or other.state.ended or there is None:
+        other_place = place_for_return(other.state)
+        if other is member or other.state.ended or other_place is None:
             continue
-        apart_m = max(MIN_HORIZONTAL_M, place.keeps_m[0], there.keeps_m[0])
-        lower = (there.alt_amsl_m, other.spec.sysid) < (place.alt_amsl_m, member.spec.sysid)
-        if lower and distance_m(here, (there.lat_deg, there.lon_deg)) < apart_m:
+        apart_m = max(MIN_HORIZONTAL_M, place.keeps_m[0], other_place.keeps_m[0])
+        lower = (other_place.alt_amsl_m, other.spec.sysid) < (place.alt_amsl_m, member.spec.sysid)
+        if lower and distance_m(here, (other_place.lat_deg, other_place.lon_deg)) < apart_m:
             found.append(other)
     return found
 
@@ -191,11 +191,11 @@ def return_delays_s(
     members: Sequence[Member], say: Callable[[str], None], uavs: Sequence[int]
 ) -> Mapping[int, float]:
     """Return the wait of each of these vehicles for its turn to return [s], and report the order of turns."""
-    called = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
-    places = {m.spec.sysid: place_for_return(m.state) for m in called}
+    returning = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
+    places = {m.spec.sysid: place_for_return(m.state) for m in returning}
     turns = schedule_for({uav: place for uav, place in places.items() if place is not None})
     if any(turns.begins_s.values()) or turns.height_only:
-        schedule = describe_schedule(turns, {m.spec.sysid: m.name for m in called})
+        schedule = describe_schedule(turns, {m.spec.sysid: m.name for m in returning})
         say(f"returning: {schedule} [return-schedule]")
     # Vehicles without a known position return when all others are down.
     return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}

@@ -1,4 +1,4 @@
-"""The simulator process beside a flight; it shares nothing with the flight but a file and a port."""
+"""The simulator process beside a flight; the two share only a file and a port."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
-"""capacity of simulated ArduCopters: the flight time of the simulator's PX4, for swarms stacked hundreds of
-metres high"""
+"""battery capacity of simulated ArduCopters. It gives the flight time of a simulated PX4, as needed by swarms
+that are stacked hundreds of metres high."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class SimulatedAutopilot:
     personality: str
     firmware: Firmware
     params: Callable[[float, int], dict[str, float]]
-    """(cruise speed, least airspeed) [m/s] -> parameters by which the vehicle flies so"""
+    """(cruise speed, least airspeed) [m/s] -> parameters for these speeds"""
 
 
 _AUTOPILOTS: dict[Autopilot, SimulatedAutopilot] = {
@@ -70,7 +70,7 @@ def undisturbed(sysid: int, _now: float) -> Address | None:
 
 
 class SimulatorFailed(Exception):
-    """The simulator ended early; the text holds its last lines."""
+    """An early end of the simulator; the text has its last lines."""
 
 
 def scenario_json(scenario: Scenario) -> dict[str, Any]:
@@ -78,8 +78,8 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
     simulate = scenario.config.simulate
     assert simulate is not None
     grid, strength = scenario.grid, scenario.strength
-    # `swarm` lists a vehicle as configured; `specs` knows whether this process flies it, and its chosen port.
-    here = {spec.sysid for spec in scenario.specs if spec.simulated}
+    # `swarm` has all vehicles as configured; `specs` has the vehicles of this process, with the chosen port.
+    own = {spec.sysid for spec in scenario.specs if spec.simulated}
     return {
         "seed": scenario.config.seed,
         "vehicles": [
@@ -91,7 +91,7 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
                 **_autopilot(scenario, index),
             }
             for index, spec in enumerate(scenario.swarm)
-            if spec.sysid in here
+            if spec.sysid in own
         ],
         "area": {
             "origin_lat_deg": grid.origin_lat_deg,
@@ -112,10 +112,10 @@ def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
     autopilot = _AUTOPILOTS[name]
     body: dict[str, Any] = {"personality": autopilot.personality}
     if name in PLANE_AUTOPILOTS:
-        # Placed along its first leg: it takes off straight ahead.
+        # The plane points along its first leg, because it takes off straight ahead.
         body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
     params = autopilot.params(spec.speed_m_s, math.floor(scenario.config.wings.min_speed_m_s))
-    # An owner sets up a real vehicle for the configuration, too.
+    # The owner of a real vehicle sets these parameters by hand.
     params |= simulated_parameters(scenario, spec, autopilot.firmware)
     return {**body, "params": params}
 
@@ -147,7 +147,7 @@ async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[a
         yield watch
     finally:
         await cancelled(watch)
-        await _stopped(process)
+        await _stop(process)
 
 
 async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
@@ -158,7 +158,7 @@ async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
     raise SimulatorFailed(f"the simulator {how}{last} [simulator-ended]")
 
 
-async def _stopped(process: asyncio.subprocess.Process) -> None:
+async def _stop(process: asyncio.subprocess.Process) -> None:
     if process.returncode is not None:
         return
     process.terminate()

@@ -1,4 +1,4 @@
-"""Retries (a policy as a pure function, and the loop that follows it), and the end of tasks."""
+"""Retries by a policy, and the end of tasks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Backoff:
-    """Waits between tries: `first_s`, then `factor` times longer each, at most `most_s`; `attempts` tries."""
+    """Waits between attempts: `first_s`, each next wait `factor` times longer, at most `most_s`."""
 
     attempts: int
     first_s: float
@@ -31,7 +31,10 @@ async def retrying(
     policy: Backoff,
     retry_on: type[Exception] | tuple[type[Exception], ...],
 ) -> T:
-    """Return the first success; raise the last failure when the policy gives up. Others pass through."""
+    """Return the first success; raise the last failure when the policy gives up.
+
+    Exceptions other than `retry_on` are raised at once.
+    """
     failed = 0
     while True:
         try:

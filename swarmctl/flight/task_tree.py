@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from swarmctl.bus.network import Network
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.texts import extended
 from swarmctl.flight import simulator
 from swarmctl.flight.director import Director
 from swarmctl.flight.member import Member
@@ -32,14 +33,14 @@ async def run_tasks(
     show: Callable[[], Coroutine[Any, Any, None]],
     evidence: Evidence,
 ) -> Literal["ended", "stopped", "abandoned"]:
-    """Run all tasks of a flight in one group until the director ends; return how it ended."""
+    """Run all tasks of a flight in one group until the director ends; return the kind of the end."""
     abandoned = False
     async with asyncio.TaskGroup() as tasks:
         helpers = [tasks.create_task(m.runner.run()) for m in members]
         helpers.append(tasks.create_task(show()))
-        helpers.append(tasks.create_task(_any_bug()))
+        helpers.append(tasks.create_task(_watch_callbacks()))
         if simulator_task is not None:
-            helpers.append(tasks.create_task(_until_it_fails(simulator_task, members, ui)))
+            helpers.append(tasks.create_task(_watch_simulator(simulator_task, members, ui)))
         flight = asyncio.create_task(director.fly())
 
         def interrupted() -> None:
@@ -64,8 +65,8 @@ async def run_tasks(
     return "abandoned" if abandoned else ended
 
 
-async def _any_bug() -> None:
-    """Raise the exception of a callback: asyncio would log it and go on, but a bug stops everything."""
+async def _watch_callbacks() -> None:
+    """Raise the first exception of a callback. Asyncio would only log it, but a bug stops the flight."""
     loop = asyncio.get_running_loop()
     bug: asyncio.Future[None] = loop.create_future()
 
@@ -81,13 +82,13 @@ async def _any_bug() -> None:
         loop.set_exception_handler(None)
 
 
-async def _until_it_fails(simulator_task: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
+async def _watch_simulator(simulator_task: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
     try:
         await asyncio.shield(simulator_task)
     except simulator.SimulatorFailed as error:
         if all(m.spec.simulated for m in members):
             raise
-        ui.say(f"{error}; the vehicles that are not simulated fly on")
+        ui.say(extended(str(error), "; the vehicles that are not simulated fly on"))
 
 
 @contextlib.contextmanager
@@ -98,7 +99,7 @@ def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
     try:
         for number in wanted:
             loop.add_signal_handler(number, interrupted)
-    except (ValueError, RuntimeError):  # not the main thread, which alone takes signals
+    except (ValueError, RuntimeError):  # not the main thread: only that thread takes signals
         yield
         return
     try:

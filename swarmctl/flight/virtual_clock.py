@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class Stalled(RuntimeError):
-    """Every task waits and no timer is left: on a virtual clock that is a bug."""
+    """A loop in which every task waits and no timer is left; on a virtual clock this is a bug."""
 
 
 class _Selector(selectors.DefaultSelector):

@@ -1,6 +1,6 @@
 """The simulator inside the ground station's own loop, for runs on the virtual clock.
 
-Only here the two packages meet other than on the wire, and even here they exchange nothing but bytes.
+Elsewhere the two packages meet only on the wire. Here too they exchange only bytes.
 """
 
 from __future__ import annotations

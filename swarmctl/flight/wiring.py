@@ -53,7 +53,7 @@ class FlightResources:
     front_end: FrontEnd
     transport: Transport
     simulator_task: asyncio.Task[None] | None
-    """runs the simulated vehicles; None: there are none"""
+    """the task that runs the simulated vehicles; None without simulated vehicles"""
     evidence: Evidence
 
 
@@ -79,7 +79,7 @@ async def open_resources(
         links = scenario.config.links
         pool = ThreadPoolExecutor(1, "timestamps") if clock == "real" else None
         if pool is not None:
-            # Without waiting: a disk that hangs must not delay the reports.
+            # The shutdown does not wait: a disk that hangs must not delay the reports.
             stack.callback(pool.shutdown, wait=False)
         front_end = await stack.enter_async_context(
             FrontEnd(
@@ -87,12 +87,12 @@ async def open_resources(
                 memory={"fleet": wire},
                 evidence=evidence,
                 signing=_signing(links, pool),
-                say=partial(_tell, evidence, say),
+                say=partial(_report, evidence, say),
             )
         )
-        stack.callback(_tell_refused, front_end, evidence, say)
-        for watcher in links.forward:
-            await front_end.forward(parse_url(watcher), commands=links.forward_commands)
+        stack.callback(_report_refused, front_end, evidence, say)
+        for receiver in links.forward:
+            await front_end.forward(parse_url(receiver), commands=links.forward_commands)
         if any(spec.simulated for spec in scenario.specs):
             if clock == "virtual":
                 # The simulator is another package, and only the virtual clock needs it here.
@@ -119,12 +119,12 @@ async def open_resources(
         yield FlightResources(front_end, bus or MemoryBus(ReportOnce(say)), simulator_task, evidence)
 
 
-def _tell_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
+def _report_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
     if front_end.refused:
-        _tell(evidence, say, front_end.refused)
+        _report(evidence, say, front_end.refused)
 
 
-def _tell(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
+def _report(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
     say(text)
     evidence.remark(text)
 
@@ -132,7 +132,7 @@ def _tell(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
 def _signing(links: Links, pool: Executor | None) -> Signing | None:
     """Return the MAVLink signing of the links, or None. `pool` does the disk writes.
 
-    Raises LinkError where the key or its time stamps cannot be used.
+    Raises LinkError if the key or its time stamps cannot be used.
     """
     if links.signing_key is None:
         return None
@@ -219,7 +219,7 @@ def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: 
 
 
 class _EventRelay:
-    """The event handler of a link, which is built before the runner that owns it."""
+    """The event handler of a link, for a link that is built before its runner."""
 
     runner: Runner
 
@@ -228,7 +228,7 @@ class _EventRelay:
 
 
 def epoch_ns(clock: Clock) -> int:
-    """Return the wall time at which the loop's clock showed zero."""
+    """Return the wall time at which the loop's clock showed 0 [ns]."""
     if clock == "virtual":
         return VIRTUAL_EPOCH_NS
     return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
@@ -240,7 +240,7 @@ def _reachable(endpoint: Endpoint) -> str:
 
 
 def with_free_port(scenario: Scenario) -> Scenario:
-    """Replace port 0 of simulated vehicles by a free port, which the simulator has to know."""
+    """Return the scenario with a free port in place of port 0, because the simulator has to know the port."""
     if not any(spec.simulated for spec in scenario.specs):
         return scenario
     endpoint = parse_url(_simulated_url(scenario))

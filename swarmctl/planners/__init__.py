@@ -14,8 +14,8 @@ Rows and columns are indices of plain arrays. Lengths are in cells, √2 for a d
 of one cell of length. A cell of infinite exposure is a wall. `Replanner` plans again while the area becomes
 known.
 
-Small areas need no compiler. Large ones are searched by numba's machine code, without the interpreter lock;
-`warm_up` compiles it once (some 20 s) for this and all later processes. `kernels` has all searches.
+Small areas need no compiler. Large areas are searched by numba's machine code, without the interpreter lock.
+`warm_up` compiles this code once (about 20 s) for this and all later processes. `kernels` has all searches.
 
 A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
 `plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. This room imports

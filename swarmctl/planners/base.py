@@ -22,7 +22,7 @@ LARGEST = 1e200
 
 
 class BadProblem(ValueError):
-    """A problem without a meaning, such as a negative exposure."""
+    """An invalid problem, such as one with a negative exposure."""
 
 
 class Unreachable(ValueError):
@@ -39,7 +39,7 @@ class BoundTooTight(Unreachable):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A search for the best route from `start` to one of `goals`. Raises BadProblem if it has no meaning.
+    """A search for the best route from `start` to one of `goals`. Raises BadProblem for invalid values.
 
     `exposure` is P_s, shape (rows, cols), 0 or more. An array of floats is not copied. A cell of infinite
     exposure is a wall: no route enters it or passes its corner diagonally. A route that starts in a wall may
@@ -113,8 +113,8 @@ class Route:
     `length_cells` counts √2 for a diagonal step. `exposure_sum` is ΣP_s and `safety_factor` is ∏(1 − P_s),
     both without the start cell; neither is the probability to survive.
 
-    `searched` has one entry a search, in order, if the planner searches more than once. `lower_bound` is a
-    cost below which the planner has proved no route to exist; if it equals `cost`, the route is optimal.
+    `searched` has one entry for each search, in order, if the planner searches more than once. `lower_bound`
+    is a proved lower bound on the cost of every route. If the bound equals `cost`, the route is optimal.
     """
 
     cells: tuple[Cell, ...]
@@ -143,8 +143,8 @@ class Planner(Protocol):
     def measure(self, problem: Problem, cells: Sequence[Cell], params: Any, /) -> float:
         """Return the measure that `plan` minimises, of any route from the start to a goal.
 
-        It is infinite if the route does not solve the problem (through a wall, out of bounds). A vehicle
-        changes its mission only for a route of lower measure.
+        The measure is infinite if the route does not solve the problem (through a wall, out of bounds). A
+        vehicle changes its mission only for a route of lower measure.
         """
 
 
@@ -186,17 +186,17 @@ def eq5_route(problem: Problem, cells: Sequence[Cell]) -> Route:
 def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Route:
     """Return a route with its sums; `cost` is its planner's measure, None for Eq. 5."""
     # One array serves all sums: converting a thousand tuples holds the interpreter lock.
-    way = np.asarray(cells, dtype=np.int64)
-    length, total = measures.length_cells(way), measures.exposure_sum(problem.exposure, way)
+    path = np.asarray(cells, dtype=np.int64)
+    length, total = measures.length_cells(path), measures.exposure_sum(problem.exposure, path)
     if cost is None:
         cost = _eq5(problem, length, total)
-    return Route(tuple(cells), cost, length, total, measures.safety_factor(problem.exposure, way))
+    return Route(tuple(cells), cost, length, total, measures.safety_factor(problem.exposure, path))
 
 
 def eq5_cost(problem: Problem, cells: Sequence[Cell]) -> float:
     """Return Σ C_mn over a route (Eq. 5)."""
-    way = np.asarray(cells, dtype=np.int64)
-    return _eq5(problem, measures.length_cells(way), measures.exposure_sum(problem.exposure, way))
+    path = np.asarray(cells, dtype=np.int64)
+    return _eq5(problem, measures.length_cells(path), measures.exposure_sum(problem.exposure, path))
 
 
 def _eq5(problem: Problem, length: float, total: float) -> float:
@@ -222,7 +222,7 @@ def checked_field(
 ) -> tuple[NDArray[np.float64], tuple[Cell, ...]]:
     """Return P_s as an array of floats (rows, cols), and the goals as cells; copy no array of floats.
 
-    Raises BadProblem if Eq. 5 has no meaning.
+    Raises BadProblem for values that Eq. 5 does not allow.
     """
     array = np.asarray(exposure)
     if array.dtype.kind not in "fiu":

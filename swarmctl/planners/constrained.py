@@ -1,10 +1,10 @@
 """The least exposed of all routes within a bound on length: a resource-constrained shortest path.
 
-No w may find this route, because it can lie inside the convex hull of the routes of all w. The search has two
-steps:
+A search over w can miss this route, because the route can lie inside the convex hull of the routes of all w.
+The search has two steps:
 
-1. Bracket the bound as in `time_bound`. That gives a route within the bound, and a price of length λ. At that
-   price every route costs at least the field's cost. So the least exposure is at least the field's cost
+1. Bracket the bound as in `time_bound`. The result is a route within the bound, and a price of length λ. At
+   this price every route costs at least the field's cost. So the least exposure is at least the field's cost
    − λ · bound (the Lagrangian bound).
 2. Set labels from the start, the most promising first. Skip the labels that the Lagrangian bound rules out
    (`kernels.labels`).
@@ -22,8 +22,8 @@ from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import Summed, Sweep
 
-ENOUGH = 0.02
-"""Greatest gap between the bounds, as a share, that labels close faster than one more search."""
+SMALL_GAP = 0.02
+"""relative gap between the bounds from which labels are faster than one more search"""
 
 
 USES_W = False
@@ -42,7 +42,7 @@ class Params:
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """Return the least exposed route within the upper bound on length; the shortest of equally exposed ones.
+    """Return the least exposed route within the upper bound on length; among equals the shortest.
 
     w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost`. If `max_labels` are used up,
     the route is the best so far, and its `lower_bound` may be less. Raises Unreachable, BoundTooTight with
@@ -63,7 +63,7 @@ def plan(problem: Problem, params: Params) -> Route:
     shortest, to_length = sweep.search(math.inf)
     if shortest.length_cells > greatest:
         raise bounds.shortest_too_long(problem, _route(sweep, shortest.cells))
-    bracket = sweep.bracket(shortest, greatest, ENOUGH)
+    bracket = sweep.bracket(shortest, greatest, SMALL_GAP)
     if bracket.field is None:
         return _route(sweep, bracket.short.cells)
     to_go = kernels.ToGo.of(to_length, None, bracket.field, bracket.price)
@@ -91,7 +91,7 @@ def _label(sweep: Sweep, best: Summed, to_go: kernels.ToGo, params: Params) -> R
         whole=False,
         max_labels=params.max_labels or 0,
     )
-    route = _route(sweep, found.ways[-1] if found.ways else best.cells)
+    route = _route(sweep, found.routes[-1] if found.routes else best.cells)
     proved = max(found.least_open - to_go.price * greatest, 0.0)
     return replace(route, lower_bound=min(route.cost, proved))
 

@@ -2,13 +2,13 @@
 
 Eq. 5 at w is w·(E + λ·L), with L the length of a route, E its ΣP_s and λ = (1 − w)·ψ/w the price of a cell of
 length. Over λ each route is a line. The routes that some w finds are the corners of the lower envelope of all
-lines. One search at the price where two of them cost the same either finds a route between the two, or proves
-that they are neighbours (Eisner and Severance 1976; for a bound on one of the two sums Handler and Zang
-1980).
+lines. Take two of these routes, and the price at which both cost the same. One search at this price finds a
+route between the two, or proves that the two are neighbours (Eisner and Severance 1976; with a bound on one
+of the sums, Handler and Zang 1980).
 
-A route counts if `dijkstra` gives it at some w > 0: it is then the shortest of the cheapest. A route does not
-count if a shorter one costs the same at the only w at which it is the cheapest. The shortest routes of all
-are equal at w = 0; of these the least exposed counts.
+A route counts if `dijkstra` gives it at some w > 0, as the shortest of the cheapest. A route that is the
+cheapest at one w only does not count if a shorter route costs the same there. At w = 0 all shortest routes
+are equal; the least exposed of these counts.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Bracket:
-    """The last route of the envelope within a bound on length, and the first beyond it."""
+    """The last route of the envelope within a bound on length, and the first beyond the bound."""
 
     short: Summed
     long: Summed | None
@@ -102,13 +102,14 @@ class Sweep:
             return 1.0
         return 0.0 if math.isinf(price) else self.problem.psi_per_cell / (self.problem.psi_per_cell + price)
 
-    def bracket(self, short: Summed, bound_cells: float, enough: float = 0.0) -> Bracket:
-        """Return the two neighbours on both sides of a bound on length, which the shortest route keeps.
+    def bracket(self, short: Summed, bound_cells: float, accepted_gap: float = 0.0) -> Bracket:
+        """Return the routes on both sides of a bound on length.
 
-        The search ends early if at most the share `enough` of the exposure of `short` can still be gained
-        within the bound. The two may then be no neighbours.
+        At first `short` is the shortest route, within the bound. The two results are neighbours, unless the
+        search ends early. It does so if the exposure of `short` can fall by at most the share `accepted_gap`
+        within the bound.
         """
-        short, long = self._spread_out(short, bound_cells)
+        short, long = self._lower_price(short, bound_cells)
         proof: tuple[float, kernels.Field | None] = (0.0, None)
         proved = -math.inf
         while long is not None and (price := _crossing(short, long)) > 0.0:
@@ -122,12 +123,12 @@ class Sweep:
                 short = found
             else:
                 long = found
-            if short.exposure_sum - proved <= enough * short.exposure_sum:
+            if short.exposure_sum - proved <= accepted_gap * short.exposure_sum:
                 break
         return Bracket(short, long, *proof)
 
     def edges(self, short: Summed, long: Summed, window: tuple[float, float]) -> Iterator[Edge]:
-        """Yield all neighbours that reach into a window of lengths [cells], the shortest first."""
+        """Yield all pairs of neighbours that reach into a window of lengths [cells], the shortest first."""
         ahead = [long]
         while ahead and short.length_cells <= window[1]:
             long = ahead[-1]
@@ -142,8 +143,11 @@ class Sweep:
             yield Edge(short, long, price, field)
             short = ahead.pop()
 
-    def _spread_out(self, short: Summed, bound_cells: float) -> tuple[Summed, Summed | None]:
-        """Lower the price until the route is too long; return the route before, and this one."""
+    def _lower_price(self, short: Summed, bound_cells: float) -> tuple[Summed, Summed | None]:
+        """Lower the price of length until a route is too long; return the route before, and this route.
+
+        The second value is None if no route is too long.
+        """
         price = FIRST_PRICE * short.exposure_sum / max(short.length_cells, 1.0)
         prices = [price * PRICE_STEP**k for k in range(N_PRICES)] if price > 0.0 else []
         for price in [*prices, 0.0]:
@@ -157,7 +161,7 @@ class Sweep:
 def _crossing(short: Summed, long: Summed) -> float:
     """Return the price of length at which two routes cost the same.
 
-    It is 0 or less if the first route is dominated or the lengths are equal.
+    The price is 0 or less if the first route is dominated or the lengths are equal.
     """
     longer = long.length_cells - short.length_cells
     if longer <= kernels.LENGTH_TIE:

@@ -1,9 +1,9 @@
-"""The Pareto front of length and exposure: every route that no other beats in both.
+"""The Pareto front of length and exposure: every route that no other route beats in both.
 
 The routes that some w finds are the corners of the front's convex hull (`envelope`). All other routes between
 two neighbours lie in a triangle: on or above the line that joins the two, below and left of the opposite
-corner. Labels find them there (`kernels.labels`). Their bound is the field that proved the two to be
-neighbours (the two-phase method of Ulungu and Teghem 1995).
+corner. Labels find these routes (`kernels.labels`). The bound of the labels is the field that proved the two
+to be neighbours (the two-phase method of Ulungu and Teghem 1995).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Front:
     """the range of w in [0, 1] at which `dijkstra` gives the route; None if at no w. Where two ranges meet,
     `dijkstra` gives the shorter route; at w = 0 any of the shortest. If ψ = 0, w finds the two ends only."""
     complete: bool
-    """False if the labels were spent: all supported routes are here, but not all others"""
+    """False if the limit on labels was reached: `routes` has all supported routes, but may lack others"""
 
 
 def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
@@ -74,7 +74,7 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
             max_labels=budget - labels if budget else 0,
         )
         labels += found.labels
-        points.inside += [sweep.summed(cells) for cells in found.ways]
+        points.inside += [sweep.summed(cells) for cells in found.routes]
         points.complete = points.complete and math.isinf(found.least_open)
     return _front(sweep, points)
 

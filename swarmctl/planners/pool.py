@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class Pool(Generic[T]):
-    """Objects that one thread at a time uses: it takes them out and puts them back afterwards.
+    """Objects for one thread at a time: a thread takes objects out, and puts them back after use.
 
     Each step is one operation of a list, which the interpreter does not interrupt.
     """

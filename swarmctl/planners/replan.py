@@ -4,9 +4,9 @@ An observation changes P_s much in a few cells. It changes P_s a little everywhe
 share the remaining hostiles. The new route is nearly always near the old one. A replan has these steps:
 
 1. Search a box around the old route, with the present costs.
-2. Prove that no route out of the box and back is cheaper. The box's field gives the cost to each cell of the
-   box's rim. An older field of the whole area gives a lower bound from the rim to a goal. That bound is
-   scaled by the least ratio of new to old costs, and lowered where cells have become cheaper.
+2. Prove that no route out of the box is cheaper. The box's field gives the cost to each cell of the box's
+   rim. An older field of the whole area gives a lower bound from the rim to a goal. This bound is scaled by
+   the least ratio of new to old costs, and lowered where cells have become cheaper.
 3. Without a proof, enlarge the box. If the box is too large, search the whole area; the result is the older
    field of later replans.
 
@@ -38,8 +38,8 @@ STRIDE = 997
 WHOLE = slice(None)
 MOST_LOST = 4096.0
 """greatest ratio of an old label to the lowered label; beyond it too few digits are left for a bound"""
-SURE = 1.0 + 1e-9
-"""least ratio of the cost outside the box to the cost inside; it is above 1 because sums are rounded"""
+PROOF_RATIO = 1.0 + 1e-9
+"""least ratio of the cost outside the box to the cost inside, above 1 because sums are rounded"""
 
 
 @dataclass(slots=True, eq=False)
@@ -204,7 +204,7 @@ class Replanner:
         """Lower the old labels near the route, and return flat indices of a good route by the old field."""
         old, m = self._old, self._old.index(start)
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
-        self._lowered = old.lower(waiting, float(old.label[m]) * SURE).tolist()
+        self._lowered = old.lower(waiting, float(old.label[m]) * PROOF_RATIO).tolist()
         most = 4 * (old.rows + old.cols)
         path, arrived = compiled(bounds.descend_roughly)(old.label, old.extra, old.width, old.goals, m, most)
         return path if arrived else path[:0]
@@ -229,17 +229,17 @@ class Replanner:
         self.searched_cells = exposure.size
         inside = (start[0] - top, start[1] - left)
         cost, old = field.cost_of(inside), self._old
-        way_out = compiled(bounds.least_way_out)(
+        outside = compiled(bounds.least_cost_outside)(
             field.labels_from(inside), field.rows, field.cols,
             old.label, old.straight, old.width, top, left, old.rows,
-            self._unsure(), self._rate(),
+            self._valid_below(), self._rate(),
         )  # fmt: skip
-        if not way_out > cost * SURE:
+        if not outside > cost * PROOF_RATIO:
             return ()
         return tuple((r + top, c + left) for r, c in field.route_from(inside))
 
-    def _unsure(self) -> float:
-        """Return the least label that may be no lower bound; all smaller old labels are lower bounds."""
+    def _valid_below(self) -> float:
+        """Return the label below which all old labels are lower bounds."""
         return float(self._old.label[self._lowered].min()) if self._lowered else math.inf
 
     def _rate(self) -> float:

@@ -1,9 +1,9 @@
 """The route of the greatest safety factor ∏(1 − P_s), by the least Σ −ln(1 − P_s)."""
 
 # ERRATUM: the paper holds that the route of least ΣP_s "would also be the one that gives the maximum value of
-# the safety factor". It need not be: one cell of 0.50 has the lesser sum, two of 0.26 the better chance
-# (0.548). Least is Σ −ln(1 − P_s), which is the same as ΣP_s only where P_s is small. The paper's planner is
-# `dijkstra` at w = 1.
+# the safety factor". Counterexample: one cell of 0.50 has a lesser sum than two cells of 0.26, but these have
+# the better chance (0.548). The correct sum is Σ −ln(1 − P_s). It equals ΣP_s only for small P_s. The paper's
+# planner is `dijkstra` at w = 1.
 
 from __future__ import annotations
 

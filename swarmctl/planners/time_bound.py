@@ -1,9 +1,9 @@
 """The paper's search under a time bound (Figure 7): the route of least exposure or distance over all w.
 
-The planner sees a bound on length, or a window of lengths. At the vehicle's speed these are a time bound, or
+The problem has a bound on length, or a window of lengths. At the vehicle's speed these are a time bound, or
 an arrival window. The routes over all w in [0, 1] are the corners of a lower envelope (`envelope`). They get
 longer and less exposed from w = 0 to w = 1, so the answer is a neighbour of the bound. Each search gives the
-next w to try; `Route.searched` lists them.
+next w to try; `Route.searched` lists all searches.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def plan(problem: Problem, params: Params) -> Route:
     if problem.start in problem.goals:
         return _checked(problem, params, [Summed((problem.start,), 0.0, 0.0)], Sweep(problem))
     sweep = Sweep(problem)
-    candidates = _exposure_least if params.minimise == "exposure" else _distance_least
+    candidates = _least_exposed if params.minimise == "exposure" else _shortest
     return _checked(problem, params, candidates(sweep, *bounds.window(problem)), sweep)
 
 
@@ -52,8 +52,8 @@ def measure(problem: Problem, cells: Sequence[Cell], params: Params) -> float:
     return _sum(problem, cells, params)
 
 
-def _exposure_least(sweep: Sweep, _least: float, greatest: float) -> list[Summed]:
-    """Return the longest route within the upper bound, and the next beyond it."""
+def _least_exposed(sweep: Sweep, _least: float, greatest: float) -> list[Summed]:
+    """Return the longest route within the upper bound, and the next longer route."""
     if math.isinf(greatest):
         return [sweep.search(0.0)[0]]
     shortest, _ = sweep.search(math.inf)
@@ -63,19 +63,19 @@ def _exposure_least(sweep: Sweep, _least: float, greatest: float) -> list[Summed
     return [bracket.short] if bracket.long is None else [bracket.short, bracket.long]
 
 
-def _distance_least(sweep: Sweep, least: float, greatest: float) -> list[Summed]:
-    """Return the shortest route within the lower bound, and the next before it."""
+def _shortest(sweep: Sweep, least: float, greatest: float) -> list[Summed]:
+    """Return the shortest route within the lower bound, and the next shorter route."""
     shortest, _ = sweep.search(math.inf)
     if shortest.length_cells > greatest:
         return [shortest]
-    if shortest.length_cells >= least:  # of these the least exposed
+    if shortest.length_cells >= least:  # several routes may be as short: take the least exposed
         return [sweep.bracket(shortest, shortest.length_cells).short]
     bracket = sweep.bracket(shortest, math.nextafter(least, 0.0))
     return [bracket.short] if bracket.long is None else [bracket.long, bracket.short]
 
 
 def _checked(problem: Problem, params: Params, candidates: list[Summed], sweep: Sweep) -> Route:
-    """Return the candidate that keeps the bounds; else raise the error with the nearest candidate."""
+    """Return the candidate that keeps the bounds. Raises BoundTooTight with the nearest candidate."""
     least, greatest = bounds.window(problem)
 
     def missed_by(route: Summed) -> float:

@@ -1,9 +1,9 @@
 """A long route for a vehicle that is early: the least exposed one found within a window of lengths.
 
-First the least exposed route within the upper bound is found as by `constrained`. If that is too short,
-detours over one cell are tried, then over two. A detour is the best route to the cell and the best route on
-from it, by Eq. 5 at a medium price of length. The answer is the least exposed detour that fits and does not
-cross itself. It need not be optimal, because the longest path is a hard problem.
+The search begins with the least exposed route within the upper bound, as in `constrained`. If this route is
+too short, detours over one cell are tried, then over two. A detour is the best route to the cell and the best
+route from the cell to a goal, by Eq. 5 at a medium price of length. The answer is the least exposed detour
+that fits and does not cross itself. A better route may exist, because the longest path is a hard problem.
 """
 
 from __future__ import annotations
@@ -65,33 +65,34 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
 
 
 class _Detours:
-    """Routes from the start to a goal over given cells that do not cross themselves."""
+    """Routes without crossings from the start to a goal, over given cells."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self._passable = problem, problem.passable
         finite = self._passable[np.isfinite(self._passable)]
         self._price = float(finite.mean()) if finite.size and finite.mean() > 0.0 else 1.0
-        self._on = self._to(problem.goals)
-        self._back = self._to((problem.start,))
+        self._to_goals = self._to(problem.goals)
+        self._to_start = self._to((problem.start,))
 
     def over_one(self) -> Iterator[tuple[Cell, ...]]:
         for over in self._cells(N_DETOURS):
-            yield from _simple((*reversed(self._back.route_from(over)), *self._on.route_from(over)[1:]))
+            to_cell = reversed(self._to_start.route_from(over))
+            yield from _if_simple((*to_cell, *self._to_goals.route_from(over)[1:]))
 
     def over_two(self) -> Iterator[tuple[Cell, ...]]:
         cells = list(self._cells(N_PAIRED))
         for second in cells:
-            to_second, on = self._to((second,)), self._on.route_from(second)
+            to_second, onward = self._to((second,)), self._to_goals.route_from(second)
             for first in cells:
                 if first != second and not math.isinf(to_second.cost_of(first)):
-                    there = (*reversed(self._back.route_from(first)), *to_second.route_from(first)[1:])
-                    yield from _simple((*there, *on[1:]))
+                    to_first = reversed(self._to_start.route_from(first))
+                    yield from _if_simple((*to_first, *to_second.route_from(first)[1:], *onward[1:]))
 
     def _to(self, goals: Sequence[Cell]) -> kernels.Field:
         return kernels.spread(self._passable, goals, 0.5, self._price)
 
     def _cells(self, most: int) -> Iterator[Cell]:
-        """Yield at most `most` cells evenly over the area, with its edges, that a route can pass."""
+        """Yield at most `most` cells that a route can pass, evenly over the area and its edges."""
         rows, cols = self._passable.shape
         n = math.isqrt(most)
         ends = {self._problem.start, *self._problem.goals}
@@ -100,10 +101,11 @@ class _Detours:
                 over = (row, col)
                 if over in ends or not math.isfinite(self._passable[over]):
                     continue
-                if not (math.isinf(self._on.cost_of(over)) or math.isinf(self._back.cost_of(over))):
+                if not (math.isinf(self._to_goals.cost_of(over)) or math.isinf(self._to_start.cost_of(over))):
                     yield over
 
 
-def _simple(cells: tuple[Cell, ...]) -> Iterator[tuple[Cell, ...]]:
+def _if_simple(cells: tuple[Cell, ...]) -> Iterator[tuple[Cell, ...]]:
+    """Yield the route if it passes no cell twice."""
     if len(set(cells)) == len(cells):
         yield cells

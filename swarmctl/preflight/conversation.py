@@ -18,7 +18,7 @@ from swarmctl.preflight.results import CheckResult
 from swarmctl.preflight.waivers import Waiver
 
 ATTEMPTS = 3
-"""rounds of checks until a failure counts, because its cause may be a lost message"""
+"""rounds of checks until a failure counts; a lost message may cause a failure"""
 
 
 class Preflight:
@@ -57,7 +57,7 @@ class Preflight:
     async def set_up(self, vehicle: VehicleToCheck) -> None:
         """Set parameters, if the configuration allows it, and upload the fence.
 
-        Failures are reported to the operator, and the checks find them again. Raises LinkError if the vehicle
+        Failures are reported to the operator, and found again by the checks. Raises LinkError if the vehicle
         does not answer.
         """
         if self._sets_parameters:
@@ -86,7 +86,7 @@ class Preflight:
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> list[str]:
-        """Check `vehicles`, some of `everyone`; return a line for each failure that is not waived."""
+        """Check `vehicles`, some of `everyone`; return a message for each failure that is not waived."""
         await self._check_repeatedly(vehicles, everyone)
         for result in self._results(vehicles):
             if result.waived:
@@ -95,8 +95,8 @@ class Preflight:
                 self._on_waived(result)
         return [str(result) for result in self._results(vehicles) if not result.passes]
 
-    async def found_early(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> list[str]:
-        """Return the failures of one vehicle before others are ready, without the check of separation."""
+    async def early_failures(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> list[str]:
+        """Return the failures of one vehicle before the others are ready, without the check of separation."""
         await self._check_repeatedly([vehicle], everyone)
         early = [result for result in self._results([vehicle]) if result.check != separation.NAME]
         return [str(result) for result in early if not result.passes]
@@ -104,7 +104,7 @@ class Preflight:
     async def _check_repeatedly(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> None:
-        """Check all vehicles once, and those with failures again."""
+        """Check all vehicles once, and vehicles with failures again."""
         failing = list(vehicles)
         for _ in range(ATTEMPTS):
             await self._check_all(failing, everyone)
@@ -141,7 +141,7 @@ class Preflight:
             )
 
     def _set_by_fly(self, facts: PreflightFacts) -> str:
-        """Return the changes that `fly` makes, if they correct all parameters; else empty."""
+        """Return the changes that `fly` makes if they correct all parameters; else an empty text."""
         required, found = facts.required_parameters, facts.parameters
         corrections = _corrections(required, found)
         uncorrected = [r for r in required if r.name not in corrections and not r.met_by(found)]

@@ -37,21 +37,21 @@ class PreflightFacts:
     """configured system id"""
     identity: Identity | None
     conflict: str
-    """another sender with its system id, as text; empty without one"""
+    """another sender with the vehicle's system id, as text; empty without one"""
     state: VehicleState
     age_s: float
-    """time since its last heartbeat"""
+    """time since the last heartbeat"""
     position_age_s: float
-    """time since its last position; infinite before the first"""
+    """time since the last position; infinite before the first"""
     status_age_s: float
-    """time since its last SYS_STATUS (charge, readiness to arm); infinite before the first"""
+    """time since the last SYS_STATUS (charge, readiness to arm); infinite before the first"""
     instruments: Instruments | None
     clock_offset_s: float | None
     """the vehicle's clock minus the reference clock"""
     clock_tolerance_s: float
     required_parameters: tuple[RequiredParameter, ...]
     no_table: str
-    """why the required parameters are unknown; empty if they are known"""
+    """reason why the required parameters are unknown; empty if they are known"""
     parameters: Mapping[str, float]
     """reported values, by name"""
     fence: tuple[LatLon, ...]
@@ -59,16 +59,16 @@ class PreflightFacts:
     fence_items: tuple[MissionItem, ...] | None
     """items read back"""
     fence_failure: str
-    """reason why an ArduPilot may not enforce the fence of its parameters; empty if there is none"""
+    """reason why an ArduPilot may not enforce the fence of its parameters; empty without a reason"""
     rally_points: int | None
     """number of rally points on the vehicle"""
     ceiling_m: float
     plan: FlightPlan | None
     """first route, verified on the vehicle"""
     no_route_because: str
-    """why the vehicle has no route, as text"""
+    """reason why the vehicle has no route, as text"""
     trajectory: Trajectory | None
-    """positions over time on that route; times count from the first launch"""
+    """positions over time on the first route; times count from the first launch"""
     altitude_m: float
     speed_m_s: float
     endurance_s: float | None
@@ -97,7 +97,7 @@ def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
     found = "no verified route on the vehicle"
     if facts.no_route_because:
         return f"{found} ({facts.no_route_because})", wanted, "first remove the cause in parentheses"
-    return found, wanted, "upload its mission"
+    return found, wanted, "upload the mission"
 
 
 MAX_AGE_S = 5.0
@@ -109,6 +109,6 @@ class Check(Protocol):
 
     NAME: str
     WAIVABLE: bool
-    """whether an operator may waive a failure"""
+    """True if an operator may waive a failure"""
 
     def check(self, facts: PreflightFacts) -> Finding: ...

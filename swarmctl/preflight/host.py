@@ -31,7 +31,7 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
 def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack) -> Iterator[str]:
     if endpoint.kind == "serial":
         if not Path(endpoint.host).exists():
-            yield f"{name}: {endpoint}: there is no device {endpoint.host}; plug the radio in [no-device]"
+            yield f"{name}: {endpoint}: device {endpoint.host} does not exist; plug the radio in [no-device]"
     elif endpoint.listens:
         kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
         family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
@@ -46,7 +46,7 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack)
         try:
             socket.getaddrinfo(endpoint.host, endpoint.port)
         except OSError as error:
-            yield f"{name}: {endpoint}: the host is unknown ({error.strerror or error}); correct it"
+            yield f"{name}: {endpoint}: the host is unknown ({error.strerror or error}); correct the host"
 
 
 def _listen_trouble(communication: Communication, held: contextlib.ExitStack) -> Iterator[str]:
@@ -57,17 +57,17 @@ def _listen_trouble(communication: Communication, held: contextlib.ExitStack) ->
     try:
         probe.bind((endpoint.host, endpoint.port))
     except OSError as error:
-        taken = (
+        port_in_use = (
             f"port {endpoint.port} is in use; stop the other program, or give another port (0: any free port)"
         )
         cure = f"{error.strerror or error}; give an address of this machine"
-        yield f"communication.listen: {endpoint}: {taken if error.errno == errno.EADDRINUSE else cure}"
+        yield f"communication.listen: {endpoint}: {port_in_use if error.errno == errno.EADDRINUSE else cure}"
 
 
 def _stream_socket(host: str) -> socket.socket:
-    made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
-    return made
+    stream = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+    stream.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
+    return stream
 
 
 def _cure(endpoint: Endpoint, error: OSError) -> str:
@@ -77,6 +77,6 @@ def _cure(endpoint: Endpoint, error: OSError) -> str:
 
 
 def _folder_trouble(runs: Path) -> Iterator[str]:
-    there = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
-    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
-        yield f"the run folder {runs} cannot be created or written ({there}); give another by --out"
+    existing = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
+    if not (existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)):
+        yield f"the run folder {runs} cannot be created or written ({existing}); give another by --out"

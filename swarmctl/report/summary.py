@@ -55,7 +55,7 @@ class VehicleStatistics:
     strikes: list[LatLon] = field(default_factory=list)
     took_off_s: float | None = None
     last_s: float | None = None
-    """by the vehicle's own clock"""
+    """time of the last position by the vehicle's own clock [s]"""
     takeoff_plan: TakeoffPlan | None = None
 
     weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
@@ -81,9 +81,9 @@ class FlightStatistics:
         self.arrivals = Arrivals()
         self._observed_s: dict[ev.ObservationId, float] = {}
         self._believed_s: dict[ev.ObservationId, float] = {}
-        """time at which the last peer merged it"""
+        """time at which the last peer merged the observation"""
         self._flown_s: dict[ev.ObservationId, float] = {}
-        """time at which the last vehicle accepted a mission that was changed because of it"""
+        """time at which the last vehicle accepted a mission that was changed because of the observation"""
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
@@ -177,15 +177,15 @@ def summary(
     wall_s: float | None,
     commands: dict[str, int],
     networks: Mapping[int, NetworkCounters],
-    looks: Mapping[int, dict[str, Any]],
+    payload_reports: Mapping[int, dict[str, Any]],
     crossings: CrossingCounts | None = None,
 ) -> dict[str, Any]:
     """Return the content of `summary.json`.
 
-    `networks` and `looks` count messages and payload reports by system id; a vehicle that takes no reports is
-    not in `looks`. `crossings`: of first routes, from preflight; None where it did not look for any.
+    `networks` and `payload_reports` count messages and reports by system id; a vehicle that takes no reports
+    is not in `payload_reports`. `crossings` counts crossings of first routes; None without a count.
     """
-    together = _belief_of_all(scenario, states)
+    merged = _merged_belief(scenario, states)
     return {
         "name": scenario.config.name,
         "seed": scenario.config.seed,
@@ -196,8 +196,8 @@ def summary(
         "hostiles": {
             "announced": scenario.config.model_dump(mode="json")["threats"]["count"],
             "true": len(scenario.hostiles),
-            "found": together.n_found,
-            "expected": float(together.occupancy().sum()),
+            "found": merged.n_found,
+            "expected": float(merged.occupancy().sum()),
             "announced_count_was_too_low": any(s.belief.announced_too_low for s in states.values()),
         },
         "psi_per_cell": scenario.psi_per_cell,
@@ -207,8 +207,9 @@ def summary(
         "arrival": statistics.arrivals.summary(states, _simulated_seconds(scenario, clock)),
         "operator_commands": commands,
         "vehicles": [
-            _vehicle(scenario, states[t.uav], statistics, networks[t.uav]) | {"looks": looks.get(t.uav)}
-            for t in scenario.tasks
+            _vehicle(scenario, states[task.uav], statistics, networks[task.uav])
+            | {"looks": payload_reports.get(task.uav)}
+            for task in scenario.tasks
         ],
         "configuration": scenario.config.model_dump(mode="json"),
         "resolved": {
@@ -226,23 +227,23 @@ def _simulated_seconds(scenario: Scenario, clock: str) -> float:
 
 def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:
     """Return the cells known to any vehicle."""
-    return _belief_of_all(scenario, states).known
+    return _merged_belief(scenario, states).known
 
 
-def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
+def _merged_belief(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
     """Return the merged beliefs of all vehicles; of two items under one id the first counts."""
-    together = scenario.prior
+    merged = scenario.prior
     for state in states.values():
         for item in state.belief.items():
             with contextlib.suppress(ValueError):
-                together = together.merge((item,))
-    return together
+                merged = merged.merge((item,))
+    return merged
 
 
 def _vehicle(
     scenario: Scenario, state: AgentState, statistics: FlightStatistics, network: NetworkCounters
 ) -> dict[str, Any]:
-    task, mine = state.task, statistics.vehicles[state.task.uav]
+    task, flight = state.task, statistics.vehicles[state.task.uav]
     own = state.belief.n_cells_from(task.uav)
     return {
         "name": task.name,
@@ -250,12 +251,12 @@ def _vehicle(
         "outcome": describe_outcome(state),
         "trouble": state.trouble,
         "phase": final_phase(state),
-        "flight_time_s": mine.flight_time_s,
+        "flight_time_s": flight.flight_time_s,
         **arrival_of(state),
         "flown_m": state.flown_m,
         "at_takeoff": None
-        if mine.takeoff_plan is None
-        else _takeoff_plan(scenario, task.uav, mine.takeoff_plan),
+        if flight.takeoff_plan is None
+        else _takeoff_plan(scenario, task.uav, flight.takeoff_plan),
         "chance_among_true_hostiles": _chance_among_true(scenario, state),
         "exposure_sum_at_decisions": state.flown_exposure,
         "safety_factor_at_decisions": state.flown_safety,
@@ -265,12 +266,12 @@ def _vehicle(
         "searches": state.searches,
         "last_plan": None if state.planned is None else _plan(state.planned),
         "replans": state.replans,
-        "swaps": mine.swaps.summary(),
+        "swaps": flight.swaps.summary(),
         "weights": [
             _weights(None, 1, task.w, task.strength),
-            *(_weights(*change) for change in mine.weights),
+            *(_weights(*change) for change in flight.weights),
         ],
-        "weight_changes": mine.weight_changes,
+        "weight_changes": flight.weight_changes,
         "messages_sent": network.sent.total(),
         "network": _network(network),
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
@@ -282,9 +283,9 @@ def _vehicle(
     }
 
 
-def _network(tally: NetworkCounters) -> dict[str, Any]:
+def _network(counters: NetworkCounters) -> dict[str, Any]:
     """Return the counters of a vehicle's messages; a message counts once for each recipient."""
-    values = {name: getattr(tally, name) for name in NetworkCounters.__slots__}
+    values = {name: getattr(counters, name) for name in NetworkCounters.__slots__}
     return {
         name: value if isinstance(value, int) else {str(k): n for k, n in sorted(value.items())}
         for name, value in values.items()
@@ -292,7 +293,7 @@ def _network(tally: NetworkCounters) -> dict[str, Any]:
 
 
 def arrival_of(state: AgentState) -> dict[str, Any]:
-    """Return the arrival time, its bound and whether it was kept; times from take-off, vehicle's clock."""
+    """Return the arrival time, its bound, and whether the bound was kept; from take-off, vehicle's clock."""
     arrival, arrived_s = state.task.arrival, None
     if state.arrived_boot_s is not None and state.launched_boot_s is not None:
         arrived_s = state.arrived_boot_s - state.launched_boot_s

@@ -29,7 +29,7 @@ from swarmctl.core.messages import (
     decode_answer,
     encode,
 )
-from swarmctl.core.texts import resolve_vehicles
+from swarmctl.core.texts import extended, resolve_vehicles
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
@@ -39,7 +39,7 @@ class Unclear(ValueError):
 
 
 class NoAnswer(Exception):
-    """No valid answer to a command; the text says whether the command may have had an effect."""
+    """A command without a valid answer; the text tells whether the command may have had an effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Station:
 
 
 class CommandSigning(Protocol):
-    """Signs commands, and checks the signatures of answers."""
+    """The signing of commands, and the check of signed answers."""
 
     def sign_command(self, key: str, command: bytes) -> bytes:
         """Return the signed payload of a command under `key`."""
@@ -73,7 +73,7 @@ class _Unsigned:
 
 
 UNSIGNED: CommandSigning = _Unsigned()
-"""Signs nothing, and accepts every answer."""
+"""commands without signatures; every answer is accepted"""
 
 
 def chosen_vehicles(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
@@ -125,9 +125,9 @@ def find(
             raise Unclear("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
         return Station(swarm, _endpoint(connect), agents=names or {} if is_distributed else {})
     if config is not None and is_distributed:
-        here = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
-        if len(here) == 1:  # one process on this machine flies all vehicles
-            return Station(here[0].swarm, here[0].endpoint)
+        local = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
+        if len(local) == 1:  # one process on this machine flies all vehicles
+            return Station(local[0].swarm, local[0].endpoint)
         points = entry_points(config)
         return Station(config.name, points[0], tuple(points[1:]), names or {})
     if config is not None:
@@ -143,9 +143,9 @@ def find(
     if len(named) == 1:
         return Station(named[0].swarm, named[0].endpoint)
     if named:
-        there = ", ".join(map(describe, named))
+        flights = ", ".join(map(describe, named))
         raise Unclear(
-            f"{len(named)} swarms fly on this machine: {there}; choose one with --swarm or --connect "
+            f"{len(named)} swarms fly on this machine: {flights}; choose one with --swarm or --connect "
             "[which-swarm]"
         )
     if swarm is not None and (ended := ended_text(swarm)):
@@ -153,8 +153,8 @@ def find(
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
     raise BusError(
         f"this user has no flight {f'of swarm {swarm} ' if swarm else ''}on this machine that takes "
-        f"commands{others}. A flight with --clock virtual, bus: memory or listen: none takes none. For agents"
-        " on other machines, give --config [no-swarm]"
+        f"commands{others}. A flight with --clock virtual, bus: memory or listen: none takes no commands. "
+        "For agents on other machines, give --config [no-swarm]"
     )
 
 
@@ -173,7 +173,7 @@ def duration_text(seconds: float) -> str:
 
 
 def ended_text(swarm: str, uav: int | None = None) -> str:
-    """Return when the last flight of a swarm, or of one agent, ended on this machine; empty if unknown."""
+    """Return the end of the last flight of a swarm, or of one agent, on this machine; empty if unknown."""
     ended_unix_s = directory.ended_unix_s(swarm, uav)
     if ended_unix_s is None:
         return ""
@@ -208,7 +208,7 @@ def _endpoint(text: str) -> BusEndpoint:
     except ValueError as error:
         raise Unclear(f"--connect: {error}") from None
     if endpoint.port == 0:
-        raise Unclear("--connect: port 0 is no port; give the port at which the flight listens")
+        raise Unclear("--connect: port 0 is not a port; give the port at which the flight listens")
     return endpoint
 
 
@@ -225,7 +225,7 @@ async def send(
 
 @contextlib.contextmanager
 def connected(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
-    """Connect to the first of the station's endpoints to answer. Raises BusError."""
+    """Connect to the first endpoint of the station that answers. Raises BusError."""
     failures: list[str] = []
     for endpoint in (station.endpoint, *station.others):
         try:
@@ -238,7 +238,7 @@ def connected(station: Station, credentials: Credentials | None = None) -> Itera
         return
     if ended := ended_text(station.swarm):
         tried = "; ".join(failures)
-        raise BusError(f"{ended} on this machine [flight-ended]. No command was sent: {tried}")
+        raise BusError(f"{ended} on this machine; no command was sent ({tried}) [flight-ended]")
     raise BusError("; ".join(failures))
 
 
@@ -293,7 +293,7 @@ async def _ask_each(
     except ValueError as error:
         raise Unclear(f"nothing was changed: {error}") from None
 
-    async def one(uav: int) -> VehicleAnswer:
+    async def ask_agent(uav: int) -> VehicleAnswer:
         key, name = keys.request(station.swarm, kind, uav), station.agents[uav]
         payload = signing.sign_command(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
         try:
@@ -304,7 +304,7 @@ async def _ask_each(
         own = list(_signed_answers(signing, uav, key, payload, answers))
         return _merge_answers(uav, name, ended_text(station.swarm, uav), own, len(answers) - len(own))
 
-    return OperatorAnswer(tuple(await asyncio.gather(*map(one, uavs))))
+    return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
 
 
 def _signed_answers(
@@ -327,8 +327,9 @@ def _merge_answers(uav: int, name: str, ended: str, answers: Sequence[bytes], dr
     if not answers:
         return VehicleAnswer(uav, name, "unconfirmed", note=f"no signed answer, and {warning}")
     answer = _decode_one(uav, name, ended, answers)
-    note = f"{answer.note}; " if answer.note else ""
-    return msgspec.structs.replace(answer, note=f"{note}dropped: {warning}")
+    dropped_text = f"dropped: {warning}"
+    note = extended(answer.note, f"; {dropped_text}") if answer.note else dropped_text
+    return msgspec.structs.replace(answer, note=note)
 
 
 def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> VehicleAnswer:
@@ -336,8 +337,8 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
         if ended:
             return VehicleAnswer(uav, name, "silent", note=f"{ended} on this machine [flight-ended]")
         note = (
-            "its agent does not answer: its flight has ended, or `swarmctl agent` does not run there or has "
-            "no connection to the network [agent-silent]"
+            "its agent does not answer: the flight has ended, or `swarmctl agent` does not run or has no "
+            "connection to the network [agent-silent]"
         )
         return VehicleAnswer(uav, name, "silent", note=note)
     if len(answers) > 1:

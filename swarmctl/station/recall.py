@@ -62,7 +62,10 @@ async def ask(
         if answer.outcome == "taken":
             return answer
         # The vehicle took the first command, so it returns after NO_TURN_S.
-        note = f"holds, and returns after {NO_TURN_S:g} s without regard to other vehicles: {answer.note}"
+        note = (
+            f"the vehicle holds, and returns after {NO_TURN_S:g} s without regard to other vehicles: "
+            f"{answer.note}"
+        )
         return msgspec.structs.replace(vehicle, note=note)
 
     answers = {answer.uav: answer for answer in await asyncio.gather(*map(give_turn, recalled))}
@@ -72,19 +75,19 @@ async def ask(
 async def _send_repeatedly(
     bus: Transport, station: Station, command: GiveOrder, signing: CommandSigning
 ) -> Sequence[VehicleAnswer]:
-    """Send a command, and repeat it to vehicles without an answer, with the remaining delay.
+    """Send a command, and repeat the command to vehicles without an answer, with the remaining delay.
 
     An unconfirmed vehicle may have taken the command, so it stays unconfirmed until it answers.
     """
     began_s = _now_s()
     answers = {v.uav: v for v in (await client.ask(bus, station, command, signing)).vehicles}
     for _ in range(MAX_ATTEMPTS - 1):
-        unsure = tuple(uav for uav, v in answers.items() if v.outcome in ("unconfirmed", "silent"))
-        if not unsure:
+        unconfirmed = tuple(uav for uav, v in answers.items() if v.outcome in ("unconfirmed", "silent"))
+        if not unconfirmed:
             break
-        left_s = max(command.after_s - (_now_s() - began_s), 0.0)
-        again = msgspec.structs.replace(command, uavs=unsure, after_s=left_s)
-        for v in (await client.ask(bus, station, again, signing)).vehicles:
+        remaining_s = max(command.after_s - (_now_s() - began_s), 0.0)
+        repeated = msgspec.structs.replace(command, uavs=unconfirmed, after_s=remaining_s)
+        for v in (await client.ask(bus, station, repeated, signing)).vehicles:
             if v.outcome != "silent":
                 answers[v.uav] = v
     return list(answers.values())
@@ -100,7 +103,9 @@ def _with_unconfirmed_note(vehicle: VehicleAnswer, later_s: float) -> VehicleAns
     if vehicle.outcome != "unconfirmed":
         return vehicle
     others = "the other vehicles wait until then" if later_s else "the other vehicles have landed by then"
-    note = f"holds and returns after {NO_TURN_S:g} s if it took the command; {others}: {vehicle.note}"
+    note = (
+        f"a vehicle that took the command holds and returns after {NO_TURN_S:g} s; {others}: {vehicle.note}"
+    )
     return msgspec.structs.replace(vehicle, note=note)
 
 

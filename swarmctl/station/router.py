@@ -16,15 +16,15 @@ async def run(
 ) -> None:
     """Route until SIGINT or SIGTERM; report the endpoint, connections and disconnections.
 
-    `names` are the vehicles (system id: name); a certificate has the system id. Raises BusError.
+    `names` are the vehicles (system id: name); certificates have system ids. Raises BusError.
     """
     vehicles = {name_of(uav): _label(uav, name) for uav, name in (names or {}).items()}
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
 
-    def changed(address: str, name: str | None, has_come: bool) -> None:
+    def changed(address: str, name: str | None, is_connected: bool) -> None:
         client = "a client" if not name else vehicles.get(name, name)
-        say(f"{client} at {address} {'has connected' if has_come else 'has disconnected'}")
+        say(f"{client} at {address} {'has connected' if is_connected else 'has disconnected'}")
 
     signals = (signal.SIGINT, signal.SIGTERM)
     for number in signals:

@@ -1,4 +1,4 @@
-"""Ground station of a swarm with agents on other machines: their states as a table."""
+"""The states of vehicles whose agents run on other machines, as a table."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from swarmctl.report.live_rows import COLOURS
 from swarmctl.report.tables import Column, FittedTable
 
 SILENT_S = 5.0
-"""Age after which a state is shown as old; vehicles send one a second."""
+"""age after which a state is shown as old; vehicles send a state each second"""
 REFRESH_S = 0.5
 STATE_AGE_S = 60.0
-"""limit on the difference of a state's time and now, by both machines' clocks; others are refused"""
+"""greatest difference between a state's time and now, by both machines' clocks; other states are refused"""
 MAX_SHOWN = 10**6
 """larger numbers are invalid, and would widen the table"""
 ONCE_S = 5.0
-"""longest wait of `--once` for vehicles that were not received"""
+"""longest wait of `--once` for the states of all vehicles"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
 COLUMNS = (
     Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left", rank=3),
@@ -38,12 +38,12 @@ COLUMNS = (
 LATE, CONTRADICTED = Column("late\n[s]"), Column("contradicted by", "left")
 """columns that are shown only with content"""
 LEGEND = (
-    "phase: of its agent; mode: last known mode of its autopilot; cell: row, col; height: above its home; "
-    "known: from its own and others' observations; plan: number of its current plan, 1 the first; refused: "
-    "messages that it refused"
+    "phase: of the agent; mode: last known mode of the autopilot; cell: row, col; height: above home; "
+    "known: from own and others' observations; plan: number of the current plan, 1 the first; refused: "
+    "messages that the vehicle refused"
 )
-LATE_LEGEND = "; late: flight time to the goal, which exceeds its time bound"
-CONTRADICTED_LEGEND = "; contradicted by: vehicles that reported the contrary of its own observations"
+LATE_LEGEND = "; late: flight time to the goal, beyond the time bound"
+CONTRADICTED_LEGEND = "; contradicted by: vehicles whose reports contradict this vehicle's observations"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class VehicleRow:
     state: StateShared | None
     cell: Cell | None
     contradicted_by: tuple[str, ...] = ()
-    """vehicles that reported the contrary of its own observations"""
+    """vehicles whose reports contradict this vehicle's own observations"""
 
     @property
     def is_silent(self) -> bool:
@@ -83,7 +83,7 @@ class View:
 
 
 class Board:
-    """Keeps the newest state of each vehicle. Pure: time is an argument."""
+    """The newest state of each vehicle. Pure: time is an argument."""
 
     def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, codec: FrameCodec) -> None:
         self.refused = 0
@@ -104,38 +104,38 @@ class Board:
             self.refused += 1
             return
         state = frame.content
-        named = frame.sender in self._names and key == keys.to_station(self._swarm, frame.sender)
-        if not named or not isinstance(state, StateShared):
+        is_expected = frame.sender in self._names and key == keys.to_station(self._swarm, frame.sender)
+        if not is_expected or not isinstance(state, StateShared):
             self.refused += 1
             return
-        held = self._newest.get(frame.sender)
-        is_newer = held is None or (frame.incarnation, frame.n) > (held[0].incarnation, held[0].n)
-        # A recorded state that is put again is authentic, but no longer true.
+        known = self._newest.get(frame.sender)
+        is_newer = known is None or (frame.incarnation, frame.n) > (known[0].incarnation, known[0].n)
+        # A replayed state is authentic, but no longer true.
         if not is_newer or abs(unix_s - frame.unix_s) > STATE_AGE_S:
             self.refused += 1
             return
         self._newest[frame.sender] = frame, state, now_s
 
     @property
-    def all_heard(self) -> bool:
+    def has_all(self) -> bool:
         return len(self._newest) == len(self._names)
 
     @property
-    def any_heard(self) -> bool:
+    def has_any(self) -> bool:
         return bool(self._newest)
 
     def view(self, network: str, now_s: float) -> View:
         return View(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
 
     def _row(self, uav: int, now_s: float) -> VehicleRow:
-        name, held = self._names[uav], self._newest.get(uav)
-        if held is None:
+        name, known = self._names[uav], self._newest.get(uav)
+        if known is None:
             return VehicleRow(name, None, None, None)
-        _, state, heard_s = held
+        _, state, received_s = known
         flagged = state.flagged[: len(self._names)]
         contradicted_by = tuple(self._names.get(other, str(other)) for other in flagged)
         cell = self._grid.cell_at(state.lat_deg, state.lon_deg)
-        return VehicleRow(name, now_s - heard_s, state, cell, contradicted_by)
+        return VehicleRow(name, now_s - received_s, state, cell, contradicted_by)
 
 
 async def watch(
@@ -148,7 +148,7 @@ async def watch(
     once: bool,
     wall_clock: Callable[[], float] = time.time,
 ) -> None:
-    """Show states until cancelled; `once`: one view, after all vehicles were received or after `ONCE_S`.
+    """Show states until cancelled; `once`: one view, after the states of all vehicles or after `ONCE_S`.
 
     `wall_clock` returns seconds since 1970.
     """
@@ -158,7 +158,7 @@ async def watch(
     while True:
         if not once:
             show(board.view(network(), clock()))
-        elif board.all_heard or clock() >= until_s:
+        elif board.has_all or clock() >= until_s:
             show(board.view(network(), clock()))
             return
         await asyncio.sleep(REFRESH_S)
@@ -180,7 +180,7 @@ def table(view: View) -> Group:
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
     if view.refused:
-        text = f"{view.refused} messages were refused here: not a vehicle's current signed state"
+        text = f"{view.refused} messages were refused: not a vehicle's current signed state"
         notes.append(Text(text, style="red"))
     return Group(head, grid, Text(legend, style="bright_black"), *notes)
 
@@ -227,10 +227,10 @@ class Lines:
             self._network = view.network
             self._say(f"{view.swarm}: {view.network}")
         for row in view.rows:
-            now = "" if row.state is None else row.state.phase, row.is_silent
-            if due or self._last.get(row.name) != now:
+            present = "" if row.state is None else row.state.phase, row.is_silent
+            if due or self._last.get(row.name) != present:
                 self._say(line(row))
-            self._last[row.name] = now
+            self._last[row.name] = present
 
 
 def line(row: VehicleRow) -> str:
@@ -252,5 +252,5 @@ def line(row: VehicleRow) -> str:
 
 
 def number(value: float) -> str:
-    """Return a number of another machine rounded; `?` for an invalid one."""
+    """Return a received number, rounded; `?` for an invalid number."""
     return str(round(value)) if math.isfinite(value) and abs(value) < MAX_SHOWN else "?"

@@ -26,7 +26,7 @@ def meshed(mesh: dict[object, str]) -> Config:
 def test_an_agent_joins_a_mesh_keyed_by_name_or_by_system_id(mesh: dict[object, str]) -> None:
     network = joining.as_agent(meshed(mesh), 2, NAMES, None, None)
     assert network == zenoh_config.mesh_node(AT[2], [AT[1]], "small", [1, 2, 3], None)
-    watching = joining.as_watcher(meshed(mesh), NAMES, None, None)
+    watching = joining.as_station(meshed(mesh), NAMES, None, None)
     assert watching.connect == tuple(AT.values())
 
 
@@ -49,5 +49,5 @@ def test_an_ambiguous_mesh_is_refused(mesh: dict[object, str], named: str) -> No
 def test_advice_for_an_unreachable_network_names_the_authority_if_keys_are_used(
     protocol: str, keys_may_be_foreign: bool
 ) -> None:
-    advice = joining.not_reached(zenoh_config.client(BusEndpoint("10.0.0.1", 7447, protocol), None))
+    advice = joining.connection_advice(zenoh_config.client(BusEndpoint("10.0.0.1", 7447, protocol), None))
     assert ("ca.pem" in advice) is keys_may_be_foreign

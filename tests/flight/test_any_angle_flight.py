@@ -136,7 +136,14 @@ def test_the_chance_at_take_off_is_of_the_track_and_by_the_belief_of_that_moment
     states = {t.uav: begin(t, plain.prior) for t in plain.tasks}
     networks = {t.uav: NetworkCounters() for t in plain.tasks}
     content = summary(
-        plain, states, statistics, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
+        plain,
+        states,
+        statistics,
+        clock="virtual",
+        wall_s=None,
+        commands={},
+        networks=networks,
+        payload_reports={},
     )
     promised = content["vehicles"][0]["at_takeoff"]
     chances = [

@@ -117,7 +117,7 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("route", but(plan=plan((0.0, 0.0), (700.0, 300.0), (400.0, 300.0))), "leg 2 of 4"),
     ("route", state(lat_deg=START[0] - 0.01), "leg 1 of 3"),
     ("route", but(plan=plan((0.0, 0.0), up_m=95.0)), "95 m"),
-    ("route", but(plan=landing(place(560.0, 300.0))), "at its goal"),
+    ("route", but(plan=landing(place(560.0, 300.0))), "at the goal"),
     ("route", but(plan=landing(place(200.0, 200.0), place(-90.0, 0.0))), "at home"),
     ("heading", but(airframe="plane"), "degrees"),
     ("heading", but(airframe="plane", state=replace(STATE, heading_deg=180.0)), "180 degrees"),

@@ -129,14 +129,14 @@ def test_an_invalid_state_is_refused_and_counted(under: str, payload: bytes) -> 
     seen = board()
     seen.take(under, payload, 0.0, UNIX_S)
     assert seen.refused == 1
-    assert not seen.any_heard
+    assert not seen.has_any
     assert "\n1 messages " in text(seen.view("", 0.0))
 
 
 def test_unsigned_states_are_refused_with_keys() -> None:
     seen = Board("test", NAMES, GRID, FrameCodec("test", None, lambda _uav, _signature, _data: False))
     seen.take(key(1), frame(state()), 0.0, UNIX_S)
-    assert (seen.refused, seen.any_heard) == (1, False)
+    assert (seen.refused, seen.has_any) == (1, False)
 
 
 @given(st.binary(max_size=60))
@@ -154,9 +154,9 @@ def test_a_replayed_state_is_refused() -> None:
     seen = board()
     for unix_s in (UNIX_S - 86_400.0, UNIX_S - 61.0, UNIX_S + 61.0, 1e300, -1e300):
         seen.take(key(1), frame(state(), n=3, unix_s=unix_s), 0.0, UNIX_S)
-    assert (seen.refused, seen.any_heard) == (5, False)
+    assert (seen.refused, seen.has_any) == (5, False)
     seen.take(key(1), frame(state(), n=3, unix_s=UNIX_S - 59.0), 0.0, UNIX_S)
-    assert (seen.refused, seen.any_heard) == (5, True)
+    assert (seen.refused, seen.has_any) == (5, True)
 
 
 FLOATS = st.one_of(

@@ -121,7 +121,7 @@ class Clearance:
         await asyncio.sleep(self.lasts_s)
         return self.verdicts.pop(0) if self.verdicts else []
 
-    async def found_early(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
+    async def early_failures(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
         self.calls.append(("check early", subject.name))
         return self.early.get(subject.name, [])
 

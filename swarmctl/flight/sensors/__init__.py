@@ -23,7 +23,7 @@ class Sensor(Protocol):
     """The sensor of one vehicle."""
 
     def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
-        """Return (row, col, occupied) of the cells that it observes now, often none."""
+        """Return (row, col, occupied) of the cells observed now; often none."""
 
 
 class NoSensor:
@@ -40,9 +40,9 @@ class Source:
     """The origin of a vehicle's observations."""
 
     sensor: Callable[[Grid, frozenset[Cell], SensorModel, np.random.Generator], Sensor]
-    """makes a vehicle's sensor from area, hostiles, error rates and random generator"""
+    """a factory of a vehicle's sensor, from area, hostiles, error rates and random generator"""
     external: bool
-    """payloads may report (`swarmctl.bus.external_observations`)"""
+    """True if payloads may report (`swarmctl.bus.external_observations`)"""
 
 
 SOURCES = {

@@ -1,6 +1,6 @@
 """The paper's sensor: the 3×3 cells around the vehicle; perfect, or with misses and false alarms.
 
-It owns the true positions of the threats, which never reach an agent or a planner.
+The sensor has the true positions of the threats, which never reach an agent or a planner.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.vehicle import Landed, VehicleState
 
 SEES_ABOVE_M = 2.0
-"""A vehicle on the ground senses nothing."""
+"""height above home from which the sensor observes"""
 
 
 class Footprint:
-    """One vehicle's sensor. It observes once when the vehicle enters a cell, inside or beside the area.
+    """One vehicle's sensor. It observes once at each entry into a cell, inside or beside the area.
 
-    It does not observe again over the same cell: the model takes errors as independent, and a repeated
-    observation would err as the first did.
+    The sensor does not observe again over the same cell. The model assumes independent errors, and a repeated
+    observation would have the error of the first.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""The searches behind all planners, for small areas and for large ones.
+"""The searches of all planners, for small and for large areas.
 
 A small area (at most SMALL_CELLS) is searched by scipy and numpy, and by kernels that the interpreter runs. A
-large one is searched by the same kernels as machine code (`compilation`). The results are equal bit for bit.
+large area is searched by the same kernels as machine code (`compilation`). The results are equal bit for bit.
 
 Kernels are plain functions of flat arrays. The arrays have one cell of padding around the area, so that every
 cell has eight neighbours and no bounds need checking; the index is (row + 1) * (cols + 2) + col + 1.
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
 from swarmctl.planners.kernels.field import Field, is_small
-from swarmctl.planners.kernels.labels import Found, ToGo, label_search
+from swarmctl.planners.kernels.labels import LabelSearchResult, ToGo, label_search
 from swarmctl.planners.kernels.large_field import compilable, spread_large
 from swarmctl.planners.kernels.lattice import Floats
 from swarmctl.planners.kernels.small_field import SmallField
@@ -23,7 +23,7 @@ from swarmctl.planners.kernels.small_field import SmallField
 def spread(
     exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float, *, into: Field | None = None
 ) -> Field:
-    """Return the field by Eq. 5 for P_s of shape (rows, cols); without checks.
+    """Return the field by Eq. 5 for P_s of shape (rows, cols), without checks.
 
     `into` is an older, unused field. A large field of the same shape is overwritten, which saves memory.
     """
@@ -36,7 +36,7 @@ __all__ = [
     "LENGTH_TIE",
     "REL_TIE",
     "Field",
-    "Found",
+    "LabelSearchResult",
     "ToGo",
     "compilable",
     "is_small",

@@ -1,4 +1,4 @@
-"""Lower bounds from an older field of the whole area, for the search of a box in it."""
+"""Lower bounds from an older field of the whole area, for the search of a box in the area."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ def compare(
 ) -> tuple[float, Ints, Floats]:
     """Compare the present costs, from P_s of shape (rows, cols), with the older ones in `straight`.
 
-    Return a rate of at most 1, the cells whose cost has fallen below that share, and their costs. The rate is
-    the least of every `stride`-th cell, so that a drift of all cells is not a change of each. It is 0 if more
-    than `most` cells have fallen.
+    Return a rate of at most 1, the cells whose cost has fallen below this share of the older cost, and their
+    present costs. The rate is the least ratio of present to older cost among every `stride`-th cell: a
+    common drift then does not count as a change of each cell. The rate is 0 if more than `most` cells have
+    fallen.
     """
     rows, cols = exposure.shape
     width = cols + 2
@@ -74,8 +75,8 @@ def descend_roughly(
     return path[:0], False
 
 
-def least_way_out(
-    come: Floats,
+def least_cost_outside(
+    from_start: Floats,
     rows: int,
     cols: int,
     label: Floats,
@@ -84,14 +85,14 @@ def least_way_out(
     top: int,
     left: int,
     area_rows: int,
-    unsure: float,
+    valid_below: float,
     rate: float,
 ) -> float:
-    """Return a lower bound on the cost of every route from the start to a goal that leaves a box.
+    """Return a lower bound on the cost of every route that leaves a box between the start and a goal.
 
-    `come` is the cost to each cell of the box, (rows, cols) padded and flat. The corner of the box is cell
-    (top, left) of the area. `label` and `old_straight` are older labels and costs of the whole area, of
-    `area_rows` rows and width - 2 columns. Labels below `unsure`, times `rate`, are lower bounds.
+    `from_start` is the cost to each cell of the box, (rows, cols) padded and flat. The corner of the box is
+    cell (top, left) of the area. `label` and `old_straight` are older labels and costs of the whole area, of
+    `area_rows` rows and width - 2 columns. Labels below `valid_below`, times `rate`, are lower bounds.
     """
     best = np.inf
     box_width = cols + 2
@@ -102,9 +103,9 @@ def least_way_out(
             on_side = (col == 1 and left > 0) or (col == cols and left + cols < width - 2)
             if inner and not on_side:
                 continue
-            here = row * box_width + col
-            there = (row + top) * width + col + left
-            to_go = rate * (min(label[there], unsure) - old_straight[there])
-            if come[here] < np.inf:
-                best = min(best, come[here] + to_go)
+            in_box = row * box_width + col
+            in_area = (row + top) * width + col + left
+            to_go = rate * (min(label[in_area], valid_below) - old_straight[in_area])
+            if from_start[in_box] < np.inf:
+                best = min(best, from_start[in_box] + to_go)
     return best

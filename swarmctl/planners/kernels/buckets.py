@@ -26,7 +26,7 @@ TYPICAL_SPANS = 24
 N_SAMPLES = 128
 MAX_KEY = np.int64(2**62)
 MOST_CELLS = 2**23
-"""greatest number of cells of a route; at the dearest edge's cost for each, it costs under MAX_KEY spans"""
+"""greatest number of cells of a route; such a route costs under MAX_KEY spans, even over the dearest edges"""
 
 
 def correct(
@@ -100,7 +100,7 @@ def correct(
                     better = (along if k < 4 else across) + straight[m]
                     if better >= label[m]:
                         continue
-                    if walls and k >= 4:  # as in `squeezes`; m is no wall, because its label improves
+                    if walls and k >= 4:  # as in `cuts_corner`; m is no wall, because its label improves
                         beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
                         if straight[beside] == np.inf or straight[other] == np.inf:
                             continue

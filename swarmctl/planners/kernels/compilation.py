@@ -1,4 +1,4 @@
-"""Compilation of kernels by numba, when one is first needed.
+"""Compilation of kernels by numba, at their first use.
 
 A kernel is a plain function of arrays and numbers. `compiled` returns it as machine code that releases the
 interpreter lock. This module alone uses numba, and imports it at the first call.

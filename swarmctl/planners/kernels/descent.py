@@ -1,19 +1,19 @@
 """The route down a field.
 
-From each cell the route goes to the neighbour through which it is cheapest. Costs within REL_TIE of each
-other count as equal, so that the order of rounded additions moves no route. Among equals the shortest route
-is taken, then the first in the order of `offsets_of`. Lengths are computed only if routes cost the same: for
-the cells on the cheapest routes from there.
+From each cell the route goes to the neighbour of least total cost. Costs within REL_TIE of each other count
+as equal, so that rounding does not change the route. The shortest of equal routes is taken, then the first in
+the order of `offsets_of`. Lengths are computed only if routes cost the same: for the cells on the cheapest
+routes from that cell.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offered, offsets_of, squeezes
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offered, offsets_of
 
 REL_TIE = 1e-12
-"""Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
+"""relative difference below which costs are equal; the rounding of a sum over thousands of cells is less"""
 LENGTH_TIE = 1e-9
 """Lengths closer than this are equal [cells]. Lengths of different steps differ by more on any real area."""
 UNKNOWN = np.inf
@@ -21,7 +21,7 @@ UNKNOWN = np.inf
 ON_STACK = -1.0
 """value in `length` of a cell on the stack of `find_lengths`; `find_lengths_in_circles` writes -2 - index"""
 MANY_GOALS = 4
-"""With more goals no least length to the nearest goal is computed."""
+"""number of goals above which the least length to the nearest goal counts as 0"""
 
 
 def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, m: int) -> float:
@@ -29,7 +29,7 @@ def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets:
     best = np.inf
     for k in range(8):
         cost = label[m + offsets[k]] + (0.0 if k < 4 else extra)
-        if cost < best and not (k >= 4 and squeezes(straight, offsets, m, k)):
+        if cost < best and not (k >= 4 and cuts_corner(straight, offsets, m, k)):
             best = cost
     return best + step
 
@@ -67,8 +67,8 @@ def descend(
 
     The second value is the end of each route in the first; the third is `length` with the lengths computed
     here (size 0 if none are known). If several routes cost the same and their lengths are unknown, the search
-    assumes that one is as short as the lattice allows, which is then the shortest. If that fails, it goes
-    back to the cell of the assumption and computes the lengths.
+    assumes that the shortest is as short as the lattice allows. If the assumption fails, the search goes back
+    to the cell of the assumption and computes the lengths.
     """
     offsets = offsets_of(width)
     offers = np.empty(8)
@@ -76,15 +76,15 @@ def descend(
     ends = np.empty(starts.size, dtype=np.int64)
     passed = np.zeros(label.size if starts.size > 1 else 0, dtype=np.int32)  # index in `path`, plus 1
     count = 0
-    for way in range(starts.size):
-        m, hoped_since = starts[way], -1
+    for route in range(starts.size):
+        m, assumed_since = starts[route], -1
         path[count] = m
         count += 1
         begin = count
         while not is_goal(goals, m):
-            if starts.size > 1 and hoped_since < 0 and passed[m] > 0:  # the rest is that of an earlier route
+            if starts.size > 1 and assumed_since < 0 and passed[m] > 0:  # the rest as in an earlier route
                 first = passed[m]
-                end = ends[np.searchsorted(ends[:way], first, side="right")]
+                end = ends[np.searchsorted(ends[:route], first, side="right")]
                 while count + end - first >= path.size:
                     path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
                 path[count : count + end - first] = path[first:end]
@@ -93,7 +93,7 @@ def descend(
             bound = np.inf
             for k in range(8):
                 offers[k] = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step
-                if walls and k >= 4 and squeezes(straight, offsets, m, k):
+                if walls and k >= 4 and cuts_corner(straight, offsets, m, k):
                     offers[k] = np.inf
                 bound = min(bound, offers[k])
             bound *= 1.0 + REL_TIE
@@ -102,14 +102,14 @@ def descend(
                 if offers[k] <= bound:
                     ties += 1
                     best = m + offsets[k]
-            if ties > 1 and hoped_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
-                hoped_since = count
-            if ties > 1 or hoped_since >= 0:
-                best, hope_fails = _shortest(
-                    offers, bound, width, offsets, goals, m, length, hoped_since >= 0
+            if ties > 1 and assumed_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
+                assumed_since = count
+            if ties > 1 or assumed_since >= 0:
+                best, assumption_fails = _shortest(
+                    offers, bound, width, offsets, goals, m, length, assumed_since >= 0
                 )
-                if hope_fails:
-                    count, hoped_since = hoped_since, -1
+                if assumption_fails:
+                    count, assumed_since = assumed_since, -1
                     m = path[count - 1]
                     length = _with_lengths_from(label, step, extra, straight, width, goals, m, length)
                     continue
@@ -118,11 +118,11 @@ def descend(
                 path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
             path[count] = m
             count += 1
-        ends[way] = count
-        for place in range(begin - 1, count if starts.size > 1 else 0):
-            if passed[path[place]] > 0:
+        ends[route] = count
+        for index in range(begin - 1, count if starts.size > 1 else 0):
+            if passed[path[index]] > 0:
                 break
-            passed[path[place]] = place + 1
+            passed[path[index]] = index + 1
         if count == path.size:
             path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
     return path[:count], ends, length
@@ -138,7 +138,7 @@ def _with_lengths_from(
     m: int,
     length: Floats,
 ) -> Floats:
-    """Return `length`, new if of size 0, with the lengths of all cells on the cheapest routes from m."""
+    """Return `length` with the lengths of all cells on the cheapest routes from m; a new array if size 0."""
     if length.size == 0:
         length = np.full(label.size, UNKNOWN)
     if not find_lengths(label, step, extra, straight, width, goals, m, length):
@@ -154,21 +154,23 @@ def _shortest(
     goals: Ints,
     m: int,
     length: Floats,
-    hoping: bool,
+    assumes_least: bool,
 ) -> tuple[int, bool]:
     """Return the neighbour of m on the shortest route among those that cost no more than `bound`.
 
-    Lengths are from `length` or, if `hoping`, the least that the lattice allows. The second value is true if
-    no route is as short as that.
+    Lengths are from `length` or, if `assumes_least`, the least that the lattice allows. The second value is
+    true if no route is as short as assumed.
     """
     best, best_length = -1, np.inf
     for k in range(8):
         if offers[k] <= bound:
             n = m + offsets[k]
-            to_go = (1.0 if k < 4 else ROOT2) + (_least_length(goals, width, n) if hoping else length[n])
+            to_go = (1.0 if k < 4 else ROOT2) + (
+                _least_length(goals, width, n) if assumes_least else length[n]
+            )
             if to_go < best_length - LENGTH_TIE:
                 best, best_length = n, to_go
-    return best, hoping and best_length > _least_length(goals, width, m) + LENGTH_TIE
+    return best, assumes_least and best_length > _least_length(goals, width, m) + LENGTH_TIE
 
 
 def _least_length(goals: Ints, width: int, m: int) -> float:
@@ -185,8 +187,8 @@ def _least_length(goals: Ints, width: int, m: int) -> float:
 def is_goal(goals: Ints, m: int) -> bool:
     if goals.size == 1:
         return bool(goals[0] == m)
-    place = np.searchsorted(goals, m)
-    return bool(place < goals.size and goals[place] == m)
+    index = np.searchsorted(goals, m)
+    return bool(index < goals.size and goals[index] == m)
 
 
 def find_lengths(
@@ -199,40 +201,41 @@ def find_lengths(
     start: int,
     length: Floats,
 ) -> bool:
-    """Write the lengths of the shortest among the cheapest routes, for `start` and all cells on these.
+    """Write the lengths of the shortest among the cheapest routes, for `start` and all cells on these routes.
 
-    The search is depth first. Return false if free steps lead in a circle; `length` is then unfinished.
+    The search is depth first. Return false if steps of cost 0 form a circle; `length` is then unfinished.
     """
     offsets = offsets_of(width)
     stack = np.empty(1024, dtype=np.int64)
-    ways, to_look = np.empty(1024, dtype=np.int64), np.empty(1024, dtype=np.int64)  # a bit for each direction
+    directions = np.empty(1024, dtype=np.int64)  # a bit for each direction
+    unvisited = np.empty(1024, dtype=np.int64)
     size, m = 0, start
     while True:
         if length[m] == UNKNOWN:  # a new cell
             if size == stack.size:
                 stack = np.concatenate((stack, stack))
-                ways = np.concatenate((ways, ways))
-                to_look = np.concatenate((to_look, to_look))
+                directions = np.concatenate((directions, directions))
+                unvisited = np.concatenate((unvisited, unvisited))
             stack[size] = m
             length[m] = ON_STACK
-            ways[size] = _ways(label, step, extra, straight, offsets, goals, m)
-            to_look[size] = ways[size]
+            directions[size] = _cheapest_directions(label, step, extra, straight, offsets, goals, m)
+            unvisited[size] = directions[size]
             size += 1
         elif length[m] == ON_STACK:
             for i in range(size):
                 length[stack[i]] = UNKNOWN
             return False
         here = stack[size - 1]
-        if to_look[size - 1] != 0:
+        if unvisited[size - 1] != 0:
             k = 0
-            while (to_look[size - 1] >> k) & 1 == 0:
+            while (unvisited[size - 1] >> k) & 1 == 0:
                 k += 1
-            to_look[size - 1] &= to_look[size - 1] - 1
+            unvisited[size - 1] &= unvisited[size - 1] - 1
             m = here + offsets[k]
             continue
-        best = np.inf if ways[size - 1] != 0 else 0.0
+        best = np.inf if directions[size - 1] != 0 else 0.0
         for k in range(8):
-            if (ways[size - 1] >> k) & 1 != 0:
+            if (directions[size - 1] >> k) & 1 != 0:
                 best = min(best, length[here + offsets[k]] + (1.0 if k < 4 else ROOT2))
         length[here] = best
         size -= 1
@@ -241,19 +244,19 @@ def find_lengths(
         m = here
 
 
-def _ways(
+def _cheapest_directions(
     label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, goals: Ints, m: int
 ) -> int:
-    """Return the directions of the cheapest routes from m, a bit each; 0 at a goal."""
+    """Return the directions of the cheapest routes from m, one bit for each; 0 at a goal."""
     if is_goal(goals, m):
         return 0
     bound = cost_of(label, step, extra, straight, offsets, m) * (1.0 + REL_TIE)
-    ways = 0
+    directions = 0
     for k in range(8):
-        loses = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step > bound
-        if not loses and (k < 4 or not squeezes(straight, offsets, m, k)):
-            ways |= 1 << k
-    return ways
+        is_dearer = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step > bound
+        if not is_dearer and (k < 4 or not cuts_corner(straight, offsets, m, k)):
+            directions |= 1 << k
+    return directions
 
 
 def find_lengths_in_circles(
@@ -266,25 +269,25 @@ def find_lengths_in_circles(
     start: int,
     length: Floats,
 ) -> None:
-    """Write the lengths that `find_lengths` writes, also if free steps lead in a circle.
+    """Write the lengths that `find_lengths` writes, also if steps of cost 0 form a circle.
 
     Dijkstra's algorithm over the edges of cheapest routes, with buckets one cell of length wide.
     """
     offsets = offsets_of(width)
-    cells, ways, size = _without_loss(label, step, extra, straight, width, goals, start, length)
+    cells, directions, size = _cells_without_length(label, step, extra, straight, width, goals, start, length)
     least = np.full(size, np.inf)
     seeds = np.empty(size, dtype=np.int64)
     n_seeds = 0
-    for place in range(size):  # the cells next to known lengths
-        m = cells[place]
+    for index in range(size):  # the cells next to known lengths
+        m = cells[index]
         best = 0.0 if is_goal(goals, m) else np.inf
         for k in range(8):
             known = length[m + offsets[k]]
-            if (ways[place] >> k) & 1 != 0 and known >= 0.0:
+            if (directions[index] >> k) & 1 != 0 and known >= 0.0:
                 best = min(best, known + (1.0 if k < 4 else ROOT2))
         if best < np.inf:
-            least[place] = best
-            seeds[n_seeds] = place
+            least[index] = best
+            seeds[n_seeds] = index
             n_seeds += 1
     seeds = seeds[:n_seeds]
     seeds = seeds[np.argsort(least[seeds])]
@@ -296,12 +299,12 @@ def find_lengths_in_circles(
             key = np.int64(least[seeds[joined]])
         pile = key % 3
         while joined < n_seeds and least[seeds[joined]] < key + 1:
-            piles = _on_top(piles, heights, int(pile), seeds[joined])
+            piles = _push_on_pile(piles, heights, int(pile), seeds[joined])
             joined += 1
         while heights[pile] > 0:
             heights[pile] -= 1
-            place = piles[pile, heights[pile]]
-            n, known = cells[place], least[place]
+            index = piles[pile, heights[pile]]
+            n, known = cells[index], least[index]
             if length[n] >= 0.0:
                 continue
             length[n] = known
@@ -312,25 +315,25 @@ def find_lengths_in_circles(
                 other = int(-length[m]) - 2
                 longer = known + (1.0 if k < 4 else ROOT2)
                 back = k ^ 2
-                if longer >= least[other] or (ways[other] >> back) & 1 == 0:
+                if longer >= least[other] or (directions[other] >> back) & 1 == 0:
                     continue
                 least[other] = longer
-                piles = _on_top(piles, heights, int(longer) % 3, other)
+                piles = _push_on_pile(piles, heights, int(longer) % 3, other)
         key += 1
 
 
-def _on_top(piles: Ints, heights: Ints, pile: int, place: int) -> Ints:
+def _push_on_pile(piles: Ints, heights: Ints, pile: int, index: int) -> Ints:
     """Add an index to a stack; return the stacks, enlarged if necessary."""
     if heights[pile] == piles.shape[1]:
         larger = np.empty((3, 2 * piles.shape[1]), dtype=np.int64)
         larger[:, : piles.shape[1]] = piles
         piles = larger
-    piles[pile, heights[pile]] = place
+    piles[pile, heights[pile]] = index
     heights[pile] += 1
     return piles
 
 
-def _without_loss(
+def _cells_without_length(
     label: Floats,
     step: float,
     extra: float,
@@ -340,28 +343,28 @@ def _without_loss(
     start: int,
     length: Floats,
 ) -> tuple[Ints, Ints, int]:
-    """Return the cells of unknown length on the cheapest routes from `start`, with the directions of `_ways`.
+    """Return the cells of unknown length on the cheapest routes from `start`, and their directions.
 
-    The third value is their number.
+    The directions are those of `_cheapest_directions`; the third value is the number of cells.
     """
     offsets = offsets_of(width)
     cells = np.empty(256, dtype=np.int64)
-    ways = np.empty(256, dtype=np.int64)
+    directions = np.empty(256, dtype=np.int64)
     cells[0] = start
     length[start] = -2.0
-    size, looked_at = 1, 0
-    while looked_at < size:
-        m = cells[looked_at]
-        ways[looked_at] = _ways(label, step, extra, straight, offsets, goals, m)
+    size, n_done = 1, 0
+    while n_done < size:
+        m = cells[n_done]
+        directions[n_done] = _cheapest_directions(label, step, extra, straight, offsets, goals, m)
         for k in range(8):
             n = m + offsets[k]
-            if (ways[looked_at] >> k) & 1 == 0 or length[n] != UNKNOWN:
+            if (directions[n_done] >> k) & 1 == 0 or length[n] != UNKNOWN:
                 continue
             if size == cells.size:
                 cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
-                ways = np.concatenate((ways, np.empty(size, dtype=np.int64)))
+                directions = np.concatenate((directions, np.empty(size, dtype=np.int64)))
             cells[size] = n
             length[n] = -2.0 - size
             size += 1
-        looked_at += 1
-    return cells, ways, size
+        n_done += 1
+    return cells, directions, size

@@ -1,10 +1,10 @@
 """Label setting: routes by two sums at once, length and exposure.
 
-A label is a route from the start to a cell with its length and its exposure. It is kept while no other label
-of its cell dominates it: at most as long and at most as exposed. It is also dropped if it cannot lead to a
-useful route. Three fields give lower bounds for the rest of a route: the least length, the least exposure,
-and the least exposure + price · length. Labels are extended in the order of the third sum. So a label that
-reaches a goal is final, and the queue bounds all routes that are not found yet.
+A label is a route from the start to a cell with its length and its exposure. A label is dropped if another
+label of its cell dominates it, with at most its length and at most its exposure. A label that cannot lead to
+a useful route is dropped too. Three fields give lower bounds for the rest of a route: the least length, the
+least exposure, and the least exposure + price · length. Labels are extended in the order of the third sum. So
+a label that reaches a goal is final, and the queue bounds all routes that are not found yet.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
 from swarmctl.planners.kernels.field import Field, is_small
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, pop_least, push, squeezes
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offsets_of, pop_least, push
 
 KEY_TIE = 1e-13
 """A route must be better by more than this share to count."""
 FIRST_POOL = 1 << 12
-"""number of labels in the first memory, which grows"""
+"""number of labels with memory at the start of a search; the memory grows"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,15 +52,15 @@ def _to_go(field: Field) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class LabelSearchResult:
     """The result of a label search."""
 
-    ways: tuple[tuple[Cell, ...], ...]
+    routes: tuple[tuple[Cell, ...], ...]
     """routes from the start to a goal in the order found; none dominates another"""
     least_open: float
     """lower bound on exposure + price · length of the routes not found; infinite if all were found"""
     labels: int
-    """number of labels made"""
+    """number of labels of the search"""
 
 
 def label_search(
@@ -73,11 +73,12 @@ def label_search(
     below: float,
     whole: bool,
     max_labels: int = 0,
-) -> Found:
+) -> LabelSearchResult:
     """Return routes no longer than `longest_cells` and less exposed than `below`; `exposure` is P_s.
 
-    With `whole` these are all that no other dominates; else less and less exposed ones, the last of them the
-    least exposed of all. `max_labels` limits the number of labels (0: no limit).
+    With `whole` the result has all routes that no other route dominates. Otherwise each route is less exposed
+    than the one before, and the last is the least exposed of all. `max_labels` limits the number of labels
+    (0: no limit).
     """
     rows, cols = exposure.shape
     width = cols + 2
@@ -92,7 +93,7 @@ def label_search(
         enter.reshape(-1), width, first, is_goal, to_go.length, to_go.exposure, to_go.priced, to_go.price,
         longest_cells, below, whole, max_labels,
     )  # fmt: skip
-    ways = []
+    routes = []
     for end in ends.tolist():
         path = []
         label = end
@@ -100,8 +101,8 @@ def label_search(
             index = int(cell[label])
             path.append((index // width - 1, index % width - 1))
             label = int(parent[label])
-        ways.append(tuple(reversed(path)))
-    return Found(tuple(ways), float(least_open), len(cell))
+        routes.append(tuple(reversed(path)))
+    return LabelSearchResult(tuple(routes), float(least_open), len(cell))
 
 
 def set_labels(
@@ -118,18 +119,16 @@ def set_labels(
     whole: bool,
     max_labels: int,
 ) -> tuple[Ints, NDArray[np.int32], NDArray[np.int32], float]:
-    """Return the labels at goals in the order found, cells and parents of all, and the least open key."""
+    """Return the labels at goals in the order found, cells and parents of all labels, and the least key."""
     offsets = offsets_of(width)
-    head = np.full(
-        enter.size, -1, dtype=np.int32
-    )  # the living labels of a cell: a list from here over `after`
+    head = np.full(enter.size, -1, dtype=np.int32)  # newest living label of each cell; `after` has the older
     cell = np.empty(FIRST_POOL, dtype=np.int32)
     parent = np.empty(FIRST_POOL, dtype=np.int32)
     after = np.empty(FIRST_POOL, dtype=np.int32)
     sums = np.empty((FIRST_POOL, 2))
     alive = np.empty(FIRST_POOL, dtype=np.bool_)
     heap, keys, size = np.empty(FIRST_POOL, dtype=np.int64), np.empty(FIRST_POOL), 0
-    stairs = np.empty((16, 2))  # what was found, longer and less exposed from step to step
+    stairs = np.empty((16, 2))  # (length, exposure) of the routes found, each longer and less exposed
     stairs[0, 0], stairs[0, 1] = 0.0, below
     n_stairs = 1
     ends = np.empty(16, dtype=np.int64)
@@ -175,7 +174,7 @@ def set_labels(
             alive = np.append(alive, alive)
         for k in range(8):
             n = m + offsets[k]
-            if enter[n] == np.inf or (k >= 4 and squeezes(enter, offsets, m, k)):
+            if enter[n] == np.inf or (k >= 4 and cuts_corner(enter, offsets, m, k)):
                 continue
             new_length = length + (1.0 if k < 4 else ROOT2)
             new_exposure = exposure + enter[n]
@@ -208,7 +207,7 @@ def _enters(
     length: float,
     exposure: float,
 ) -> bool:
-    """Return whether no label of cell n dominates these sums; then drop the labels that these dominate."""
+    """Return whether no label of cell n dominates these sums; drop labels that these sums dominate."""
     before = -1
     label = head[n]
     longer = length + LENGTH_TIE

@@ -12,7 +12,7 @@ from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.field import Field
 from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
 
-NONE = np.empty(0)
+NO_LENGTHS = np.empty(0)
 
 
 class LargeField(Field):
@@ -54,7 +54,7 @@ class LargeField(Field):
         try:
             length = self._lengths.pop()
         except IndexError:
-            length = NONE
+            length = NO_LENGTHS
         path, ends, length = compiled(descent.descend)(
             self.label, self.step, self.extra, self.straight, self.walls, self.width, self.goals,
             np.array([self.index(start) for start in starts], dtype=np.int64), length,
@@ -63,7 +63,7 @@ class LargeField(Field):
         return np.split(np.stack(np.divmod(path, self.width), axis=1) - 1, ends[:-1])
 
     def search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
-        """Become the field for P_s of shape (rows, cols); without checks."""
+        """Compute the field for P_s of shape (rows, cols), without checks."""
         seeds = self._begin_search(exposure, goals, w, psi_per_cell)
         prepare = compiled(sweep.prepare)
         self.least, self.greatest, self.walls = prepare(exposure, w, self.step, self.straight)
@@ -81,7 +81,7 @@ class LargeField(Field):
         return labels
 
     def lower(self, cells: Ints, until: float) -> Ints:
-        """Pass on the lowered labels of `cells`, least first, up to `until`; return the cells that remain."""
+        """Spread the lowered labels of `cells`, least first, up to `until`; return the cells that remain."""
         return self._correct(self.label, cells, until)
 
     def _has_exposure(self, exposure: Floats) -> bool:
@@ -93,10 +93,10 @@ class LargeField(Field):
         by_columns, by_rows = compiled(sweep.sweep_columns), compiled(sweep.sweep_rows)
         # Outward from the seeds; between two seeds the sweeps cross.
         seed_rows, seed_cols = seeds // width, seeds % width
-        for first, end, way in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
-            by_columns(label, self.straight, extra, self.walls, width, rows, first, end, way)
-        for first, end, way in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
-            by_rows(label, self.straight, extra, self.walls, width, cols, first, end, way)
+        for first, end, direction in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
+            by_columns(label, self.straight, extra, self.walls, width, rows, first, end, direction)
+        for first, end, direction in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
+            by_rows(label, self.straight, extra, self.walls, width, cols, first, end, direction)
         improved = compiled(sweep.improvable)(label, self.straight, extra, self.walls, rows, cols)
         self._correct(label, improved, np.inf)
 
@@ -115,9 +115,9 @@ def spread_large(
     *,
     into: Field | None = None,
 ) -> LargeField:
-    """Return the field by Eq. 5 for P_s of shape (rows, cols), by compiled kernels; without checks.
+    """Return the field by Eq. 5 for P_s of shape (rows, cols), by compiled kernels, without checks.
 
-    `into` is an older, unused field of the same shape; it is overwritten, which saves memory.
+    `into` is an older, unused field. A field of the same shape is overwritten, which saves memory.
     """
     rows, cols = exposure.shape
     if not isinstance(into, LargeField) or (into.rows, into.cols) != (rows, cols):
@@ -127,5 +127,5 @@ def spread_large(
 
 
 def compilable(exposure: Floats) -> Floats:
-    """Return the array, or a copy of the kind that kernels are compiled for: contiguous and writeable."""
+    """Return the array, or a contiguous and writeable copy, as the compiled kernels require."""
     return np.require(exposure, dtype=np.float64, requirements=["C", "W"])

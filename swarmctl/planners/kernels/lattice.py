@@ -20,7 +20,7 @@ def offsets_of(width: int) -> Ints:
     return np.array([1, width, -1, -width, width + 1, width - 1, -width - 1, -width + 1])
 
 
-def squeezes(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
+def cuts_corner(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
     """Return whether the diagonal step from m in direction k (4 to 7) passes the corner of a wall."""
     # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size on such an edge passes
     # over the corners of both cells beside it, so the edge is closed if either is a wall. A vehicle in a wall
@@ -38,7 +38,7 @@ def offered(label: Floats, extra: float, width: int, m: int) -> float:
 
 
 def push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[Ints, Floats, int]:
-    """Add to a binary heap, least key first; return it, enlarged if necessary, with its new size."""
+    """Add a cell to a binary heap, least key first; return the heap, enlarged if necessary, and its size."""
     if size == cells.size:
         cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
         keys = np.concatenate((keys, np.empty(size)))

@@ -64,7 +64,7 @@ class SmallField(Field):
         return straight.reshape(-1)
 
     def _labels(self, seeds: Floats) -> Floats:
-        """Return the least labels that follow from those of the goals.
+        """Return the labels of all cells, from the labels of the goals.
 
         Each cell has two nodes, so that the sums are rounded as in the sweeps of a large field. Straight
         steps start at the label, diagonal steps at the label + `extra`. The last node is the source of the
@@ -95,7 +95,7 @@ class SmallField(Field):
 
     @functools.cached_property
     def _costs(self) -> Floats:
-        """Least cost from each cell to a goal; for a goal itself, of a route that leaves it and returns."""
+        """Least cost from each cell to a goal; for a goal, the cost of leaving and returning."""
         costs: Floats = self._offers.min(axis=1) + self.step
         return costs
 

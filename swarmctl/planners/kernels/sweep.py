@@ -1,11 +1,12 @@
 """A first estimate of the whole field, right nearly everywhere, in a fraction of a search's time.
 
-Most of a route is monotone: it gains rows, or columns, and never turns back. Sweeps find all such routes.
-They carry labels outward from the goals, once by columns and once by rows. Each column (row) takes labels
-from the one before, and then along itself in both directions. That takes a few additions a cell in the order
-of memory, without a queue and with predictable branches. `buckets` corrects the rest, routes that turn back.
+Most parts of a route are monotone: they gain rows, or columns, and never turn back. Sweeps find all such
+routes. They carry labels outward from the goals, once by columns and once by rows. Each column (row) takes
+labels from the column (row) before, then passes labels along itself in both directions. A sweep needs a few
+additions for each cell in the order of memory, no queue, and predictable branches. `buckets` then corrects
+the labels of routes that turn back.
 
-Diagonal steps past the corners of walls are excluded as in `squeezes`. That check takes a quarter of the
+Diagonal steps past the corners of walls are excluded as in `cuts_corner`. That check takes a quarter of the
 time, so areas without walls have loops of their own.
 """
 
@@ -32,7 +33,7 @@ def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[
         straight[base + cols] = np.inf
         for col in range(cols):
             p_s = exposure[row, col]
-            cost = w * p_s + step if p_s < np.inf else np.inf  # a wall stays one for w = 0 too
+            cost = w * p_s + step if p_s < np.inf else np.inf  # a wall stays a wall for w = 0
             straight[base + col] = cost
             least = min(least, cost)
             finite = cost if cost < np.inf else 0.0
@@ -62,26 +63,26 @@ def sweep_columns(
     rows: int,
     first: int,
     end: int,
-    way: int,
+    direction: int,
 ) -> None:
-    """Carry labels from column to column, `first` up to `end` in the direction `way` (1 or -1)."""
-    for col in range(first, end, way):
-        before = col - way
+    """Carry labels from column to column, from `first` up to `end`, in `direction` (1 or -1)."""
+    for col in range(first, end, direction):
+        before = col - direction
         lower, middle = label[before], label[width + before]
         carried = np.inf
         for row in range(1, 1 if walls else rows + 1):
             here = row * width + col
-            upper = label[here + width - way]
+            upper = label[here + width - direction]
             from_before = min(min(lower, upper) + extra, middle)
             lower, middle = middle, upper
             carried = min(label[here], min(from_before, carried) + straight[here])
             label[here] = carried
         for row in range(1, rows + 1 if walls else 1):
             here = row * width + col
-            beside = straight[here - way]
-            low = _past(label[here - way - width], beside, straight[here - width])
-            high = _past(label[here - way + width], beside, straight[here + width])
-            from_before = min(min(low, high) + extra, label[here - way])
+            beside = straight[here - direction]
+            low = _past(label[here - direction - width], beside, straight[here - width])
+            high = _past(label[here - direction + width], beside, straight[here + width])
+            from_before = min(min(low, high) + extra, label[here - direction])
             carried = min(label[here], min(from_before, carried) + straight[here])
             label[here] = carried
         carried = np.inf
@@ -100,12 +101,12 @@ def sweep_rows(
     cols: int,
     first: int,
     end: int,
-    way: int,
+    direction: int,
 ) -> None:
-    """Carry labels from row to row, `first` up to `end` in the direction `way` (1 or -1)."""
-    for row in range(first, end, way):
+    """Carry labels from row to row, from `first` up to `end`, in `direction` (1 or -1)."""
+    for row in range(first, end, direction):
         base = row * width
-        before = base - way * width
+        before = base - direction * width
         if walls:
             for col in range(1, cols + 1):
                 beside = straight[before + col]
@@ -151,13 +152,13 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
             continue
         for here in range(row * width + 1, row * width + cols + 1):
             if walls:
-                served = _offered_past_walls(label, straight, extra, width, here)
+                offer = _offered_past_walls(label, straight, extra, width, here)
             else:
-                served = offered(label, extra, width, here)
-            served += straight[here]
-            if served < label[here]:
+                offer = offered(label, extra, width, here)
+            offer += straight[here]
+            if offer < label[here]:
                 found[size] = here
-                better[size] = served
+                better[size] = offer
                 size += 1
     label[found] = better
     return found

@@ -15,7 +15,7 @@ from swarmctl.planners.kernels.compilation import compiled
 def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
     """Compile all kernels, or load them from numba's cache.
 
-    `report` receives the number of kernels done and of all kernels, before each kernel and at the end.
+    `report` receives the number of compiled kernels and of all kernels, before each kernel and at the end.
     """
     calls = list(_calls())
     for done, (kernel, arguments) in enumerate(calls):
@@ -27,7 +27,7 @@ def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> 
 def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     """Yield each kernel with arguments of the right types, for an area of one cell.
 
-    A kernel comes after those that it calls, so that each step is short.
+    Each kernel follows the kernels that it calls, so that each step is short.
     """
     exposure, label, length = np.zeros((1, 1)), np.full(9, math.inf), np.full(9, math.inf)
     straight, waiting = label.copy(), np.zeros(9, dtype=np.uint8)
@@ -49,6 +49,6 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     yield descent.descend, (*field, False, width, cells, cells, np.empty(0))
     yield bounds.compare, (exposure, 0.5, 0.5, straight, 1, 1)
     yield bounds.descend_roughly, (label, 0.2, width, cells, goal, 1)
-    yield bounds.least_way_out, (label, *area, label, straight, width, 0, 0, 1, math.inf, 1.0)
+    yield bounds.least_cost_outside, (label, *area, label, straight, width, 0, 0, 1, math.inf, 1.0)
     goals = np.ones(9, dtype=np.bool_)
     yield labels.set_labels, (straight, width, goal, goals, label, label, label, 1.0, 3.0, 1.0, False, 0)

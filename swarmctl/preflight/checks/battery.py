@@ -1,4 +1,4 @@
-"""Check `battery`: the charge lasts for the route and the way back, and counts as low before it is empty."""
+"""Check `battery`: the charge lasts for the route and the way back, and the low-battery voltage is safe."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check(facts: PreflightFacts) -> Finding:
         found = f"{percent} %, reported {facts.status_age_s:.0f} s ago"
         return Finding(False, found, wanted, "find out why SYS_STATUS stopped")
     if percent is None:
-        return Finding(False, "no charge in SYS_STATUS", wanted, "check its battery monitor")
+        return Finding(False, "no charge in SYS_STATUS", wanted, "check the battery monitor")
     if not _is_low_in_time(facts):
         return Finding(False, *_low_too_late(facts))
     enough = percent >= needs
@@ -34,10 +34,10 @@ def check(facts: PreflightFacts) -> Finding:
 
 
 LOW_NAME = "BATT_LOW_VOLT"
-"""ArduPilot's voltage of a low battery; the check `parameters` requires one above 0"""
+"""ArduPilot's voltage of a low battery; the check `parameters` requires a value above 0"""
 EMPTY_SHARE = 2.5 / 4.2
-"""Voltage of an empty lithium cell as a share of a full one, for every kind. A battery of any number of cells
-has to count as low above this share of its present voltage."""
+"""Voltage of an empty lithium cell of any kind, as a share of a full cell's voltage. BATT_LOW_VOLT has to be
+at least this share of the present voltage, for any number of cells."""
 
 
 def _is_low_in_time(facts: PreflightFacts) -> bool:
@@ -49,9 +49,9 @@ def _low_too_late(facts: PreflightFacts) -> tuple[str, str, str]:
     """Return found, wanted and cure."""
     low, reported_v = f"{LOW_NAME} {facts.parameters[LOW_NAME]:g} V", facts.state.battery_v
     if reported_v is None:
-        return f"{low}, no voltage in SYS_STATUS", "a reported voltage", "check its battery monitor"
+        return f"{low}, no voltage in SYS_STATUS", "a reported voltage", "check the battery monitor"
     wanted = f"{LOW_NAME} {EMPTY_SHARE * reported_v:.1f} V or more, the voltage of an empty lithium battery"
-    cure = f"set {LOW_NAME} to the low voltage of this battery, or check its battery monitor"
+    cure = f"set {LOW_NAME} to the low voltage of this battery, or check the battery monitor"
     return f"{low} at a voltage of {reported_v:.1f} V", wanted, cure
 
 
@@ -64,7 +64,7 @@ def _cure(needs_percent: float) -> str:
 
 
 def flight_s(facts: PreflightFacts) -> float | None:
-    """Return the time from take-off to touchdown, and straight back to the present position [s].
+    """Return the time from take-off to touchdown and straight back to the present position [s].
 
     None if the route or the position is unknown.
     """

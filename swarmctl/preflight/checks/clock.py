@@ -12,10 +12,10 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"a clock within {facts.clock_tolerance_s:g} s"
     offset_s = facts.clock_offset_s
     if offset_s is None:
-        return Finding(False, "no time of day in SYSTEM_TIME", wanted, "wait for its first satellites")
+        return Finding(False, "no time of day in SYSTEM_TIME", wanted, "wait for the first satellites")
     agrees = abs(offset_s) <= facts.clock_tolerance_s
     cure = (
-        "set this machine's clock by NTP; a vehicle takes its time from satellites, a simulated one has its "
-        "own (preflight.clock_tolerance_s)"
+        "set this machine's clock by NTP; a vehicle has the time of satellites, a simulated vehicle has a "
+        "clock of its own (preflight.clock_tolerance_s)"
     )
     return Finding(agrees, f"{offset_s:+.1f} s", wanted, "" if agrees else cure)

@@ -1,4 +1,4 @@
-"""Check `fence`: the vehicle has the configured fence, and keeps to it."""
+"""Check `fence`: the vehicle stores and enforces the configured fence."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ WAIVABLE = True
 def check(facts: PreflightFacts) -> Finding:
     wanted = f"the configured fence of {len(facts.fence)} corners, read back equal"
     if facts.fence_items is None:
-        return Finding(False, "no answer to the download of the fence", wanted, "check its link")
+        return Finding(False, "no answer to the download of the fence", wanted, "check the vehicle's link")
     differences = fence_differences(fence_items(facts.fence), facts.fence_items)
     if differences:
-        cure = "find out why it does not keep the fence; another ground station may have changed it"
+        cure = "find out why the vehicle's fence differs; another ground station may have changed the fence"
         return Finding(False, differences[0], wanted, cure)
     if facts.fence_failure:
-        cure = "find out why it does not accept DO_FENCE_ENABLE, or reboot it"
+        cure = "find out why the vehicle does not accept DO_FENCE_ENABLE, or reboot the vehicle"
         return Finding(False, facts.fence_failure, wanted, cure)
     return Finding(True, f"{len(facts.fence_items)} corners, as sent", wanted)

@@ -16,7 +16,9 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"a 3D fix, {SATELLITES} satellites or more, HDOP {HDOP:g} or less"
     gps = facts.instruments.gps if facts.instruments is not None else None
     if gps is None:
-        return Finding(False, "no answer to the request for GPS_RAW_INT", wanted, "check its receiver")
+        return Finding(
+            False, "no answer to the request for GPS_RAW_INT", wanted, "check the satellite receiver"
+        )
     satellites = "unknown" if gps.satellites is None else str(gps.satellites)
     hdop = "unknown" if gps.hdop is None else f"{gps.hdop:.2f}"
     found = f"fix type {gps.fix_type}, {satellites} satellites, HDOP {hdop}"

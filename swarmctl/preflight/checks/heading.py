@@ -18,16 +18,16 @@ def check(facts: PreflightFacts) -> Finding:
     state, plan = facts.state, facts.plan
     if plan is None or state.lat_deg is None or state.lon_deg is None:
         return Finding(
-            False, "no verified route on the vehicle", "a heading along its first leg", "upload its mission"
+            False, "no verified route on the vehicle", "a heading along the first leg", "upload the mission"
         )
     (e0, n0), (e1, n1) = (
         facts.frame.to_local(state.lat_deg, state.lon_deg),
         facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg),
     )
     leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
-    wanted = f"{leg_deg:.0f} degrees, along its first leg, within {MAX_OFF_DEG:g}"
+    wanted = f"{leg_deg:.0f} degrees, along the first leg, within {MAX_OFF_DEG:g}"
     if state.heading_deg is None:
-        return Finding(False, "no heading in its messages", wanted, "check its compass")
+        return Finding(False, "no heading in the vehicle's messages", wanted, "check the compass")
     off_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
-    cure = "" if off_deg <= MAX_OFF_DEG else "turn the vehicle toward its first leg"
+    cure = "" if off_deg <= MAX_OFF_DEG else "turn the vehicle toward the first leg"
     return Finding(off_deg <= MAX_OFF_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)

@@ -8,16 +8,16 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 NAME = "home"
 WAIVABLE = True
 NEAR_M = 50.0
-"""Arming sets home anew; a distant home is from another place, or from another receiver."""
+"""greatest distance of home before arming, which sets home again; a farther home is from another place"""
 
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = f"a home within {NEAR_M:g} m of the vehicle"
     state = facts.state
     if state.home_lat_deg is None or state.home_lon_deg is None:
-        return Finding(False, "no HOME_POSITION", wanted, "wait for its first position")
+        return Finding(False, "no HOME_POSITION", wanted, "wait for the first position")
     if state.lat_deg is None or state.lon_deg is None:
-        return Finding(False, "no position of the vehicle", wanted, "wait for its first position")
+        return Finding(False, "no position of the vehicle", wanted, "wait for the first position")
     away_m = distance_m((state.home_lat_deg, state.home_lon_deg), (state.lat_deg, state.lon_deg))
     near = away_m <= NEAR_M
     return Finding(near, f"home {away_m:.0f} m away", wanted, "" if near else "set home at the vehicle")

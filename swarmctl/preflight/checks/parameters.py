@@ -10,8 +10,8 @@ from swarmctl.preflight.policy import RequiredParameter
 NAME = "parameters"
 WAIVABLE = True
 _UNSUPPORTED = (
-    "use a supported version or declare another policy; or configure the vehicle's reactions to a lost link, "
-    "a low battery and a fence breach, and its return, by hand, and waive this check"
+    "use a supported version or declare another policy; or set the vehicle's return and its reactions to a "
+    "lost link, a low battery and a fence breach by hand, and waive this check"
 )
 
 
@@ -44,7 +44,7 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
         "or declare another policy" if any(text.startswith("policy.") for text in declared) else "",
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",
         f"or correct {_names(keys)} of the vehicle" if keys else "",
-        f"check its link, or use a firmware with {_names(unreported)}" if unreported else "",
+        f"check the vehicle's link, or use a firmware with {_names(unreported)}" if unreported else "",
     ]
     return "; ".join(text for text in texts if text)
 

@@ -16,14 +16,14 @@ def check(facts: PreflightFacts) -> Finding:
     if not facts.age_s <= MAX_AGE_S:
         found = "no heartbeat"
         found += f" for {facts.age_s:.0f} s" if facts.age_s < math.inf else " since the start"
-        return Finding(False, found, wanted, "check its link")
+        return Finding(False, found, wanted, "check the vehicle's link")
     if not state.has_position or not facts.position_age_s <= MAX_AGE_S:
-        cure = "wait under open sky; check its estimator"
+        cure = "wait under open sky; check the estimator"
         return Finding(False, "no recent position in GLOBAL_POSITION_INT", wanted, cure)
     if not facts.status_age_s <= MAX_AGE_S:
-        found = f"no SYS_STATUS within {MAX_AGE_S:g} s, so its readiness to arm is unknown"
+        found = f"no SYS_STATUS within {MAX_AGE_S:g} s, so the readiness to arm is unknown"
         return Finding(False, found, wanted, "find out why SYS_STATUS stopped")
     if not state.ready:
-        reasons = "; ".join(state.not_ready) or "it reports no reason"
+        reasons = "; ".join(state.not_ready) or "no reason reported"
         return Finding(False, f"not ready to arm: {reasons}", wanted, "clear the reported reasons")
     return Finding(True, f"{state.lat_deg:.6f}, {state.lon_deg:.6f}, ready to arm", wanted)

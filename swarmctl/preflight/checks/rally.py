@@ -11,8 +11,8 @@ WAIVABLE = True
 def check(facts: PreflightFacts) -> Finding:
     wanted = "no rally points: the vehicle would return to one of them instead of home"
     if facts.rally_points is None:
-        return Finding(False, "no answer to the request for rally points", wanted, "check its link")
+        return Finding(False, "no answer to the request for rally points", wanted, "check the vehicle's link")
     if facts.rally_points:
-        cure = "clear them with the program that set them"
+        cure = "clear the rally points with the program that set them"
         return Finding(False, f"{facts.rally_points} rally points", wanted, cure)
     return Finding(True, "none", wanted)

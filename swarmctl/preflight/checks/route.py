@@ -20,33 +20,33 @@ def check(facts: PreflightFacts) -> Finding:
     if plan is None:
         return Finding(False, *without_route(facts, wanted))
     if state.lat_deg is None or state.lon_deg is None:
-        return Finding(False, "no position of the vehicle", wanted, "wait for its first position")
+        return Finding(False, "no position of the vehicle", wanted, "wait for the first position")
     local = facts.frame.to_local
     corners = [local(*place) for place in facts.fence]
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.track, plan.landing)]
-    way = [local(state.lat_deg, state.lon_deg), *(local(*point) for point in points)]
-    outside = [i for i, (a, b) in enumerate(pairwise(way), 1) if not stays_inside(corners, a, b)]
+    track = [local(state.lat_deg, state.lon_deg), *(local(*point) for point in points)]
+    outside = [i for i, (a, b) in enumerate(pairwise(track), 1) if not stays_inside(corners, a, b)]
     where = _landing_outside(facts, plan, corners)
     if where:
-        cure = "widen preflight.fence, or move its start, its goal or the area"
-        return Finding(False, f"its landing {where} leaves the fence", wanted, cure)
+        cure = "widen preflight.fence, or move the start, the goal or the area"
+        return Finding(False, f"the landing {where} leaves the fence", wanted, cure)
     if outside:
-        found = f"leg {outside[0]} of {len(way) - 1} leaves the fence"
-        cure = "widen preflight.fence, or move its start, its goal or the area"
+        found = f"leg {outside[0]} of {len(track) - 1} leaves the fence"
+        cure = "widen preflight.fence, or move the start, the goal or the area"
         return Finding(False, found, wanted, cure)
     highest_m = max(plan.takeoff_alt_m, *(p.alt_rel_m for p in (*plan.track, plan.landing)))
     if highest_m > facts.ceiling_m:
         cure = "raise preflight.fence.max_altitude_m, or fly lower"
         return Finding(False, f"the route climbs to {highest_m:g} m", wanted, cure)
-    return Finding(True, f"{len(way) - 1} legs inside, up to {highest_m:g} m", wanted)
+    return Finding(True, f"{len(track) - 1} legs inside, up to {highest_m:g} m", wanted)
 
 
 def _landing_outside(facts: PreflightFacts, plan: FlightPlan, corners: Sequence[PlanarPoint]) -> str:
     """Return the place of a fixed wing's approach that leaves the fence; empty if none does."""
-    for where, there in (("at its goal", plan.approach), ("at home", plan.home_approach)):
-        if there is None:
+    for where, approach in (("at the goal", plan.approach), ("at home", plan.home_approach)):
+        if approach is None:
             continue
-        legs = pairwise(pattern_from(there, facts.frame).outline())
+        legs = pairwise(pattern_from(approach, facts.frame).outline())
         if not all(stays_inside(corners, a, b) for a, b in legs if a != b):
             return where
     return ""

@@ -1,4 +1,4 @@
-"""Check `separation`: the first route keeps apart from all others, in height or at all times over ground."""
+"""Check `separation`: the first route is separated from all others, in height or at all times over ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"{limits.vertical_m:g} m of height or {limits.horizontal_m:g} m over ground from all others"
     near = [text for other in facts.others if (text := _too_near(facts, other))]
     if near:
-        cure = "give them other altitudes (flight.altitude_step_m, vehicles[].altitude_m), or delays"
+        cure = "change the altitudes (flight.altitude_step_m, vehicles[].altitude_m), or add launch delays"
         return Finding(False, "; ".join(near), wanted, cure)
     return Finding(True, f"separated from {len(facts.others)} other vehicles", wanted)
 

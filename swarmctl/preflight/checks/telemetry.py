@@ -14,9 +14,9 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"a position every {AT_LEAST_EVERY_S:g} s or sooner"
     every_s = facts.instruments.position_every_s if facts.instruments is not None else None
     if every_s is None:
-        return Finding(False, "too few positions", wanted, "check its link")
+        return Finding(False, "too few positions", wanted, "check the vehicle's link")
     found = f"one every {every_s:.1f} s"
     if every_s > AT_LEAST_EVERY_S:
-        cure = "its radio or its configured rate (PX4: MAV_0_RATE) is full: set links.stop_other_streams or "
+        cure = "the radio or the configured rate (PX4: MAV_0_RATE) is full: set links.stop_other_streams or "
         return Finding(False, found, wanted, f"{cure}links.position_hz, or use fewer vehicles on one radio")
     return Finding(True, found, wanted)

@@ -36,7 +36,7 @@ def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
 def _names_a_kind(uid2: bytes) -> bool:
     """Return whether a uid names a kind of board, not one board.
 
-    PX4's Linux boards (VOXL 2, Raspberry Pi) report a text of their kind (BOARD_OVERRIDE_UUID) behind two
-    bytes of the processor's architecture.
+    PX4's Linux boards (VOXL 2, Raspberry Pi) report two bytes of the processor's architecture, then a text
+    for the kind of board (BOARD_OVERRIDE_UUID).
     """
     return uid2[2:].isalnum()

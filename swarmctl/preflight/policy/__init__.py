@@ -2,15 +2,15 @@
 
 Names, values and bits by the parameter lists of ArduCopter and ArduPlane 4.5 to 4.7
 (https://ardupilot.org/copter/docs/parameters.html, https://ardupilot.org/plane/docs/parameters.html) and of
-PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference), and by what reads them:
-ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC_Fence.cpp, AP_BattMonitor_Params.cpp;
-commander/failsafe/failsafe.cpp.
+PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference), and by the code that reads
+them: ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC_Fence.cpp,
+AP_BattMonitor_Params.cpp; commander/failsafe/failsafe.cpp.
 ArduPlane's RTL_ALTITUDE, AIRSPEED_CRUISE, AIRSPEED_MIN and ROLL_LIMIT_DEG have these names from 4.5 on
 (before: ALT_HOLD_RTL, TRIM_ARSPD_CM, ARSPD_FBW_MIN, LIM_ROLL_CD; ArduPlane/Parameters.cpp converts them).
 The behaviour of older and later versions at a lost link is unknown, so they have no table.
 
-Reactions to a lost remote control are not declared. ArduCopter does not arm without one while FS_THR_ENABLE
-watches for it ("RC not found"). PX4 regards a remote control that is missing at arming as not intended
+Reactions to a lost remote control are not declared. ArduCopter does not arm without a remote control unless
+FS_THR_ENABLE is 0 ("RC not found"). PX4 regards a remote control that is missing at arming as not intended
 (NAV_RCL_ACT), and is never flown in OFFBOARD (COM_OBL_RC_ACT).
 """
 

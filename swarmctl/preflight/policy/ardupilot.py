@@ -75,7 +75,7 @@ _PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 need
 def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     policy, wings = behaviour.policy, behaviour.wings
     if wings is None:
-        raise NoParameterTable("it is a fixed wing, but configured as a copter; set `airframe: plane`")
+        raise NoParameterTable("a fixed wing, but configured as a copter; set `airframe: plane`")
     watched = policy.lost_link != "continue"
     return (
         exactly("FS_GCS_ENABL", behaviour.lost_link, 1.0 if watched else 0.0),
@@ -114,7 +114,7 @@ def _plane_circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[Requ
         exactly("RTL_AUTOLAND", "a return that ends in a landing", _LANDS_ONCE_HOME),
         RequiredParameter(
             "RTL_ALTITUDE",
-            "a return at the height it flies at" if behaviour.among_others else behaviour.fence,
+            "a return at the flight altitude" if behaviour.among_others else behaviour.fence,
             _PRESENT_ALTITUDE,
             (_PRESENT_ALTITUDE,),
             # ArduPlane also descends to this altitude.
@@ -146,7 +146,7 @@ def _critical(behaviour: DeclaredBehaviour, values: tuple[float, ...]) -> Requir
 
 
 def _battery(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
-    """Return the parameters of the battery monitor, which depend on the vehicle: each has to be above 0."""
+    """Return the parameters of the battery monitor. Each depends on the vehicle, and has to be above 0."""
     return tuple(
         above_zero(name, behaviour.low_battery)
         for name in ("BATT_MONITOR", "BATT_LOW_VOLT", "BATT_LOW_TIMER")

@@ -29,7 +29,7 @@ class DeclaredBehaviour:
     turn_radius_m: float = 40.0
     """turn radius of a fixed wing"""
     among_others: bool = False
-    """the vehicle belongs to a swarm in which each flies at a height of its own"""
+    """True for a vehicle of a swarm whose vehicles fly at different heights"""
 
     @property
     def lost_link(self) -> str:
@@ -51,8 +51,8 @@ class DeclaredBehaviour:
     def returns_at_most_m(self) -> float:
         """Return the greatest height above home of a return that begins lower [m].
 
-        The return schedule assumes it, it is below the fence's ceiling, and vehicles that return at one time
-        do not climb to one height.
+        The return schedule assumes this height, and the fence's ceiling is not lower. Vehicles that return
+        at the same time do not climb to the same height.
         """
         return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 

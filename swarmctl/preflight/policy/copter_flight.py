@@ -1,7 +1,7 @@
 """Parameters of an ArduCopter's flight, return and landing, with the values that plans assume. Pure.
 
-Each change into AUTO applies them again; a speed commanded earlier ends there (`ModeAuto::init`). Up to
-version 4.6 speeds and heights are in centimetres. From 4.7 on they are in metres, with other names
+Each change into AUTO applies these parameters again, and ends an earlier speed command (`ModeAuto::init`). Up
+to version 4.6 speeds and heights are in centimetres. From 4.7 on they are in metres, with other names
 (https://ardupilot.org/copter/docs/common-param-name-changes.html).
 """
 
@@ -98,7 +98,7 @@ _TOLERANCE = 0.1
 def _rate(name: str, declared: str, rate: float, behaviour: DeclaredBehaviour) -> RequiredParameter:
     """Return the requirement on a rate. Only the owner sets it, never this program.
 
-    A slower vehicle is late and needs more charge. A faster vehicle is not where the others expect it.
+    A slower vehicle is late and needs more charge. A faster vehicle is ahead of the predicted position.
     """
     most = (1.0 + _TOLERANCE) * rate if behaviour.among_others else math.inf
     return RequiredParameter(name, declared, least=(1.0 - _TOLERANCE) * rate, most=most)

@@ -31,9 +31,9 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         RequiredParameter(
             "RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MOST_DELAY_S
         ),
-        # Its default is 5 m/s, half the speed that plans assume by default.
+        # The default is 5 m/s, half the default speed of plans.
         cruise_speed("MPC_XY_CRUISE", behaviour),
-        # Uploaded waypoints do not override it (param2).
+        # Uploaded waypoints do not override this radius (param2).
         RequiredParameter("NAV_ACC_RAD", _CORNERS, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M),
     )
 
@@ -51,7 +51,7 @@ _ALTITUDE_OFF_M = 10.0  # default of NAV_FW_ALT_RAD
 def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     policy, wings = behaviour.policy, behaviour.wings
     if wings is None:
-        raise NoParameterTable("it is a fixed wing, but configured as a copter; set `airframe: plane`")
+        raise NoParameterTable("a fixed wing, but configured as a copter; set `airframe: plane`")
     return (
         *_link(behaviour, version, _PLANE_LOST_LINK),
         one_of("COM_LOW_BAT_ACT", behaviour.low_battery, {"return": (3.0,)}, policy.low_battery),
@@ -66,7 +66,7 @@ def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredPa
     """Return the parameters of the return, the circles, the landing slope, the climb and the least speed.
 
     The return leads to the mission's landing. Circles are no wider than plans assume. A plane climbs along
-    its route, and not in a circle at its first waypoint.
+    the route, not in a circle at the first waypoint.
     """
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     steep_deg = wings.glide_from_circle_deg

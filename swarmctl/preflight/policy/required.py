@@ -14,7 +14,7 @@ LEAST = 1e-6
 
 
 class NoParameterTable(Exception):
-    """The firmware's parameters for the declared behaviour are unknown, or the firmware cannot behave so."""
+    """A firmware with unknown parameters for the declared behaviour, or without that behaviour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class RequiredParameter:
     def met_by(self, reported: Mapping[str, float]) -> bool:
         """Return whether the reported value is accepted.
 
-        A parameter that the vehicle lacks and one whose message was lost are both missing in `reported`.
+        A parameter is missing in `reported` if the vehicle lacks it, or if its message was lost.
         """
         return self.name in reported and self.accepts(reported[self.name])
 
