@@ -1,6 +1,6 @@
 """The predicted trajectory of a flight plan, which collision avoidance compares with others. Pure.
 
-A fixed wing's is in `wing_trajectory`.
+`wing_trajectory` has the trajectory of a fixed wing.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
 
 
 def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
-    """Return the plan with one more waypoint, at the place where the vehicle reaches the plan's height.
+    """Return the plan with one more waypoint, at the point where the vehicle reaches the plan's height.
 
-    The vehicle begins the climb or descent in `after_s`. Between waypoints vehicles climb evenly, so without
-    the waypoint the vehicle would reach the height only at a far first waypoint.
+    The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints. So without the
+    added waypoint the vehicle would reach the height only at its first waypoint, which may be far.
     """
     height_m, place = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
@@ -105,14 +105,14 @@ def fly_with_stop(
     until, rest = parts
     if (brakes := split_track(until, stop.brakes_in_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]
-    points, times_s, way_m = [here], [0.0], 0.0
+    points, times_s, flown_m = [here], [0.0], 0.0
     for a, b in pairwise(until[:-1]):
-        way_m += math.dist(a, b)
-        if times_s[-1] + SAME_TIME_S < (at_s := stop.time_at(way_m)) < stop.stops_in_s - SAME_TIME_S:
+        flown_m += math.dist(a, b)
+        if times_s[-1] + SAME_TIME_S < (at_s := stop.time_at(flown_m)) < stop.stops_in_s - SAME_TIME_S:
             points.append((*b, here[2]))
             times_s.append(at_s)
-    on = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
-    return Trajectory((*times_s, *on.times_s), (*points, *on.points))
+    after = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
+    return Trajectory((*times_s, *after.times_s), (*points, *after.points))
 
 
 def fly_along(
@@ -122,7 +122,7 @@ def fly_along(
     landing."""
     corners, passed_s = travel_time.timed([here[:2], *path], speed_m_s, begins_m_s=begins_m_s)
     if len(corners) > 1 and path[0] not in corners[:2] and path[0] != here[:2]:
-        # This point is on a straight line, but the flight is level from it on.
+        # This point is no corner, but the flight is level from this point on.
         share = min(math.dist(here[:2], path[0]) / math.dist(here[:2], corners[1]), 0.99)
         corners.insert(1, path[0])
         passed_s.insert(1, share * passed_s[1])
@@ -137,7 +137,7 @@ def fly_along(
 
 
 def land_from(points: Sequence[LocalPoint], times_s: Sequence[float]) -> Trajectory:
-    """Return the trajectory through these points with a vertical landing from the last of them."""
+    """Return the trajectory through these points, with a vertical landing from the last point."""
     points, times_s = [*points], [*times_s]
     east_m, north_m, up_m = points[-1]
     if up_m > LOW_M:

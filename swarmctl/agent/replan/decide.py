@@ -1,4 +1,4 @@
-"""The choice of a route, and of whether it is worth a change of the mission."""
+"""The choice of a route, and the decision to change the mission for it or not."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _decide_from(
     splice = splice_on_route(state, here, p_s) if off_track is None else off_track
     start, joining = splice.kept[-1], joining_leg(state, splice)
     if splice.leaves_ahead and start in task.goals and not state.must_change:
-        # The vehicle is at its goal before it could have another mission.
+        # The vehicle reaches its goal before the end of a swap.
         return replace(state, exposure=p_s, route_exposure=p_s, dirty=False, because=()), []
     ahead = _cells_ahead(state, start)
     lead_in = lead_in_to(state, start, ahead, splice)
@@ -67,15 +67,15 @@ def _decide_from(
     try:
         route = route_within_bounds(task, problem, change, joining)
     except BoundTooTight as error:
-        route = error.nearest  # a late vehicle flies on by the best route there is
+        route = error.nearest  # a late vehicle flies the best route found
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, splice)
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, joining)
-    holds = off_track is not None or not keeps or is_track_still_good(state, p_s, here)
-    keeps = keeps and holds and not state.must_change
+    is_track_good = off_track is not None or not keeps or is_track_still_good(state, p_s, here)
+    keeps = keeps and is_track_good and not state.must_change
     if not keeps and off_track is None and task.wings is None and _is_on_track(state):
-        # This search began beside the vehicle, but a new route leaves the track at a splice point ahead.
-        splice, must = splice_on_track(state, p_s), state.must_change or not holds
-        state = replace(state, searches=state.searches + 1, must_change=must)
+        # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
+        splice, must_change = splice_on_track(state, p_s), state.must_change or not is_track_good
+        state = replace(state, searches=state.searches + 1, must_change=must_change)
         return _decide_from(state, p_s, splice.kept[-1], splice)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
     lost_s = lost_s if keeps else route_lost_s(task, route.cells, joining)
@@ -109,8 +109,7 @@ def _decide_from(
 
 
 def _from_vehicle(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
-    """Return the route with the cells of the old route before the splice point, and the measures of the
-    whole."""
+    """Return the route with the kept cells of the old route in front, and the measures of the whole."""
     if len(splice.kept) == 1:
         return route
     cells = (*splice.kept[:-1], *route.cells)

@@ -91,7 +91,7 @@ def _chosen(
     from_pose: Pose,
     is_flown_to: bool,
 ) -> LandingPattern:
-    p_s = np.ones((grid.rows, grid.cols))  # the fewer cells of the area the better
+    p_s = np.ones((grid.rows, grid.cols))  # so the pattern over the fewest cells of the area is best
     for cell in no_fly:
         p_s[cell] = math.inf
     threat = ThreatMap.of(p_s)
@@ -116,7 +116,7 @@ def _heading_rad(a: PlanarPoint, b: PlanarPoint) -> float:
 
 
 def _exposure_under(threat: ThreatMap, grid: Grid, path: Sequence[PlanarPoint]) -> float:
-    """Return ΣP_s over the cells of the area under a path, each once; infinite if one may not be entered."""
+    """Return ΣP_s over the cells of the area under a path, each once; infinite with a forbidden cell."""
     points = [(east / grid.cell_size_m, north / grid.cell_size_m) for east, north in path]
     if threat.blocked.any() and not is_clear(threat, points):
         return math.inf

@@ -1,7 +1,7 @@
 """The landing pattern of a fixed wing: a circle to lose height, and a straight final. Pure.
 
-It is the pattern that ground stations of fixed wings draw. The vehicle descends in a circle to the height of
-the final (MAV_CMD_NAV_LOITER_TO_ALT), leaves the circle along its tangent, and descends on a straight slope
+Ground stations draw this pattern for fixed wings. The vehicle descends in a circle to the height of the final
+(MAV_CMD_NAV_LOITER_TO_ALT), leaves the circle along its tangent, and descends on a straight slope
 (MAV_CMD_NAV_LAND). Points are in the area's plane, headings are clockwise from north [rad].
 """
 
@@ -45,11 +45,11 @@ class FixedWing:
     min_speed_m_s: float
     """least speed that is ordered [m/s]"""
     takeoff_height_m: float
-    """height above home up to which it flies straight on after take-off [m]"""
+    """height above home up to which the vehicle flies straight on after take-off [m]"""
     home: LatLon
     """place of take-off, and of the landing after a return"""
     landing_heading_deg: float | None = None
-    """landing heading, clockwise from north; None: the one over the fewest cells of the area"""
+    """landing heading, clockwise from north [deg]; None: the heading over the fewest cells of the area"""
 
     @property
     def final_m(self) -> float:
@@ -129,11 +129,11 @@ def choose_pattern(
     fence: Sequence[PlanarPoint],
     exposure_under: Callable[[Sequence[PlanarPoint]], float],
 ) -> LandingPattern:
-    """Return the pattern over the least exposure whose legs all stay inside the fence.
+    """Return the pattern of least exposure whose legs all stay inside the fence.
 
-    Among equal patterns it turns least from `from_pose`. With `is_flown_to` the path from there
-    to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path, infinite if
-    one of them may not be entered. Raises NoApproach.
+    Of equal patterns it is the one with the least turn from `from_pose`. With `is_flown_to` the path from
+    `from_pose` to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path,
+    infinite with a forbidden cell. Raises NoApproach.
     """
 
     def cost(candidate: LandingPattern) -> float:
@@ -150,9 +150,9 @@ def choose_pattern(
     if math.isinf(least):
         raise NoApproach(
             f"a final of {wings.final_m:.0f} m with a circle of {wings.loiter_radius_m:g} m leaves the "
-            "fence, or crosses no_fly, for every heading: expected room for one of them"
+            "fence, or crosses no_fly, for every heading; expected room for one heading"
         )
-    return next(one for total, one in found if total <= least + EXPOSURE_TIE)
+    return next(pattern for total, pattern in found if total <= least + EXPOSURE_TIE)
 
 
 def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> Iterator[LandingPattern]:
@@ -169,7 +169,7 @@ def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> I
 
 
 def path_to_circle(from_pose: Pose, pattern: LandingPattern, turn_radius_m: float) -> list[PlanarPoint]:
-    """Return the approximate path to the circle: a turn towards its centre until the vehicle is on it."""
+    """Return the approximate path to the circle: a flight that turns towards the circle's centre."""
     (east, north), heading = from_pose.point, from_pose.heading_rad
     most_rad = STEP_M / max(turn_radius_m, STEP_M)
     path = [from_pose.point]

@@ -109,10 +109,9 @@ def before_takeoff(arrival: TimeBound, altitude_m: float) -> LeadIn:
 
 
 def swap_loss_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
-    """Return the time lost by a swap before the new route begins [s].
+    """Return the time lost by a swap before the new route begins [s], at least the time lost by braking.
 
-    It is the vehicle's measured stop (`SwapTimes.stop_s`), or an assumed stop without a measurement. It is at
-    least the time lost by braking.
+    `stop_s` is the vehicle's measured stop (`SwapTimes.stop_s`); without a measurement a stop is assumed.
     """
     brakes_s = 0.0 if brakes_m_s2 is None else travel_time.brake_s(arrival.speed_m_s, brakes_m_s2)
     return max(travel_time.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)

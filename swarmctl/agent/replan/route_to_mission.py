@@ -1,7 +1,6 @@
-"""From a lattice route to the mission: the route itself, or a straightened track in its place.
+"""The mission for a lattice route: along the route itself, or along a straightened track.
 
-The planner measures the lattice route, and a new route is compared with it. A track replaces it only as long
-as the track is no worse.
+The planner measures and compares lattice routes. A track replaces its route only while the track is no worse.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot, track
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 BESIDE_M = 5.0
-"""Distance from the straight leg to the next corner within which a splice point needs no waypoint [m]. It is
-no more than the error at other corners."""
+"""Distance from the straight leg to the next corner within which a splice point needs no waypoint [m]. The
+error at other corners is at least as large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +38,14 @@ class FlownRoute:
     """The flown form of a route, and its measures."""
 
     cells: tuple[Cell, ...]
-    """cells under it, in the order flown"""
+    """cells under the flight, in the order flown"""
     corners: tuple[Cell, ...]
     """both ends and the turns"""
     length_cells: float
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
     safety_factor: float
-    """∏(1 − P_s) over the same"""
+    """∏(1 − P_s) over the same cells"""
     is_pulled: bool
     """True for a straightened track; False for the lattice route itself"""
 
@@ -77,16 +76,16 @@ def lattice_route(route: Route) -> FlownRoute:
 def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     """Return the straightened track of a route; None if the lattice route itself is flown.
 
-    If turns as wide as needed cost something, the loss is kept small: by Eq. 5 for a planner that uses w, by
-    exposure alone for the others. No track is longer than its route, so time bounds are kept. Raises
-    Unreachable if no track has turns wide enough.
+    If wide turns cause a loss, the loss is kept small: by Eq. 5 for a planner that uses w, otherwise by
+    exposure alone. A track is never longer than its route, so it keeps the latest arrival. Raises Unreachable
+    if no track has turns wide enough.
     """
     if task.any_angle is None:
         return None
     radius_cells = task.turn_radius_m / task.grid.cell_size_m
     threat = ThreatMap.of(problem.exposure, problem.max_exposure)
-    goes_by_w = task.method.planner.USES_W
-    weights = Weights(problem.w, problem.psi_per_cell) if goes_by_w else Weights(1.0, 0.0)
+    uses_w = task.method.planner.USES_W
+    weights = Weights(problem.w, problem.psi_per_cell) if uses_w else Weights(1.0, 0.0)
     try:
         track = pull_straight(threat, route.cells, task.any_angle, radius_cells=radius_cells, weights=weights)
     except Unflyable as error:
@@ -139,8 +138,8 @@ def mission_for(
         return replace(plan, track=(*lead_waypoints, *plan.track), leaves_ahead=leaves_ahead)
 
     def may_clip(cell: Cell) -> bool:
-        # DEVIATION: a vehicle past the centre of its cell would fly back to it for a diagonal turn. It cuts
-        # the corner instead if the cell under the shortcut is no worse than the two cells of the step.
+        # DEVIATION: a vehicle past the centre of its cell would fly back to the centre for a diagonal turn.
+        # Instead, it cuts the corner if the cell under the shortcut is no worse than the cells of the step.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
     plan = flight_plan(
@@ -176,7 +175,7 @@ def _along_lattice(task: Task, cells: Sequence[Cell], splice: Splice, landing: L
 
 
 def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None) -> FlightPlan:
-    """Return the mission of a fixed wing: it never flies back to a corner, and lands by an approach."""
+    """Return the mission of a fixed wing, which never flies back to a corner and lands by an approach."""
     assert task.wings is not None
     ahead = corners if position is None else corners_ahead(task, corners, position)
     plan = track_plan(task.grid, ahead, altitude_m=task.altitude_m, landing_lat_lon=landing)
@@ -192,8 +191,8 @@ def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: 
 def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
     """Return the corners of a track that are still ahead of a fixed wing.
 
-    The corner under or beside the vehicle is left out, and so are corners that it turns at soon. For a corner
-    behind it the vehicle would fly a circle.
+    The result omits the corner under or beside the vehicle, and corners at which the vehicle turns soon. To a
+    corner that it has passed the vehicle would fly a circle.
     """
     grid = task.grid
     over, here = grid.cell_at(*position), grid.frame.to_local(*position)
@@ -202,24 +201,22 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
     while first + 1 < len(corners):
         corner, after = grid.centre_m(corners[first]), grid.centre_m(corners[first + 1])
         turns_m = min(tangent(here, corner, after, task.turn_radius_m), 2.0 * task.turn_radius_m)
-        behind = first == 0 and over is not None
-        if not behind and math.dist(here, corner) > turns_m + soon_m:
+        is_passed = first == 0 and over is not None
+        if not is_passed and math.dist(here, corner) > turns_m + soon_m:
             break
         first += 1
     return corners[first:]
 
 
 def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
-    """Return the index in `swap.cells` of the cell nearest to a cell that is flown over; None for other
-    cells."""
+    """Return the index in `swap.cells` nearest to a cell under the flight; None for other cells."""
     if swap.track is not None:
         return pull.route_index_at(swap.track, cell, since)
     return swap.cells.index(cell) if cell in swap.cells else None
 
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> bool:
-    """Return whether the present track is still as good as its route, whose cell `start` is beside the
-    vehicle."""
+    """Return whether the present track is still as good as its route; `start` is the vehicle's route cell."""
     task, swap = state.task, state.route
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True

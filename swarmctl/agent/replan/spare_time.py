@@ -14,9 +14,9 @@ from swarmctl.planners.base import Method
 MIN_EARLY_S = 10.0
 """Least spare time for another route [s]. With less, the vehicle only flies slower."""
 LAST_MARGIN_S = 0.5
-"""Greatest spare time of the last vehicle, which sets the time for all [s]."""
+"""Greatest spare time of the last vehicle [s]; the last vehicle determines the common time."""
 RESERVE_S = 5.0
-"""Spare time that is kept for delays [s], so that this vehicle does not become the last."""
+"""Spare time kept for delays [s], so that this vehicle does not become the last one."""
 LEAST_EXPOSED = Method("window", window, window.Params())
 
 
@@ -28,7 +28,7 @@ def is_early(due_s: float, soonest_s: float) -> bool:
 def with_spare_time(state: AgentState, task: Task) -> Task:
     """Return the task of an early vehicle: the least exposed route that arrives on time at a permitted speed.
 
-    A vehicle that is not early, or that arrives alone, keeps its own task.
+    The task stays the same for a vehicle that is not early, or that arrives alone.
     """
     vehicle, due_s = state.vehicle, state.due_s
     if (
@@ -44,7 +44,7 @@ def with_spare_time(state: AgentState, task: Task) -> Task:
         return task
     left_s = due_s - vehicle.time_boot_s
     full_m_s = task.arrival.speed_m_s
-    # Time at full speed for the distance that the vehicle covers at its least speed until it is due.
+    # Time at full speed for the distance that the vehicle flies at its least speed until the common time.
     least_s = left_s * least_m_s(full_m_s, task.arrival_group.slowest_m_s) / full_m_s
     begun_s = vehicle.time_boot_s - state.launched_boot_s
     arrival = TimeBound(
@@ -61,7 +61,7 @@ def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> Agen
     wanted = due_s if is_early(due_s, soonest_s) else None
     had = state.spare_time_due_s
     if wanted is None:
-        # Its longer route takes up the spare time. It keeps that route unless it is the last vehicle.
+        # The longer route uses up the spare time. The vehicle keeps that route unless it is the last one.
         is_last = due_s - soonest_s <= LAST_MARGIN_S and had is not None
         return replace(state, spare_time_due_s=None, dirty=True) if is_last else state
     if had is not None and math.isclose(had, wanted, abs_tol=MIN_EARLY_S):

@@ -1,9 +1,11 @@
-"""The splice point, at which a new route leaves the present one, ahead of the vehicle at the end of the swap.
+"""The splice point: the point ahead of the vehicle at which a new route leaves the present one. Pure.
 
-During the swap the vehicle flies on. So a new route keeps the cells of the old one up to a centre that the
-vehicle does not reach before the end of the swap. That follows from its speed and from the durations of its
-last swaps. The vehicle never has to fly back. If the old route leads into a wall before the splice point, the
-vehicle leaves it at once. A fixed wing never does so: it can neither turn on the spot nor wait. Pure.
+The vehicle flies on during the swap. So the new route keeps the cells of the old route up to a centre that
+the vehicle reaches only after the swap, and the vehicle never has to fly back. The distance follows from its
+speed and from the durations of its last swaps.
+
+If the old route has a wall before the splice point, a copter leaves the route at once. A fixed wing does not:
+it can neither turn on the spot nor wait.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
-"""Greatest distance of a vehicle on its route [m]; farther off it is blown away or cuts a corner."""
+"""Greatest distance of a vehicle on its route [m]; beyond it, the vehicle drifts or cuts a corner."""
 OVERHEAD_M = 1.0
 """Greatest distance of a vehicle that is over a centre [m]."""
 MOVING_M_S = 0.5
@@ -33,8 +35,7 @@ URGENT_CELLS = 3
 CHANGE_S = 2.0
 """Least time for which a fixed wing flies on by its old plan during a swap [s]."""
 TURN_OFF_RADII = math.tan(math.pi / 8.0)
-"""Distance before a turn by 45° at which a fixed wing turns off [radii]; routes turn by more only with
-room."""
+"""Distance before a turn by 45° at which a fixed wing turns off [radii]; sharper turns have more room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,23 +43,23 @@ class Splice:
     """The part that a new route has in common with the present one."""
 
     kept: tuple[Cell, ...]
-    """common cells from the one beside the vehicle on; the new route may turn off in the last"""
+    """common cells, from the cell beside the vehicle to the cell in which the new route may turn off"""
     leaves_ahead: bool = False
-    """the vehicle flies these cells by its old plan; else it leaves that plan at once"""
+    """True: the vehicle flies these cells by its old plan; False: it leaves the old plan at once"""
     previous: Cell | None = None
-    """cell of the old route before the first of them"""
+    """cell of the old route before `kept`"""
     is_first_passed: bool = False
-    """the vehicle has passed the centre of the first of them"""
+    """True if the vehicle has passed the centre of the first kept cell"""
     path: tuple[PlanarPoint, ...] = ()
     """points from the vehicle over the centres ahead to the last but one"""
     lead_m: float = 0.0
     """length of the path to the centre of the last cell, or to the splice point on a track [m]"""
     lead_waypoints: tuple[Waypoint, ...] = ()
-    """on a track: its corners before the splice point, and that point"""
+    """on a track: the corners before the splice point, and the splice point"""
 
 
 def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) -> Splice:
-    """Return the splice for a new route from the present one, whose cell `start` is beside the vehicle."""
+    """Return the splice for a new route from the present one; `start` is the vehicle's route cell."""
     task, swap = state.task, state.route
     if task.wings is not None:
         return Splice(kept_cells(state, start))
@@ -87,7 +88,7 @@ def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) ->
 def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
     """Return the cells of a fixed wing's route, from `start` on, that a new route keeps as room for the turn.
 
-    The new route may turn off in the last of them. Without a present route the result is `start` alone.
+    The new route may turn off in the last cell. Without a present route the result is `start` alone.
     """
     task, swap, vehicle = state.task, state.route, state.vehicle
     if state.phase is not Phase.FLYING or swap is None or start not in swap.cells:
@@ -105,8 +106,7 @@ def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
 
 
 def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
-    """Return the splice for a new route from the present track: the vehicle's place at the end of the
-    swap."""
+    """Return the splice for a new route from the present track: the position at the end of the swap."""
     swap, vehicle, grid = state.route, state.vehicle, state.task.grid
     assert state.cell is not None
     at_once = Splice((state.cell,))
@@ -132,7 +132,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
 
 
 def is_urgent(state: AgentState, p_s: NDArray[np.float64]) -> bool:
-    """Return whether there is a wall close ahead of the vehicle, so that it needs another plan at once."""
+    """Return whether a wall is close ahead of the vehicle, so that it needs another plan at once."""
     swap = state.route
     if swap is None:
         return True
@@ -146,7 +146,7 @@ def may_learn_of_walls(state: AgentState) -> bool:
 
 
 def _place_on_route(state: AgentState) -> PlanarPoint | None:
-    """Return the position of a vehicle that flies along its lattice route; None for others."""
+    """Return the position of a vehicle that flies along its lattice route; None for another vehicle."""
     vehicle, swap, grid = state.vehicle, state.route, state.task.grid
     if state.phase is not Phase.FLYING or vehicle.mode_role != "mission" or swap is None:
         return None
@@ -167,7 +167,7 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
         return True
     if vehicle.ground_speed_m_s >= MOVING_M_S:
         return east_m * vehicle.east_m_s + north_m * vehicle.north_m_s >= 0.0
-    # A vehicle at rest is past the centre if it is nearer to the leg after it than to the leg before it.
+    # A vehicle at rest has passed the centre if the next leg is nearer than the previous leg.
     if index + 1 == len(cells):
         return False
     after = distance_to_leg(here, at, centre(cells[index + 1]))
@@ -175,7 +175,7 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
 
 
 def _flies_on_m(state: AgentState) -> float:
-    """Return the distance that the vehicle flies by its old plan before it has a new one [m]."""
+    """Return the distance that the vehicle flies by its old plan until the end of a swap [m]."""
     return distance_and_speed_after(state, state.swap_times.expected_s)[0]
 
 

@@ -1,6 +1,6 @@
 """The stop of a vehicle that brakes for a new plan: the time, position and cost of the stop. Pure.
 
-An ArduPilot copter that is sent to another mission item first brakes to a stop, wherever that item is
+An ArduPilot copter brakes to a stop before it flies to another mission item, in any direction
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
 At speed v and deceleration b, braking costs v / 2b, and speeding up costs the same: together about 4 s at
 10 m/s.
@@ -20,9 +20,9 @@ from swarmctl.core.planar import PlanarPoint
 STANDING_M_S = 1.0
 """Greatest speed of a vehicle that needs no stop [m/s]."""
 RESTART_M_S = 0.1
-"""Start speed after a stop [m/s]. It is above 0, because a stop is no corner to fly around."""
+"""Start speed after a stop [m/s]. It is above 0, because a stop on a leg does not count as a corner."""
 CORNER_M = 0.01
-"""Greatest distance from a stop to a corner behind it that counts as the stop [m]."""
+"""Greatest distance from a stop to the next corner at which both count as one point [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ def _stop(state: AgentState, brakes_in_s: float) -> BrakingStop | None:
 
 
 def stopped_at(state: AgentState) -> float:
-    """Return the time at which a vehicle that brakes now stands, by its clock; now if it need not brake."""
+    """Return the end of a stop that begins now, by the vehicle's clock; the present time without a stop."""
     stop = _stop(state, 0.0)
     return state.vehicle.time_boot_s + (0.0 if stop is None else stop.stops_in_s)
 
@@ -101,7 +101,7 @@ def split_track(
 ) -> tuple[list[PlanarPoint], list[PlanarPoint]] | None:
     """Return the two parts of a track, split after `at_m` [m]; None if the track is shorter.
 
-    Both parts have the split point. A corner at most CORNER_M behind it counts as the split point.
+    Both parts have the split point. A corner at most CORNER_M after it counts as the split point.
     """
     remaining_m = at_m
     for i, (a, b) in enumerate(pairwise(track), start=1):
@@ -117,7 +117,7 @@ def split_track(
 def after_stop(
     track: Sequence[PlanarPoint], begins_m_s: float, stop: BrakingStop | None
 ) -> tuple[float, Sequence[PlanarPoint], float]:
-    """Return the time until the stop, the track after it, and the start speed there.
+    """Return the time until the stop [s], the track after it, and the start speed there [m/s].
 
     Without a stop on the track: 0, the whole track and `begins_m_s`.
     """

@@ -23,7 +23,7 @@ class SwapTimes:
     took_s: tuple[float, ...] = ()
     """times from the decision to the flight by the new plan [s]"""
     stood_s: tuple[float, ...] = ()
-    """times for which it held or stood still [s]"""
+    """times for which the vehicle held or stood still [s]"""
     prior_s: float = PRIOR_S
     """expected duration before the first measurement [s]"""
 
@@ -37,7 +37,7 @@ class SwapTimes:
         return SwapTimes((*self.took_s, took_s)[-KEPT:], (*self.stood_s, stood_s)[-KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times after a swap that missed its splice point: it counts twice the expectation."""
+        """Return these times with a swap that missed its splice point, at twice the expected duration."""
         return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MOST_S))[-KEPT:])
 
     @property

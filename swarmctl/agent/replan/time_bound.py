@@ -63,8 +63,8 @@ def lead_in_to(
 ) -> LeadIn:
     """Return the lead-in of a vehicle to a route from `start`.
 
-    It is counted along the present route if that leads there (`splice`, `ahead`), else straight to the centre
-    of `start`.
+    The distance is measured along the present route if that leads to `start` (`splice`, `ahead`), otherwise
+    straight to the centre of `start`.
     """
     task, vehicle = state.task, state.vehicle
     if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
@@ -99,7 +99,7 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A
     """Return the time that a vehicle loses at turns on a route over these cells and on the flight to it [s].
 
     The result is 0 for a vehicle without a latest arrival. A straightened track turns less than its route, so
-    the vehicle on it is earlier.
+    a vehicle on a track is earlier.
     """
     centres = [task.grid.centre_m(cell) for cell in cells]
     return _lost_s(task, [*joining.path, *centres], joining.begins_m_s)
@@ -127,8 +127,7 @@ def misses_by(
 def ahead_lost_s(
     state: AgentState, start: Cell, ahead: Sequence[Cell], splice: Splice | None = None
 ) -> float:
-    """Return the time lost at turns on the rest of the present route, from the vehicle's place and speed
-    [s]."""
+    """Return the time lost at turns on the rest of the present route, from the present speed on [s]."""
     task, vehicle = state.task, state.vehicle
     if splice is not None and splice.leaves_ahead:
         return route_lost_s(task, ahead, JoiningLeg(splice.path, vehicle.ground_speed_m_s))
@@ -155,7 +154,7 @@ def route_within_bounds(
 ) -> Route:
     """Return the best route that meets the bounds in spite of the cost `change` [cells] of the swap.
 
-    If there is none, the result is a route that meets the bounds without that cost. Raises Unreachable, or
+    If no route does, the result is a route that meets the bounds without that cost. Raises Unreachable, or
     BoundTooTight if no route was found.
     """
     bounds = _bounds(problem)
@@ -171,10 +170,10 @@ def route_within_bounds(
 
 
 def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
-    """Return a route that is no longer than `latest_cells` with the time lost at its turns.
+    """Return a route that is no longer than `latest_cells`, with the time lost at turns counted as length.
 
-    Planners bound the length alone. So the bound is tightened by the loss of each route found until a route
-    fits; the last try is the shortest route. Raises BoundTooTight.
+    Planners bound the length alone. So each route found tightens the bound by its loss, until a route fits.
+    The last try is the shortest route. Raises BoundTooTight.
     """
     bounds = LengthBounds(problem.min_length_cells, latest_cells)
     greatest, seen = latest_cells, list[Route]()
@@ -213,8 +212,8 @@ def is_no_worse(
 ) -> bool:
     """Return whether the rest of the present route is as good as a new route.
 
-    The present route, `ahead`, loses `lost_s` at turns; the change to the new one costs `change` [cells]. If
-    either misses the bounds, the route that misses them by less is better.
+    The present route, `ahead`, loses `lost_s` at turns; the change to the new route costs `change` [cells].
+    If either route misses the bounds, the route that misses them by less is better.
     """
     if not is_open(problem, ahead):
         return False

@@ -1,8 +1,8 @@
 """The travel time of a copter on a track, with braking before turns and speeding up after them. Pure.
 
-The numbers are the defaults of ArduCopter's parameters, which `sim_vehicle` uses too. Time lost at a turn
-between long legs, in flight and as estimated here at 10 m/s (high, so that a vehicle is early rather than
-late):
+The numbers are the defaults of ArduCopter's parameters, which `sim_vehicle` uses too. The table has the time
+lost at a turn between long legs, in flight and as estimated here. Estimates are high, so that a vehicle is
+early rather than late.
 
 | speed | 45° | 90° | 135° |
 |---|---|---|---|
@@ -25,17 +25,17 @@ from swarmctl.core.planar import PlanarPoint
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
 BRAKING_M_S2 = 1.75
-"""the part of it that is planned for braking"""
+"""part of WPNAV_ACCEL that is planned for braking"""
 CORNER_RADIUS_M = 2.0
 """WPNAV_RADIUS: distance from a corner at which the vehicle turns off"""
 CORNER_SHARE = 0.75
-"""Share of the speed at which a corner could be rounded within that radius; the vehicle is slower, because it
-has to leave its old direction too."""
+"""Share of the speed at which a vehicle could round a corner within CORNER_RADIUS_M. The vehicle is slower,
+because it has to leave its old direction too."""
 SETTLE_S = 0.8
 """additional time at each turn until the vehicle follows the next leg"""
 SHORT_S = 4.5
-"""Duration of a leg at full speed below which the vehicle swerves at both ends; that costs up to a stop
-[s]."""
+"""Duration of a leg at full speed below which the vehicle swerves at both ends [s]. A swerve costs up to a
+stop."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 
@@ -48,9 +48,9 @@ def brake_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
 def lost_s(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
 ) -> float:
-    """Return the time that braking and turns cost on a track at whose end the vehicle stops [s]; at least 0.
+    """Return the time lost by braking and turns on a track that ends in a stop [s]; at least 0.
 
-    It is the time up to `ends_m` before the end, minus the time for the whole track at `speed_m_s`. The
+    The loss is the time up to `ends_m` before the end, minus the time for the whole track at `speed_m_s`. The
     vehicle begins with `begins_m_s`.
     """
     at_speed_s = math.fsum(math.dist(a, b) for a, b in pairwise(_corners(track))) / speed_m_s
@@ -60,7 +60,7 @@ def lost_s(
 def arrives_s(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
 ) -> float:
-    """Return the time until a vehicle is `ends_m` before the end of a track, where it stops [s]."""
+    """Return the time until a vehicle is `ends_m` before the end of a track that ends in a stop [s]."""
     corners, times_s, last_m_s = _timed(track, speed_m_s, begins_m_s)
     if len(corners) < 2:
         return 0.0
@@ -71,7 +71,7 @@ def arrives_s(
 def timed(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0
 ) -> tuple[list[PlanarPoint], list[float]]:
-    """Return the corners of a track with both ends, and the time from the start to each [s].
+    """Return the corners and ends of a track, and the time from the start to each of them [s].
 
     The vehicle begins with `begins_m_s` and stops at the end.
     """
@@ -111,9 +111,9 @@ def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:
 
 
 def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> float:
-    came = math.atan2(here[1] - before[1], here[0] - before[0])
-    goes = math.atan2(after[1] - here[1], after[0] - here[0])
-    return abs(math.remainder(goes - came, math.tau))
+    angle_in = math.atan2(here[1] - before[1], here[0] - before[0])
+    angle_out = math.atan2(after[1] - here[1], after[0] - here[0])
+    return abs(math.remainder(angle_out - angle_in, math.tau))
 
 
 def _corner_m_s(turn_rad: float, speed_m_s: float) -> float:

@@ -1,7 +1,7 @@
 """The predicted trajectory of a fixed wing: roll, straight climb, rounded corners and approach. Pure.
 
-The speed is constant. The autopilot chooses the climb and sink rates; the rates here lie between the greatest
-that its parameters allow and the least that it needs.
+The speed is constant. The autopilot chooses its climb and sink rates. The rates here are between the least
+needed and the greatest that the autopilot's parameters allow.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ ROLL_OUT_S = 8.0
 
 
 def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
-    """Return the trajectory of a whole flight, from arming at `start` to the standstill; up is above home
-    [m]."""
+    """Return the trajectory of a whole flight, from arming at `start` to the stop; up is above home [m]."""
     begin = task.grid.frame.to_local(*start)
     builder = _TrajectoryBuilder((*begin, 0.0), task.arrival.speed_m_s)
     builder.stay(ROLL_S)
@@ -98,7 +97,7 @@ def _to_exit(pattern: LandingPattern, around: list[PlanarPoint]) -> list[PlanarP
 
 
 def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
-    """Return the track without points within 0.1 m of the one before, which would have no direction."""
+    """Return the track without points within 0.1 m of the previous point: such legs have no direction."""
     kept: list[PlanarPoint] = []
     for point in track:
         if not kept or math.dist(kept[-1], point) > 0.1:
@@ -126,7 +125,7 @@ class _TrajectoryBuilder:
         self._times_s.append(self._times_s[-1] + seconds)
 
     def over(self, points: Iterable[PlanarPoint], height_m: float) -> None:
-        """Add legs to these places, with a climb or descent towards a height [m]."""
+        """Add legs to these points, with a climb or descent towards a height [m]."""
         for point in points:
             took_s = math.dist(self.point, point) / self._speed_m_s
             most_m = (CLIMB_M_S if height_m > self.up_m else SINK_M_S) * took_s

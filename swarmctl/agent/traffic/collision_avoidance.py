@@ -1,7 +1,7 @@
 """Collision avoidance: alarms by positions, and giving way without abandoning the mission. Pure.
 
-An alarm means: within `look_ahead_s` (10 s) the vehicle and another come closer than both separation limits,
-if both fly on as they do. Exactly one of the two gives way.
+An alarm predicts that within `look_ahead_s` (10 s) this vehicle and another come closer than both separation
+limits. Exactly one of the two gives way.
 
 | the other vehicle | gives way |
 |---|---|
@@ -47,17 +47,17 @@ from swarmctl.agent.traffic.separation.watch import (
 from swarmctl.core import events as ev
 
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
-"""Delays after which the resumed route has to be clear: a vehicle takes some seconds to follow the order."""
+"""Delays with which a resumed route has to be clear [s]: a vehicle takes some seconds to follow the order."""
 HOLDS_FOR_S = 60.0
-"""Interval at which a vehicle that holds looks for another height."""
+"""Interval at which a vehicle that holds looks for another height [s]."""
 CEILING_MARGIN_M = 3.0
-"""Distance kept below the fence's ceiling."""
+"""Distance kept below the fence's ceiling [m]."""
 MAX_LEVEL_SHARE = 1.0 / 3.0
 """Largest tolerance in height, as a share of the vertical limit."""
 
 
 def avoid_collisions(state: AgentState) -> StepResult:
-    """Update the alarms, tell the operator of new ones, and give way or resume. Called for each position."""
+    """Update the alarms, report new alarms, and give way or resume. Called for each position."""
     if not (state.neighbours or state.alarms or state.interrupted_plan):
         return state, []
     if state.interrupted_plan is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
@@ -81,14 +81,14 @@ def avoid_collisions(state: AgentState) -> StepResult:
     elif state.interrupted_plan is not None:
         state, done = _resume_if_clear(state, own, others)
     else:
-        before_it = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
-        asked = [alarm for alarm in (*new, *before_it) if _has_to_give_way(state, alarm.other)]
-        state, done = _give_way(state, asked, others)
+        higher_ids = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
+        binding = [alarm for alarm in (*new, *higher_ids) if _has_to_give_way(state, alarm.other)]
+        state, done = _give_way(state, binding, others)
     return state, [*messages, *done]
 
 
 def end_give_way(state: AgentState) -> AgentState:
-    """Return the state in which the vehicle no longer gives way."""
+    """Return the state without giving way."""
     return replace(
         state,
         interrupted_plan=None,
@@ -101,49 +101,48 @@ def end_give_way(state: AgentState) -> AgentState:
 def _has_to_give_way(state: AgentState, other: int) -> bool:
     """Return whether this vehicle gives way to another, by the table of the module."""
     report = state.neighbours.get(other)
-    may_too = report is None or (report.state.phase == Phase.FLYING and _hears(state, report))
-    return gives_way_to((True, state.task.uav), (may_too, other))
+    other_may = report is None or (report.state.phase == Phase.FLYING and _acknowledges(state, report))
+    return gives_way_to((True, state.task.uav), (other_may, other))
 
 
-def _hears(state: AgentState, other: NeighbourReport) -> bool:
-    """Return whether another vehicle acknowledges hearing this one. Without hearing it, it cannot give
-    way."""
+def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
+    """Return whether another vehicle acknowledges receiving this one; only then can it give way."""
     return state.task.uav in other.state.hears
 
 
 def _give_way(
-    state: AgentState, asked: Sequence[ProximityAlarm], others: dict[int, Trajectory]
+    state: AgentState, binding: Sequence[ProximityAlarm], others: dict[int, Trajectory]
 ) -> StepResult:
     rules = state.task.separation
-    if not may_give_way(state) or not asked:
+    if not may_give_way(state) or not binding:
         return state, []
-    stays = hold_trajectory(state)
+    hold = hold_trajectory(state)
     blocked = (
-        {a.other for a in update_alarms((), stays, others, rules, state.vehicle.time_boot_s)}
-        if stays
+        {alarm.other for alarm in update_alarms((), hold, others, rules, state.vehicle.time_boot_s)}
+        if hold
         else set()
     )
     # A fixed wing would circle in hold, so it climbs.
     if rules.action == "hold" and not blocked and state.task.wings is None:
-        # The route is planned again when it is clear; until then the vehicle has none.
+        # The vehicle has no route while it holds, and plans a new one when the way is clear.
         now_s, n, reports = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
-        to = {alarm.other: reports[alarm.other] for alarm in asked if alarm.other in reports}
-        state = replace(state, gave_way_to=to, n_holds=n, holding_since_boot_s=now_s)
+        gave_way_to = {alarm.other: reports[alarm.other] for alarm in binding if alarm.other in reports}
+        state = replace(state, gave_way_to=gave_way_to, n_holds=n, holding_since_boot_s=now_s)
         return command(state, ev.FlightOrder.HOLD, interrupted_plan=state.route, route=None)
     return _climb(state, others), []
 
 
 def may_give_way(state: AgentState) -> bool:
-    """Return whether the vehicle can interrupt its mission: it is flying it, at cruise height."""
+    """Return whether the vehicle can interrupt its mission: it flies the mission at cruise height."""
     vehicle, task = state.vehicle, state.task
     if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.route is None:
         return False
-    up_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
-    return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= up_m
+    least_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
+    return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
 
 
 def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
-    """Have the next plan, decided at once, flown at a height clear of all vehicles nearby."""
+    """Request a new plan at once, at a height clear of all nearby vehicles."""
     now_s, here_m = state.vehicle.time_boot_s, state.vehicle.alt_rel_m or 0.0
     heights_m = [at[2] for path in others.values() if (at := path.at(now_s)) is not None]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
@@ -154,21 +153,21 @@ def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
 
 
 def ceiling_m(state: AgentState) -> float:
-    """Return the greatest height above home for an evasive climb."""
+    """Return the greatest height above home for an evasive climb [m]."""
     fence = state.task.fence
     return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
 
 
 def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
-    """Resume the route, planned again from here, if it is clear; else hold on or try another height."""
+    """Resume with a new plan if the route is clear; otherwise hold, or try another height."""
     now_s = state.vehicle.time_boot_s
-    to = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
-    state = replace(state, gave_way_to=to)
+    gave_way_to = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
+    state = replace(state, gave_way_to=gave_way_to)
     if now_s < state.resume_earliest_boot_s:
         return state, []
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _passes_silent(state):
-        return _resume(state, "clear of other vehicles; resumes its route [resumes]")
+        return _resume(state, "the route is clear of other vehicles; the vehicle resumes it [resumes]")
     if now_s - state.holding_since_boot_s < HOLDS_FOR_S:
         return state, []
     return _resume_above(state, others)
@@ -186,8 +185,10 @@ def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory])
 
 
 def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
-    """Return whether two vehicles that are too close already get no closer. Both would otherwise hold for
-    ever."""
+    """Return whether two vehicles that are already too close get no closer.
+
+    Their routes then count as clear; otherwise both vehicles would hold for ever.
+    """
     here, there = path.at(path.times_s[0]), other.at(path.times_s[0])
     at = closest(path, other, limits)
     if at is None or here is None or there is None:
@@ -195,21 +196,20 @@ def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
     beside = math.dist(here[:2], there[:2]) / limits.horizontal_m
     above = abs(here[2] - there[2]) / limits.vertical_m
     now = max(beside, above)
-    # Heights are reported and held with this tolerance; positions over ground count as reported.
+    # Heights have this tolerance; positions over ground count as reported.
     tolerance = min(HEIGHT_TOLERANCE_M / limits.vertical_m, MAX_LEVEL_SHARE) if above >= beside else 1e-6
     least = limits.share(at.horizontal_m, at.vertical_m)
     return now < 1.0 + tolerance and least >= min(now, 1.0) - tolerance
 
 
 def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
-    """Return the least share of the limits that two flights keep, if both are on time; None without
-    overlap."""
+    """Return the least share of the limits that two flights on time keep; None without common time."""
     at = closest(flight, other, limits)
     return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
 
 def _passes_silent(state: AgentState) -> bool:
-    """Return whether its route passes the last position of a silent vehicle that it gave way to."""
+    """Return whether the route passes the last position of a silent vehicle that was given way."""
     own, limits = own_trajectory(state, SILENT_S), state.task.separation.limits
     return own is not None and any(
         intervals(own, there, limits) for there in silent_neighbours(state).values()
@@ -232,31 +232,31 @@ def _resume(state: AgentState, text: str) -> StepResult:
 
 
 def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
-    """Resume above the vehicles that stay in its way, if that is clear; hold on otherwise."""
+    """Resume above the other vehicles if that height is clear; otherwise continue to hold."""
     assert state.interrupted_plan is not None
     here, higher = position_of(state), _climb(state, others)
     plan = at_height(state.interrupted_plan.plan, higher.height_m)
     if here is not None and state.task.wings is None:
-        way = [(*place, 0.0) for place in waypoints_of(state.task, plan)]
-        behind = len(way) - len(track_ahead(way, here))
-        plan = with_level_off(state.task, replace(plan, track=plan.track[behind:]), here, 0.0)
+        track = [(*point, 0.0) for point in waypoints_of(state.task, plan)]
+        n_passed = len(track) - len(track_ahead(track, here))
+        plan = with_level_off(state.task, replace(plan, track=plan.track[n_passed:]), here, 0.0)
     higher = replace(higher, interrupted_plan=msgspec.structs.replace(state.interrupted_plan, plan=plan))
     own = own_trajectory(higher)
-    text, now_s = f"has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
+    text, now_s = f"the vehicle has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
     clear = own is not None and _is_clear(higher, own, others) and not _passes_silent(higher)
     if higher.height_m > state.height_m and clear:
         higher = replace(higher, holding_since_boot_s=now_s, deferred_for=frozenset())
         height = f"{higher.height_m:.0f} m, above the other vehicles"
-        return _resume(higher, f"{text}; resumes its route at {height} [resumes-higher]")
+        return _resume(higher, f"{text}; it resumes its route at {height} [resumes-higher]")
     return replace(state, holding_since_boot_s=now_s), [
-        ev.NotifyOperator(f"{text}; no height is clear; continues to hold [keeps-holding]")
+        ev.NotifyOperator(f"{text}; no height is clear, so it continues to hold [keeps-holding]")
     ]
 
 
 def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:
     at = alarm.approach
     return (
-        f"will come too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s "
+        f"this vehicle will come too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s "
         f"({at.horizontal_m:.0f} m horizontally, {at.vertical_m:.1f} m vertically)"
     )
 
@@ -267,10 +267,10 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):
-        return "; cannot give way now [alarm-cannot-yield]"
+        return "; this vehicle cannot give way now [alarm-cannot-yield]"
     report = state.neighbours.get(alarm.other)
-    acknowledges = report is None or report.state.phase != Phase.FLYING or _hears(state, report)
+    acknowledges = report is None or report.state.phase != Phase.FLYING or _acknowledges(state, report)
     if acknowledges or gives_way_by_id(state.task.uav, alarm.other):
-        return "; gives way [alarm-yields]"
-    other = f"vehicle {alarm.other}"
-    return f"; gives way, because {other} does not confirm that it receives this vehicle [alarm-not-heard]"
+        return "; this vehicle gives way [alarm-yields]"
+    cause = f"vehicle {alarm.other} does not acknowledge receiving it"
+    return f"; this vehicle gives way, because {cause} [alarm-not-heard]"

@@ -1,10 +1,10 @@
 """Intents: the trajectory that each vehicle broadcasts, and the trajectories received from others. Pure.
 
-| sent | time |
+| situation | intent is sent |
 |---|---|
-| a plan is taken up | at once |
+| a new plan begins | at once |
 | the vehicle is off its announced position | at most once a second |
-| otherwise | every 5 s, for late joiners and after losses |
+| otherwise | every 5 s, for late joiners and against losses |
 
 Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
 """
@@ -33,20 +33,22 @@ from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentSha
 from swarmctl.core.mission import FlightPlan
 
 EVERY_S = 5.0
-"""Interval between intents without news."""
+"""Interval between intents without a change [s]."""
 MIN_INTERVAL_S = 1.0
-"""Least interval while the vehicle is off its announced position."""
+"""Least interval while the vehicle is off its announced position [s]."""
 DRIFT_S, DRIFT_M = 1.0, 3.0
-"""A vehicle is off its plan if the error exceeds both the distance flown in this time and this distance."""
+"""Limits of the error on a plan: the distance flown in this time [s] or this distance [m], whichever is
+greater."""
 MAX_AGE_S = 20.0
-"""Greatest age of an intent in use. At this age four intents in a row are lost, or their sender is lost."""
+"""Greatest age of an intent in use [s]. At this age four intents in a row are lost, or the sender is."""
 STANDS_S = 30.0
-"""Duration of the announced hold."""
+"""Duration of the announced hold [s]."""
 LAST_POSITION_S, MAX_UNCERTAINTY_M = 180.0, 60.0
-"""Without a position, the time for which the last one is announced, and its greatest uncertainty: the vehicle
-soon stops, lands or returns."""
+"""For a vehicle without a position: the time for which the last one is announced [s], and its greatest
+uncertainty [m]. Such a vehicle soon stops, lands or returns."""
 AT_HOME_M, AT_LANDING_M = 5.0, 2.0
-"""Horizontal distances within which a vehicle climbs vertically after take-off, or descends vertically."""
+"""Horizontal distances within which a vehicle climbs or descends vertically: from home after take-off, and
+from its landing spot [m]."""
 
 
 def share_intent(state: AgentState) -> StepResult:
@@ -77,11 +79,13 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
 
 
 def may_change(state: AgentState) -> bool:
-    """Return whether the vehicle can take another plan, now or after take-off; not while it holds to give
-    way."""
-    is_on_its_way = state.phase in (Phase.LAUNCHING, Phase.FLYING)
-    knows = state.vehicle.has_position and not state.lost
-    return is_on_its_way and state.interrupted_plan is None and knows
+    """Return whether the vehicle can take another plan, now or after take-off.
+
+    A vehicle that holds to give way cannot.
+    """
+    is_en_route = state.phase in (Phase.LAUNCHING, Phase.FLYING)
+    has_telemetry = state.vehicle.has_position and not state.lost
+    return is_en_route and state.interrupted_plan is None and has_telemetry
 
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
@@ -102,16 +106,16 @@ def _is_off_intent(state: AgentState) -> bool:
     at = intent.at(state.vehicle.time_boot_s)
     if at is None:
         return state.phase in IN_FLIGHT
-    may_m = max(DRIFT_M, DRIFT_S * state.vehicle.ground_speed_m_s)
+    tolerance_m = max(DRIFT_M, DRIFT_S * state.vehicle.ground_speed_m_s)
     limits = state.task.separation.limits
-    return math.dist(at[:2], here[:2]) > may_m or abs(at[2] - here[2]) > limits.vertical_m
+    return math.dist(at[:2], here[:2]) > tolerance_m or abs(at[2] - here[2]) > limits.vertical_m
 
 
 # --- own trajectories: times of the vehicle's clock, local frame of the area [m], heights above the sea
 
 
 def position_amsl(state: AgentState) -> LocalPoint | None:
-    """Return its position with the height above the sea; None if unknown."""
+    """Return the vehicle's position with the height above the sea; None if unknown."""
     here, height_m = position_of(state), state.vehicle.alt_amsl_m
     return None if here is None or height_m is None else (here[0], here[1], height_m)
 
@@ -120,36 +124,35 @@ def planned_flight(state: AgentState) -> Trajectory | None:
     """Return the own trajectory from now on; None if unknown."""
     here = position_of(state)
     return (
-        _stand_at_last_position(state)
+        _hold_at_last_position(state)
         if here is None
         else to_shared_frame(state, _phase_trajectory(state, here))
     )
 
 
-def _stand_at_last_position(state: AgentState) -> Trajectory | None:
-    """Return a stand at its last position for a vehicle without one, at half the height: it may be
-    landing."""
-    there, now_s = state.last_position, state.vehicle.time_boot_s
-    if there.lat_deg is None or there.lon_deg is None or there.alt_amsl_m is None or there.alt_rel_m is None:
+def _hold_at_last_position(state: AgentState) -> Trajectory | None:
+    """Return a hold at the last position, at half its height because the vehicle may be landing."""
+    last, now_s = state.last_position, state.vehicle.time_boot_s
+    if last.lat_deg is None or last.lon_deg is None or last.alt_amsl_m is None or last.alt_rel_m is None:
         return None
-    if not 0.0 <= now_s - there.time_boot_s <= LAST_POSITION_S:
+    if not 0.0 <= now_s - last.time_boot_s <= LAST_POSITION_S:
         return None
-    place = state.task.grid.frame.to_local(there.lat_deg, there.lon_deg)
-    up_m = there.alt_amsl_m - 0.5 * max(there.alt_rel_m, 0.0)
+    place = state.task.grid.frame.to_local(last.lat_deg, last.lon_deg)
+    up_m = last.alt_amsl_m - 0.5 * max(last.alt_rel_m, 0.0)
     return Trajectory((now_s, now_s + STANDS_S), ((*place, up_m), (*place, up_m)))
 
 
 def _uncertainty_m(state: AgentState) -> tuple[float, float]:
     """Return the uncertainty of the announced position, horizontal and vertical [m]."""
-    there = state.last_position
-    if state.vehicle.has_position or there.alt_rel_m is None:
+    last = state.last_position
+    if state.vehicle.has_position or last.alt_rel_m is None:
         return 0.0, 0.0
-    away_m = there.ground_speed_m_s * (state.vehicle.time_boot_s - there.time_boot_s)
-    return min(away_m, MAX_UNCERTAINTY_M), 0.5 * max(there.alt_rel_m, 0.0)
+    away_m = last.ground_speed_m_s * (state.vehicle.time_boot_s - last.time_boot_s)
+    return min(away_m, MAX_UNCERTAINTY_M), 0.5 * max(last.alt_rel_m, 0.0)
 
 
 def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
-    """Return the trajectory in case it takes up `plan` now, in flight; None without a position."""
+    """Return the trajectory of a vehicle in flight that begins `plan` now; None without a position."""
     here = position_of(state)
     if here is None:
         return None
@@ -168,8 +171,10 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
 
 
 def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
-    """Return a flight shifted from 0 s and heights above home to the vehicle's clock and heights above the
-    sea."""
+    """Return a flight by the vehicle's clock, with heights above the sea.
+
+    The given flight begins at 0 s and has heights above home.
+    """
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return None
@@ -209,7 +214,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
 
 
 def _descends_here(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
-    """Return whether it descends vertically at its landing spot; wind may move it about there."""
+    """Return whether the vehicle descends vertically at its landing spot; wind may move it a little."""
     near_m = AT_HOME_M if here[2] < height_m - AIRBORNE_M else AT_LANDING_M
     return math.dist(here[:2], place) < near_m
 
@@ -250,12 +255,11 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
         flight = _received_flight(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:
-            # Heights separate routes but not landings, so a landing that can still change is left to
-            # collision avoidance. A vehicle that lands already, or is about to, has priority: its landing
-            # counts.
+            # Heights separate routes but not landings. So collision avoidance handles a landing that can
+            # still change. A vehicle that lands or is about to land has priority: its landing counts.
             flight = until_landing(flight) if intent.may_change else flight
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
-            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # an honest sender announces no more
+            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a greater one comes from a false sender
             kept[uav] = NeighbourIntent(
                 flight, Bounds.of(flight), intent.may_change, sent_s, uncertainty, intent.on_ground
             )

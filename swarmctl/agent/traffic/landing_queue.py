@@ -1,17 +1,18 @@
 """Landing queue: a copter whose descent would meet another vehicle hovers above its landing spot until the
 way down is clear. Pure.
 
-Vehicles with one goal arrive at different heights, but a landing descends through the heights of all below.
+Vehicles with the same goal arrive at different heights, and a landing descends through all heights below.
 
 | the other vehicle | priority |
 |---|---|
 | en route to the goal | this one lands; the other gives way (`route_deconfliction`) |
-| over the goal, lower | the other; this one waits |
+| over the goal, lower | the other one lands; this one waits |
 | over the goal, higher | this one lands; the other waits |
-| over the goal, same height within 1 m | the lower system id; the other one waits |
+| over the goal, same height within 1 m | the lower system id lands; the higher one waits |
 
-No vehicle waits for a higher one, so no two wait for each other. Below 5 m no wait begins. An urgent failsafe
-prevents or ends a wait. During a lost link nothing is decided. A fixed wing does not wait: it cannot hover.
+A vehicle never waits for a higher one, so no two wait for each other. Below 5 m no wait begins. An urgent
+failsafe prevents or ends a wait. While the link is lost, the queue decides nothing. A fixed wing cannot hover,
+so it does not wait.
 """
 
 from __future__ import annotations
@@ -45,25 +46,26 @@ from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.vehicle import Landed
 
-LOOKS_EVERY_S = 0.2
+CHECK_EVERY_S = 0.2
+"""Interval between checks of the descent [s]."""
 WAITS_WITHIN_S = 15.0
-"""Conflicts later than this do not cause a wait yet: they may still change."""
+"""Time within which a conflict causes a wait [s]; a later conflict may still change."""
 MIN_WAIT_S = 3.0
-"""Shortest wait; by then the vehicle stands and the others have its intent."""
+"""Shortest wait [s]; after it the vehicle stands, and other vehicles have its intent."""
 CLEAR_FOR_S = 20.0
-"""Time for which the descent has to be clear before the vehicle lands."""
+"""Time for which the descent has to be clear before the vehicle lands [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
-"""Delays of the descent that are checked: a vehicle takes some seconds to follow the order."""
+"""Delays of the descent that are checked [s]: a vehicle takes some seconds to follow the order."""
 AT_PLACE_M = 1.0
-"""Horizontal distance from the landing spot within which the vehicle lands where it is."""
+"""Horizontal distance from the landing spot within which the vehicle lands where it is [m]."""
 MIN_HEIGHT_M = 5.0
-"""Height above home below which a vehicle lands in any case."""
+"""Height above home below which a vehicle lands in any case [m]."""
 STOPS_BEFORE_S = 3.0
-"""Time before the descent at which the hold is ordered: near the landing spot, and not lower yet."""
+"""Time before the descent at which the hold is ordered [s]: near the landing spot, but still at height."""
 SAME_HEIGHT_M = 1.0
-"""Difference in height below which the system id decides."""
+"""Difference in height below which the system id decides [m]."""
 REPORTS_AGAIN_S = 60.0
-"""Interval of reports to the operator while waiting."""
+"""Interval of reports to the operator while waiting [s]."""
 
 
 def queue_for_landing(state: AgentState) -> StepResult:
@@ -72,10 +74,11 @@ def queue_for_landing(state: AgentState) -> StepResult:
         return state, []
     if state.interrupted_plan is not None and _is_urgent(state):
         return _land_here(
-            state, "an urgent failsafe ends the wait above its landing spot; lands [landing-urgent]"
+            state,
+            "an urgent failsafe ends the wait above the landing spot; the vehicle lands [landing-urgent]",
         )
     now_s, here = state.vehicle.time_boot_s, position_amsl(state)
-    if here is None or 0.0 <= now_s - state.descent_checked_boot_s < LOOKS_EVERY_S:
+    if here is None or 0.0 <= now_s - state.descent_checked_boot_s < CHECK_EVERY_S:
         return state, []
     state = replace(state, descent_checked_boot_s=now_s)
     if state.interrupted_plan is not None:
@@ -86,7 +89,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
 def land_unconfirmed(state: AgentState) -> StepResult:
     """Order the landing if the vehicle never confirmed the hold, and the hold has become useless.
 
-    A hold is useless below the least height for waiting, and with a clear descent.
+    A hold is useless below the least height for waiting, or if the descent is clear.
     """
     if (
         state.phase is not Phase.LANDING
@@ -104,10 +107,9 @@ def land_unconfirmed(state: AgentState) -> StepResult:
     )
     if waits and not is_low:
         return state, []
-    why = "is too low to wait" if is_low else "has a clear descent"
-    return _land_here(
-        state, f"did not confirm the hold above its landing spot and {why}; lands [landing-unconfirmed]"
-    )
+    why = "it is too low to wait" if is_low else "its descent is clear"
+    text = f"the vehicle did not confirm the hold above its landing spot, and {why}; it lands"
+    return _land_here(state, f"{text} [landing-unconfirmed]")
 
 
 def _land_here(state: AgentState, text: str) -> StepResult:
@@ -127,8 +129,9 @@ def _may_wait(state: AgentState) -> bool:
     if action == "none" or state.route is None or state.pending is not None or _is_urgent(state):
         return False
     follows = state.order_followed or state.ordered in (None, ev.FlightOrder.LAUNCH)
-    is_ours = follows and vehicle.mode_role in own_mode_roles(state)
-    return is_ours and vehicle.armed and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
+    in_own_mode = follows and vehicle.mode_role in own_mode_roles(state)
+    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
+    return in_own_mode and vehicle.armed and is_high
 
 
 def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
@@ -139,7 +142,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     others = _others(state)
     below = {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
     lands_s = landing_start_s(flight)
-    # Until shortly before the descent only conflicts of the level flight count: for a conflict of the descent
+    # Until shortly before the descent only conflicts of the level flight count. For a conflict of the descent
     # the vehicle stops later, near its landing spot.
     until_s = lands_s if lands_s > now_s + STOPS_BEFORE_S else math.inf
     clashes = [
@@ -162,18 +165,18 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         resume_earliest_boot_s=now_s + MIN_WAIT_S,
     )
     state, published = publish_intent(state, planned_flight(state))
-    text = f"descent would conflict with {describe_clashes(clashes, now_s)}; holds above its landing spot"
-    return state, [ev.NotifyOperator(f"{text} [landing-queue]"), *ordered, *published]
+    text = f"the descent would conflict with {describe_clashes(clashes, now_s)}"
+    text += "; the vehicle holds above its landing spot [landing-queue]"
+    return state, [ev.NotifyOperator(text), *ordered, *published]
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
-    """Return the time within which a conflict counts; before a later one, the other can still give way."""
+    """Return the time within which a conflict counts [s]; the other vehicle can still avoid a later one."""
     return SEPARATES_WITHIN_S if intent.may_change else WAITS_WITHIN_S
 
 
 def _others(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the trajectories of all others: intents, else extrapolated positions, and those of silent
-    vehicles."""
+    """Return the flights of all other vehicles: intents, extrapolated positions, or last positions."""
     intents, vehicle = known_intents(state), state.vehicle
     home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
     paths = silent_neighbours(state)
@@ -198,8 +201,7 @@ def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
 
 
 def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourIntent) -> bool:
-    """Return whether this vehicle waits for another: it is higher, or at the same height has the higher
-    id."""
+    """Return whether this vehicle waits for another: it is higher, or level with the higher system id."""
     above_m = here[2] - _height_now_m(state, intent)
     return above_m > SAME_HEIGHT_M or (above_m >= -SAME_HEIGHT_M and state.task.uav > uav)
 
@@ -225,26 +227,25 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
 
 def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     now_s = state.vehicle.time_boot_s
-    # The mission is not changed while the vehicle reports to be landing; it may do so for a while after a
-    # stop.
+    # The mission stays while the vehicle reports LANDING, which it may do for a while after a stop.
     stands = state.order_followed and state.vehicle.landed is not Landed.LANDING
     if not stands or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
         return state, []
-    to = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
+    reports = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
     # A landing vehicle that falls silent has landed.
-    to = {uav: report for uav, report in to.items() if report.state.phase != Phase.LANDING}
-    state = replace(state, gave_way_to=to)
+    reports = {uav: report for uav, report in reports.items() if report.state.phase != Phase.LANDING}
+    state = replace(state, gave_way_to=reports)
     clashes = _descent_conflicts(state, _below(state, here))
     if not clashes:
         state, ordered = _land(state)
         state, published = publish_intent(state, planned_flight(state))
-        return state, [ev.NotifyOperator("descent is clear; lands [descent-clear]"), *ordered, *published]
+        text = "the descent is clear; the vehicle lands [descent-clear]"
+        return state, [ev.NotifyOperator(text), *ordered, *published]
     if now_s - state.holding_since_boot_s < REPORTS_AGAIN_S:
         return state, []
-    text = f"has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; descent still conflicts with "
-    return replace(state, holding_since_boot_s=now_s), [
-        ev.NotifyOperator(f"{text}{describe_clashes(clashes, now_s)}; continues to hold [landing-queue-long]")
-    ]
+    text = f"the vehicle has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; the descent still "
+    text += f"conflicts with {describe_clashes(clashes, now_s)}; the vehicle continues to hold"
+    return replace(state, holding_since_boot_s=now_s), [ev.NotifyOperator(f"{text} [landing-queue-long]")]
 
 
 def _descent_conflicts(state: AgentState, below: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
@@ -275,7 +276,7 @@ def _landing_place(state: AgentState) -> PlanarPoint:
 
 
 def _land(state: AgentState) -> StepResult:
-    """Order the landing at its landing spot; from elsewhere upload a mission that leads there."""
+    """Order the landing at the landing spot; from another point, upload a mission to the spot."""
     swap, here, place = state.interrupted_plan, position_of(state), _landing_place(state)
     assert swap is not None
     assert here is not None

@@ -6,7 +6,7 @@ The first route is checked three times, because preflight checks between them ta
 |---|---|
 | when the launch is ordered | waits up to 180 s, then the launch is cancelled |
 | before arming | waits on, within the same 180 s |
-| before take-off | disarms; the order is used up and the launch is cancelled |
+| before take-off | disarms; the launch is cancelled and needs a new order |
 """
 
 from __future__ import annotations
@@ -27,30 +27,29 @@ from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 
 MAX_LAUNCH_WAIT_S = 180.0
-"""Longest wait on the ground; then the launch is cancelled."""
+"""Longest wait on the ground [s]; then the launch is cancelled."""
 STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
-"""Start times checked, relative to now: arming takes some seconds, and the climb may be faster or slower."""
+"""Start times checked, from now [s]: arming takes some seconds, and the climb may be faster or slower."""
 
 
 def launch_if_possible(state: AgentState) -> StepResult:
-    """Launch, or wait for a clear route. Called for each order to launch, each plan and each telemetry
-    message."""
+    """Launch, or wait for a clear route. Called for each launch order, plan and telemetry message."""
     if not (state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None):
         return state, []
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
-        # Another operator has the vehicle, or it is booting.
+        # Another operator controls the vehicle, or the vehicle is booting.
         return release_vehicle(
             state, f"the vehicle is in mode {state.vehicle.mode}, which this program has not ordered"
         )
     if clashes := _route_clashes(state, _waited_for(state)):
-        return _waits(state, _conflict_text(state, clashes))
+        return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
-        messages.append(ev.NotifyOperator("first route is clear; launches [launch-clear]"))
+        messages.append(ev.NotifyOperator("the first route is clear; the vehicle launches [launch-clear]"))
     if state.launch_ignored and (ignored := _route_clashes(state, known_intents(state))):
         messages.append(
             ev.NotifyOperator(
-                f"{_conflict_text(state, ignored)}; launches anyway, as ordered [launch-ignores]"
+                f"{_conflict_text(state, ignored)}; the vehicle launches anyway, as ordered [launch-ignores]"
             )
         )
     state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, trouble="")
@@ -60,8 +59,8 @@ def launch_if_possible(state: AgentState) -> StepResult:
 def launch_conflict(state: AgentState) -> str:
     """Return the conflicts of the first route as text, right before arming or take-off; "" if it is clear.
 
-    Vehicles that are about to take off themselves are left out. Two that were ordered at one moment would
-    otherwise wait for each other.
+    Other vehicles that are about to take off do not count. Otherwise two vehicles launched at the same time
+    would wait for each other.
     """
     others = {uav: intent for uav, intent in _waited_for(state).items() if not intent.on_ground}
     clashes = _route_clashes(state, others)
@@ -69,14 +68,14 @@ def launch_conflict(state: AgentState) -> str:
 
 
 def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
-    """Wait on the ground again; cancel the launch if the vehicle had been armed: one order arms it once."""
+    """Wait on the ground again, or cancel the launch of an armed vehicle: one order arms it only once."""
     if state.phase is not Phase.LAUNCHING or state.ordered is not ev.FlightOrder.LAUNCH:
         return state, []
     if event.was_armed:
         return cancel_launch(state, f"{event.reason}; disarmed again")
-    state, unsaid = _stands_by(state)
-    state, waits = _waits(state, event.reason, again=True)
-    return state, [*unsaid, *waits]
+    state, withdrawn = _stand_by(state)
+    state, messages = _wait(state, event.reason, again=True)
+    return state, [*withdrawn, *messages]
 
 
 def note_takeoff(state: AgentState) -> AgentState:
@@ -92,17 +91,18 @@ def note_takeoff(state: AgentState) -> AgentState:
 
 def cancel_launch(state: AgentState, why: str) -> StepResult:
     """Cancel the launch. After an operator's order the vehicle stands by, otherwise its flight has failed."""
-    state, unsaid = _stands_by(state)
+    state, withdrawn = _stand_by(state)
     state = replace(
         state, launch_ordered=False, launch_wait_since_boot_s=None, trouble=f"not launched: {why}"
     )
     if not state.launch_is_operators:
-        return replace(state, phase=Phase.FAILED, outcome=state.trouble), unsaid
-    return state, [*unsaid, ev.NotifyOperator(f"{state.trouble}; stands by for another order [not-launched]")]
+        return replace(state, phase=Phase.FAILED, outcome=state.trouble), withdrawn
+    text = f"{state.trouble}; the vehicle stands by for another order [not-launched]"
+    return state, [*withdrawn, ev.NotifyOperator(text)]
 
 
-def _stands_by(state: AgentState) -> StepResult:
-    """Return to standby, and withdraw an intent that was sent."""
+def _stand_by(state: AgentState) -> StepResult:
+    """Go back to standby, and withdraw the intent if one was sent."""
     state = replace(state, phase=Phase.STANDBY, armed_seen=False, launched_boot_s=None)
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 
@@ -113,7 +113,7 @@ def _waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
 
 
 def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
-    """Return the conflicts of its first route with `others`, for a take-off now or a little later."""
+    """Return the conflicts of the first route with `others`, for a take-off now or a little later."""
     start, route = state.vehicle.takeoff_lat_lon, state.route
     if start is None or route is None or not others:
         return ()
@@ -127,24 +127,25 @@ def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> 
 
 
 def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
-    return f"first route would conflict with {describe_clashes(clashes, state.vehicle.time_boot_s)}"
+    return f"the first route would conflict with {describe_clashes(clashes, state.vehicle.time_boot_s)}"
 
 
-def _waits(state: AgentState, why: str, *, again: bool = False) -> StepResult:
-    """Wait on the ground. Attempts in between do not restart the waiting time of one launch."""
+def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
+    """Wait on the ground. Further attempts do not restart the waiting time of one launch."""
     now_s, since_s = state.vehicle.time_boot_s, state.launch_wait_since_boot_s
     begins = since_s is None or now_s < since_s
     since_s = now_s if since_s is None or begins else since_s
     left_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
     if left_s <= 0.0:
         return cancel_launch(state, f"{why}, also after {MAX_LAUNCH_WAIT_S:.0f} s{_ignore_hint(state)}")
-    text = f"{why}; waits on the ground for {left_s:.0f} s at most{_ignore_hint(state)} [launch-waits]"
+    text = f"{why}; the vehicle waits on the ground for at most {left_s:.0f} s"
+    text += f"{_ignore_hint(state)} [launch-waits]"
     state = replace(state, launch_wait_since_boot_s=since_s, trouble=text)
     return state, [ev.NotifyOperator(text)] if begins or again else []
 
 
 def _ignore_hint(state: AgentState) -> str:
-    """Return the command that launches without waiting, for an operator who ordered the launch."""
+    """Return the command to launch without waiting, if an operator ordered the launch; otherwise ""."""
     clashes = _route_clashes(state, _waited_for(state)) if state.launch_is_operators else ()
     ignore = " ".join(
         f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in clashes)})

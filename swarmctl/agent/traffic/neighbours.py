@@ -15,16 +15,17 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 
 MARGIN_M_S = 5.0
-"""Increase of the closing speed allowed for while selecting nearby vehicles."""
+"""Increase of the closing speed that the selection of nearby vehicles allows for [m/s]."""
 
 
 def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
     """Return whether a state matters: nearby, returning, or arriving at the same time."""
-    on_its_way = other.returns_to is not None or uav in state.returning_neighbours
-    return on_its_way or state.task.arrival_group is not None or is_near(state, other)
+    is_returning = other.returns_to is not None or uav in state.returning_neighbours
+    return is_returning or state.task.arrival_group is not None or is_near(state, other)
 
 
 def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> StepResult:
+    """Store the states of nearby vehicles, of returning vehicles, and the arrival times."""
     now_s = state.vehicle.time_boot_s
     reports = {uav: NeighbourReport(shared, now_s - shared.age_s) for uav, shared in event.states}
     kept = {
@@ -52,8 +53,8 @@ def is_near(state: AgentState, other: StateShared) -> bool:
 
 
 def heard_neighbours(state: AgentState) -> tuple[int, ...]:
-    """Return the system ids of the nearby vehicles heard recently."""
-    now_s = state.vehicle.time_boot_s
+    """Return the system ids of the nearby vehicles received recently."""
+    now_s, reports = state.vehicle.time_boot_s, state.neighbours
     return tuple(
-        sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= MAX_REPORT_AGE_S)
+        sorted(uav for uav, report in reports.items() if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S)
     )

@@ -1,6 +1,6 @@
-"""Predicted trajectories of this vehicle and its neighbours, for collision avoidance and its kin. Pure.
+"""Predicted trajectories of this vehicle and its neighbours. Pure.
 
-Places are in the area's local frame [m], with heights above this vehicle's home.
+Points are in the area's local frame [m], with heights above this vehicle's home.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from swarmctl.core.planar import distance_to_leg
 from swarmctl.core.vehicle import VehicleState
 
 MAX_REPORT_AGE_S = 5.0
-"""Oldest state of another vehicle that is used to predict its position."""
+"""Greatest age of a state from which another vehicle's position is predicted [s]."""
 SILENT_S = 180.0
-"""Time for which a vehicle that gave way stays clear of the last position of a silent one."""
+"""Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]."""
 AIRBORNE_M = 1.0
-"""Height above home below which a vehicle counts as on the ground."""
+"""Height above home below which a vehicle counts as on the ground [m]."""
 BRAKING_M_S2 = 1.75
-"""Deceleration of a copter (`swarmctl.agent.replan.travel_time`)"""
+"""Deceleration of a copter [m/s²] (`swarmctl.agent.replan.travel_time`)."""
 
 
 def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
     """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
 
-    It follows the plan at the present speed, or at cruise speed while the vehicle gives way. Without a plan
-    it continues straight on.
+    The vehicle follows its plan at the present speed, or at cruise speed while it gives way. Without a plan
+    it flies straight on.
     """
     vehicle, rules = state.vehicle, state.task.separation
     here = position_of(state)
@@ -47,7 +47,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
-    """Return its position; None without one in the last telemetry."""
+    """Return the vehicle's position; None if the last telemetry has none."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
@@ -65,7 +65,7 @@ def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[Local
 
 
 def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
-    """Return the trajectory from point to point for `for_s` seconds; it stands still at the last point."""
+    """Return the trajectory from point to point for `for_s` seconds; the vehicle stops at the last point."""
     times_s, passed = [from_s], [points[0]]
     for point in points[1:]:
         takes_s = math.dist(passed[-1][:2], point[:2]) / speed_m_s
@@ -94,15 +94,14 @@ def hold_trajectory(state: AgentState) -> Trajectory | None:
 
 
 def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
-    """Return where the vehicle comes to a stop if it holds now."""
+    """Return the point at which the vehicle stops if it holds now."""
     vehicle = state.vehicle
     braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
     return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
 def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
-    """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state is too
-    old."""
+    """Return another vehicle's extrapolated trajectory; None on the ground, and if its state is too old."""
     reported, now_s = report.state, state.vehicle.time_boot_s
     if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
         return None
@@ -124,7 +123,7 @@ def _up_m(vehicle: VehicleState, other: StateShared) -> float:
 
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
-    """Return the last positions of silent vehicles that it gave way to, as trajectories standing still."""
+    """Return the last positions, as trajectories, of silent vehicles to which this vehicle gave way."""
     now_s = state.vehicle.time_boot_s
     return {
         uav: extrapolate(_place(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)

@@ -25,23 +25,23 @@ Floats = NDArray[np.float64]
 Steps = NDArray[np.int64]
 
 MIN_HORIZONTAL_M, MIN_VERTICAL_M = 20.0, 5.0
-"""Least horizontal and vertical separation of returning vehicles."""
+"""Least horizontal and vertical separation of returning vehicles [m]."""
 STEP_S = 2.0
-"""Resolution of the start times."""
+"""Resolution of the start times [s]."""
 FASTER, SLOWER = 1.25, 0.5
-"""Factors on the expected ground speed: wind, and parameters of the return."""
+"""Factors on the expected ground speed, for wind and for the parameters of the return."""
 REACTS_WITHIN_S = 10.0
 CLIMBS_TO_M = 60.0
-"""Greatest return height above home: PX4's default RTL_RETURN_ALT, more than ArduCopter's RTL_ALT."""
+"""Greatest return height above home [m]: PX4's default RTL_RETURN_ALT, more than ArduCopter's RTL_ALT."""
 CLIMB_M_S = 1.5
 SILENT_S = 10.0
-"""Shortest silence after which a returning vehicle may count as landed."""
+"""Shortest silence after which a returning vehicle may count as landed [s]."""
 SINK_M_S = 0.8
-"""Average descent from the return height to the ground, including a wait above home."""
+"""Average descent rate from the return height to the ground [m/s], including a wait above home."""
 MAX_DISTANCE_M, MAX_HEIGHT_M = 100_000.0, 10_000.0
-"""Longer distances and greater heights above home are implausible: the sender errs or lies."""
+"""Greatest plausible distance and height above home [m]; beyond them the sender errs or lies."""
 MIN_SPEED_M_S = 0.1
-"""Slower announced speeds are implausible."""
+"""Least plausible announced speed [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class ReturningVehicle:
     home: PlanarPoint
     home_alt_amsl_m: float
     speed_m_s: float
-    """expected ground speed"""
+    """expected ground speed [m/s]"""
     is_returning: bool = False
     """True if the vehicle already returns; it gets no start time"""
 
@@ -71,17 +71,17 @@ class ReturningVehicle:
 
     @property
     def top_amsl_m(self) -> float:
-        """Greatest possible height during the return."""
+        """Greatest possible height above the sea during the return [m]."""
         return max(self.alt_amsl_m, self.home_alt_amsl_m + CLIMBS_TO_M)
 
     @property
     def departs_within_s(self) -> float:
-        """Longest time until it leaves its position."""
+        """Longest time until the vehicle leaves its position [s]."""
         return REACTS_WITHIN_S + (self.top_amsl_m - self.alt_amsl_m) / CLIMB_M_S
 
     @property
     def takes_s(self) -> float:
-        """Longest time until it has landed."""
+        """Longest time until the vehicle has landed [s]."""
         sinks_m = self.top_amsl_m - self.home_alt_amsl_m
         return self.departs_within_s + self.way_m / (SLOWER * self.speed_m_s) + sinks_m / SINK_M_S
 
@@ -91,12 +91,12 @@ class ReturnSchedule:
     """Start times of returns."""
 
     begins_s: Mapping[int, float]
-    """start by system id, in order of time"""
+    """start by system id [s], in order of time"""
     down_s: float
-    """latest landing"""
+    """latest landing [s]"""
     height_only: tuple[tuple[int, int], ...] = ()
-    """pairs in which the first passes over or under the second while that holds: no order avoids it, and only
-    their heights separate them"""
+    """pairs separated by height alone: the first vehicle passes over or under the second one in hold, and no
+    order of starts avoids this"""
 
 
 def schedule_returns(
@@ -104,7 +104,7 @@ def schedule_returns(
 ) -> ReturnSchedule:
     """Return start times with which no two vehicles come closer than `horizontal_m` over ground.
 
-    Exception: one of them holds and the other passes at least `vertical_m` above or below it.
+    Exception: a vehicle may pass at least `vertical_m` above or below a vehicle that holds.
     """
 
     begins = {vehicle: 0 for vehicle in vehicles if vehicle.is_returning}
@@ -126,7 +126,7 @@ def schedule_returns(
         for mover in passed_by[nearest]:
             if mover in in_the_way:
                 in_the_way[mover] -= 1
-        # The vehicles that it passes must have left.
+        # All vehicles on its path must have left.
         from_step = max((begins[other] for other in passes[nearest] if other in begins), default=0)
         begins[nearest] = _first_turn(nearest, begins, from_step, horizontal_m)
     order = sorted(begins, key=lambda c: (begins[c], c.uav))
@@ -176,8 +176,8 @@ def is_plausible(place: VehiclePosition) -> bool:
 def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
     """Return the position of a vehicle that returns or waits to return, from its broadcast state.
 
-    Speed and separation are taken from `own`, and so is the height of home if the state has no height above
-    the sea. None if the state names no home, or if it is implausible.
+    Speed and separation are those of `own`, and so is the height of home if the state has no height above the
+    sea. None if the state has no home, or is implausible.
     """
     if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
         return None
@@ -200,7 +200,7 @@ def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePositio
 
 
 def may_be_returning(place: VehiclePosition, age_s: float) -> bool:
-    """Return whether a vehicle that was returning `age_s` ago may still be: the return may take that long."""
+    """Return whether a vehicle that was returning `age_s` [s] ago may still be on its return."""
     return age_s <= max(SILENT_S, schedule_for({0: place}).down_s)
 
 
@@ -224,7 +224,7 @@ def _first_turn(
     """Return the first free start [steps], not before `from_step`."""
     taken = set[int]()
     for other, begun in begins.items():
-        taken.update((_meetings(other, vehicle, horizontal_m) + begun).tolist())
+        taken.update((_conflicting_delays(other, vehicle, horizontal_m) + begun).tolist())
     step = from_step
     while step in taken:
         step += 1
@@ -244,35 +244,35 @@ def _passes(
     return distance_to_leg(holder.here, mover.here, mover.home) < horizontal_m
 
 
-def _meetings(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: float) -> Steps:
-    """Return the lags [steps] of the other's start after the one's at which both would conflict under way.
+def _conflicting_delays(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: float) -> Steps:
+    """Return the delays [steps] of the start of `other` after that of `one` at which both conflict.
 
-    The pairs of positions that are too close form a convex set. The part of the other's straight path too
-    close to a piece of the one's is therefore a single piece.
+    The pairs of positions that are too close form a convex set. So the part of the path of `other` that is
+    too close to a piece of the path of `one` is a single piece.
     """
     low_m, high_m = _near(one, other, *_reach(one), horizontal_m)
     first_m, last_m = _reach(other)
     begin, end = np.searchsorted(last_m, low_m, "left"), np.searchsorted(first_m, high_m, "right")
     steps = np.flatnonzero(begin < end)
-    # In step i of the one the other is in its steps from begin to end - 1: it has begun so much later.
+    # In step i of `one`, `other` is in one of its steps begin to end - 1: each difference is a delay.
     changes = np.zeros(len(low_m) + len(first_m) + 1, dtype=np.int64)
     np.add.at(changes, steps - end[steps] + 1 + len(first_m), 1)
     np.add.at(changes, steps - begin[steps] + 1 + len(first_m), -1)
-    lags: Steps = np.flatnonzero(np.cumsum(changes)) - len(first_m)
-    return lags
+    delays: Steps = np.flatnonzero(np.cumsum(changes)) - len(first_m)
+    return delays
 
 
 def _near(
     one: ReturningVehicle, other: ReturningVehicle, first_m: Floats, last_m: Floats, horizontal_m: float
 ) -> tuple[Floats, Floats]:
-    """Return the piece of the other's path, from and to (steps,) [m], too close to a piece of the one's path.
+    """Return the piece of the path of `other`, from and to (steps,) [m], too close to the path of `one`.
 
-    The piece of the one's path reaches from `first_m` to `last_m` (steps,). Empty where "to" is less than
-    "from".
+    The piece of the path of `one` reaches from `first_m` to `last_m` (steps,). The result is empty if "to" is
+    less than "from".
     """
     (ue, un), (ve, vn) = one.direction, other.direction
     east_m, north_m = one.here[0] - other.here[0], one.here[1] - other.here[1]
-    # In the frame along the other's path: the one's start (ahead, aside) and its unit vector (along, across).
+    # In the frame along the path of `other`: start (ahead, aside) and direction (along, across) of `one`.
     ahead, aside = east_m * ve + north_m * vn, north_m * ve - east_m * vn
     along, across = ue * ve + un * vn, un * ve - ue * vn
     if abs(across) < 1e-9:
@@ -297,8 +297,7 @@ def _near(
 
 
 def _reach(vehicle: ReturningVehicle) -> tuple[Floats, Floats]:
-    """Return the piece of its path, from and to (steps,) [m], that it may be on in each step of its
-    return."""
+    """Return the piece of the path, from and to (steps,) [m], possible in each step of the return."""
     begin_s = np.arange(0.0, vehicle.takes_s, STEP_S)
     slow_m = SLOWER * vehicle.speed_m_s * (begin_s - vehicle.departs_within_s)
     fast_m = FASTER * vehicle.speed_m_s * (begin_s + STEP_S)

@@ -2,12 +2,12 @@
 
 Vehicles broadcast whether they are returning or holding for their turn.
 
-| situation | first |
+| situation | rule |
 |---|---|
-| one returns, one waits | the returning vehicle |
-| both wait | the lower system id |
-| both started before either heard of the other | the lower system id; within 5 s the other holds again |
-| urgent return (battery lower still) | at once; the others are scheduled around it |
+| one returns, one waits | the returning vehicle is first |
+| both wait | the lower system id is first |
+| both started at the same time | the lower system id is first; within 5 s the higher one holds again |
+| urgent return (very low battery) | starts at once; other returns are scheduled around it |
 | waited for 120 s | returns in any case, the lower system ids up to 60 s earlier, 10 s apart |
 """
 
@@ -30,18 +30,19 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import MAX_AFTER_S
 
 MAX_RETURN_WAIT_S = 120.0
-"""Longest wait for a clear path; a start in between does not extend it."""
+"""Longest wait for a clear path [s]; an interrupted return does not extend it."""
 STAGGER_S, MAX_STAGGERED = 10.0, 6
-"""Vehicles at the end of their wait start one after the other: each this much earlier than the next system
-id, for at most this many."""
-LOOKS_EVERY_S = 1.0
+"""At the end of their waits vehicles start this time apart [s], the lowest system id first; at most this many
+vehicles start early."""
+CHECK_EVERY_S = 1.0
+"""Interval between checks of the return path [s]."""
 SETTLES_S = 5.0
-"""Time after the start of a return in which it still gives way to a simultaneous start."""
+"""Time after the start of a return in which the vehicle gives way to a simultaneous start [s]."""
 CLIMBED_SHARE = 0.9
 """Share of the cruise altitude above which a fixed wing has finished its take-off."""
 MAX_WAITING_AGE_S = 5.0
-"""A waiting vehicle that was silent for longer is not waited for. A returning one is, see
-`may_be_returning`."""
+"""Silence after which a waiting vehicle no longer counts [s]; a returning one counts for longer
+(`may_be_returning`)."""
 
 NOT_WAITING: dict[str, Any] = {
     "return_turn_boot_s": None,
@@ -52,9 +53,9 @@ NOT_WAITING: dict[str, Any] = {
 
 
 def return_target(state: AgentState) -> LatLon | None:
-    """Return the home that the vehicle returns to or waits to return to, also after a release.
+    """Return the home of a vehicle that returns or waits to return, also after a release.
 
-    None if it does neither, or if its home is unknown.
+    None for any other vehicle, and if home is unknown.
     """
     vehicle = state.vehicle
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None:
@@ -72,7 +73,7 @@ def return_target(state: AgentState) -> LatLon | None:
 
 
 def _returns_on_lost_link(state: AgentState) -> bool:
-    """Return whether its parameters make it return by itself when the link is lost."""
+    """Return whether the vehicle returns by itself on a lost link, by its parameters."""
     return any(isinstance(r.params, lost_link.Params) and r.params.does == "return" for r in state.task.rules)
 
 
@@ -106,7 +107,7 @@ def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepRes
 
 
 def _takes_off(state: AgentState) -> bool:
-    """Return whether this is a fixed wing still climbing after take-off: it would hold in circles too low."""
+    """Return whether a fixed wing still climbs after take-off: it would circle too low in hold."""
     wings, up_m = state.task.wings, state.vehicle.alt_rel_m
     if wings is None or up_m is None:
         return False
@@ -122,33 +123,36 @@ def return_started(state: AgentState, until_s: float) -> dict[str, Any]:
 
 
 def update_return(state: AgentState) -> StepResult:
-    """Start a return that waited, or hold again one that has just started. Called for each position."""
+    """Start a waiting return, or interrupt a return that has just started. Called for each position."""
     if state.phase is Phase.HOLDING and state.return_turn_boot_s is not None:
-        return _waits(state, state.return_turn_boot_s)
+        return _wait_or_start(state, state.return_turn_boot_s)
     if state.phase is Phase.LEAVING and state.return_started_boot_s is not None:
-        return _settles(state, state.return_started_boot_s)
+        return _settle(state, state.return_started_boot_s)
     return state, []
 
 
-def _waits(state: AgentState, return_turn_boot_s: float) -> StepResult:
+def _wait_or_start(state: AgentState, return_turn_boot_s: float) -> StepResult:
     now_s = state.vehicle.time_boot_s
     most_s = MAX_RETURN_WAIT_S if state.returns_when_clear else MAX_AFTER_S
-    # After a reboot of the vehicle its clock no longer fits the time of the turn.
+    # After a reboot of the vehicle the start time no longer fits its clock.
     if not 0.0 < return_turn_boot_s - now_s <= most_s:
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
-    if not state.returns_when_clear or 0.0 <= now_s - state.return_checked_boot_s < LOOKS_EVERY_S:
+    if not state.returns_when_clear or 0.0 <= now_s - state.return_checked_boot_s < CHECK_EVERY_S:
         return state, []
-    if return_turn_boot_s - now_s <= STAGGER_S * min(_n_behind_in_queue(state), MAX_STAGGERED):
+    if return_turn_boot_s - now_s <= STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED):
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
     if not (urgent_return_reason(state) or is_return_path_clear(state)):
         return replace(state, return_checked_boot_s=now_s), []
     state, ordered = command(
         state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **return_started(state, return_turn_boot_s)
     )
-    return state, [ev.NotifyOperator("return path is clear; returns [return-clear]"), *ordered]
+    return state, [
+        ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
+        *ordered,
+    ]
 
 
-def _n_behind_in_queue(state: AgentState) -> int:
+def _n_waiting_with_higher_id(state: AgentState) -> int:
     """Return the number of waiting vehicles with a higher system id."""
     now_s = state.vehicle.time_boot_s
     return sum(
@@ -159,7 +163,7 @@ def _n_behind_in_queue(state: AgentState) -> int:
     )
 
 
-def _settles(state: AgentState, since_s: float) -> StepResult:
+def _settle(state: AgentState, since_s: float) -> StepResult:
     """Hold again if a vehicle with a lower system id started its return at the same time."""
     now_s = state.vehicle.time_boot_s
     if not 0.0 <= now_s - since_s < SETTLES_S or now_s >= state.return_deadline_boot_s:
@@ -170,29 +174,29 @@ def _settles(state: AgentState, since_s: float) -> StepResult:
     held = wait_to_return(replace(state, returning_neighbours=lower), state.return_deadline_boot_s)
     if held is None:
         return state, []
-    text = "another vehicle started a return at the same time; holds until the path is clear [return-yields]"
+    text = "another vehicle started a return at the same time; this vehicle holds until its path is clear"
     return replace(held[0], returning_neighbours=state.returning_neighbours), [
-        ev.NotifyOperator(text),
+        ev.NotifyOperator(f"{text} [return-yields]"),
         *held[1],
     ]
 
 
 def is_return_path_clear(state: AgentState) -> bool:
-    """Return whether its return path is clear of vehicles that return or are first in the queue.
+    """Return whether the return path is clear of vehicles that return or have priority in the queue.
 
-    True without a position: a vehicle that does not know where it is does not wait.
+    True without a position: a vehicle of unknown position does not wait.
     """
     own, now_s = place_for_return(state), state.vehicle.time_boot_s
     if own is None:
         return True
     own = msgspec.structs.replace(own, is_returning=False)
-    before = {}
+    places = {}
     for uav, report in state.returning_neighbours.items():
         place = place_from_state(report.state, own)
         if place is None:
             continue
         waits = report.state.phase == Phase.HOLDING
-        first = waits and uav < state.task.uav and now_s - report.at_s <= MAX_WAITING_AGE_S
-        if first or (not waits and may_be_returning(place, now_s - report.at_s)):
-            before[uav] = place
-    return not before or schedule_for({**before, state.task.uav: own}).begins_s[state.task.uav] == 0.0
+        is_first = waits and uav < state.task.uav and now_s - report.at_s <= MAX_WAITING_AGE_S
+        if is_first or (not waits and may_be_returning(place, now_s - report.at_s)):
+            places[uav] = place
+    return not places or schedule_for({**places, state.task.uav: own}).begins_s[state.task.uav] == 0.0

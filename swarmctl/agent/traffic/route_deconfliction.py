@@ -5,12 +5,12 @@ A new plan is compared with the intents of all other vehicles before it is uploa
 | the new plan | action |
 |---|---|
 | conflicts with none | is taken |
-| conflicts, but not at another height | is taken at the lowest such height |
+| conflicts, but another height is clear | is taken at the lowest clear height |
 | conflicts at every height | is deferred: the vehicle keeps its plan, or holds if a conflict is near |
 
-Two plans can still conflict if both were taken before either was heard, or if times have shifted. Both
-vehicles then know the same two flights and apply the same rule, without a message: a vehicle that cannot
-change its plan has priority, otherwise the lower system id (`separation.watch.gives_way_to`). The other one
+Two plans can still conflict if both were taken at the same time, or if times have shifted. Both vehicles then
+know the same two flights and apply the same rule, without a message. A vehicle that cannot change its plan
+has priority, otherwise the lower system id (`separation.watch.gives_way_to`). The vehicle without priority
 plans again, and compares its new plan with all intents as above.
 """
 
@@ -44,12 +44,11 @@ from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 
 AGAIN_S, AGAIN_SOON_S = 5.0, 1.0
-"""Time until a deferred plan is tried again: usually, and with a conflict of the present plan soon."""
+"""Time until a deferred plan is tried again [s]: usually, and if the present plan has a conflict soon."""
 HOLDS_WITHIN_S = 20.0
-"""A vehicle without a plan that avoids the conflict flies on until the conflict is this near; then it
-holds."""
+"""Time before a conflict at which a vehicle without a clear plan holds [s]; until then it flies on."""
 SEPARATES_WITHIN_S = 6.0
-"""Time within which two close vehicles have to separate; a climb or a turn takes this long."""
+"""Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 BETTER_BY = 0.3
 """Share of the limits by which a plan that comes too close has to be better than the present one."""
 MAX_HEIGHTS = 8
@@ -108,8 +107,8 @@ def _reach(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float
 def _separates(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Return whether two vehicles that are close now separate as well as any plan allows.
 
-    They have to be apart after `SEPARATES_WITHIN_S`. Until then one of these has to hold: they get no closer
-    than now, no closer than the limits, or clearly less close than on the present plan.
+    They have to be apart after `SEPARATES_WITHIN_S`. Until then the plan has to keep their present distance
+    or the limits, or has to be clearly better than the present plan.
     """
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + SEPARATES_WITHIN_S)
@@ -153,22 +152,26 @@ def check_own_route(state: AgentState) -> StepResult:
     if not others:
         return state, []
     state = replace(state, dirty=True, must_change=True)
-    text = f"route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}; gives way"
-    return state, [ev.NotifyOperator(f"{text} [route-conflict]")] if new else []
+    text = f"the route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}"
+    text += "; this vehicle gives way [route-conflict]"
+    return state, [ev.NotifyOperator(text)] if new else []
 
 
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
     """Return the clashes of the own flight. Only intents that changed are compared again."""
     before = {uav: at for uav, at in state.comparisons.items() if at.own is own}
     intents = known_intents(state)
-    new = {uav: it for uav, it in intents.items() if uav not in before or before[uav].other is not it}
+    new = {
+        uav: intent for uav, intent in intents.items() if uav not in before or before[uav].other is not intent
+    }
     clashes = {clash.other: clash for clash in _clashes_with_known(state, own, new, None)} if new else {}
     after = {
-        uav: FlightComparison(own, it, clashes.get(uav)) if uav in new else before[uav]
-        for uav, it in intents.items()
+        uav: FlightComparison(own, intent, clashes.get(uav)) if uav in new else before[uav]
+        for uav, intent in intents.items()
     }
     found = sorted(
-        (at.clash for at in after.values() if at.clash is not None), key=lambda c: (c.at_s, c.other)
+        (at.clash for at in after.values() if at.clash is not None),
+        key=lambda clash: (clash.at_s, clash.other),
     )
     return replace(state, comparisons=after), tuple(found)
 
@@ -205,7 +208,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         state, taken = _take(state, swap, flight)
         waited = before.route is None and before.deferred_for
         return state, [
-            ev.NotifyOperator("clear of other vehicles; resumes its route [resumes]"),
+            ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
             *taken,
         ] if waited else taken
     for height_m in _heights_m(state, swap.plan):
@@ -217,11 +220,9 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
-        text = (
-            f"new route would conflict with {others_text}; flies at {height_m:.0f} m instead [height-change]"
-        )
+        text = f"the new route would conflict with {others_text}; the vehicle flies it at {height_m:.0f} m"
         state, published = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
-        return state, [ev.NotifyOperator(text), *published]
+        return state, [ev.NotifyOperator(f"{text} [height-change]"), *published]
     return _defer(before, state, swap, clashes, now)
 
 
@@ -274,7 +275,7 @@ def _defer(
     again_s = AGAIN_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else AGAIN_S
     state = replace(state, retry_at_s=now + again_s)
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
-    does = "holds [plan-deferred-hold]" if holds else "keeps the present route [plan-deferred]"
+    reaction = "holds [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
     waits = others | (before.predicted_conflicts if holds else frozenset())
     if holds or not old:
         by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
@@ -282,9 +283,8 @@ def _defer(
     messages: list[ev.Effect] = []
     if new:
         others_text = describe_clashes(new, state.vehicle.time_boot_s)
-        messages.append(
-            ev.NotifyOperator(f"new route would conflict with {others_text} at every height; {does}")
-        )
+        text = f"the new route would conflict with {others_text} at every height; the vehicle {reaction}"
+        messages.append(ev.NotifyOperator(text))
     if not holds:
         return state, messages
     state, ordered = _hold(state, before.route or swap)
@@ -301,7 +301,7 @@ def _may_hold(state: AgentState) -> bool:
 
 
 def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
-    """Hold as in collision avoidance; the plan is tried again after a while."""
+    """Hold as in collision avoidance, and try the plan again after AGAIN_S."""
     now_s = state.vehicle.time_boot_s
     state, ordered = command(
         state,

@@ -1,8 +1,8 @@
 """Separation: the distance between vehicles in space and time, planned, flown and predicted. Pure.
 
-A conflict is two vehicles closer than `Limits.horizontal_m` and closer than `Limits.vertical_m` at one time:
-a cylinder about each, as in air traffic control. Points are (east, north, up) [m], times are of one clock
-[s].
+In a conflict, two vehicles are at one time closer than `Limits.horizontal_m` and closer than
+`Limits.vertical_m`: a cylinder about each, as in air traffic control. Points are (east, north, up) [m], times
+are by one clock [s].
 
 | module | content |
 |---|---|

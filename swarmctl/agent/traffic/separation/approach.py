@@ -1,4 +1,4 @@
-"""Closest approach of two flights, exact: both are straight between two points in time."""
+"""Closest approach of two flights. It is exact, because both are straight between two points in time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment, Tr
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Two vehicles closer than both of these are too close."""
+    """Separation limits: two vehicles closer than both limits are too close."""
 
     horizontal_m: float
     vertical_m: float
@@ -54,8 +54,7 @@ class _Relative:
 
 
 def closest(a: Trajectory, b: Trajectory, limits: Limits) -> Approach | None:
-    """Return the approach with the least share of the limits, the first of equals; None without common
-    time."""
+    """Return the first approach with the least share of the limits; None without common time."""
     found = [_closest(part, limits) for part in _together(a, b)]
     return min(found, key=lambda at: (limits.share(at.horizontal_m, at.vertical_m), at.t_s), default=None)
 
@@ -93,7 +92,7 @@ def too_close(a: Segment, b: Segment, limits: Limits) -> tuple[float, float] | N
 
 
 def _together(a: Trajectory, b: Trajectory) -> Iterator[_Relative]:
-    """Yield the relative motion over the common time, cut where either turns."""
+    """Yield the relative motion over the common time, split at the turns of either flight."""
     mine, theirs = list(a.segments()), list(b.segments())
     i = j = 0
     while i < len(mine) and j < len(theirs):
@@ -128,8 +127,8 @@ def _minus(a: LocalPoint, b: LocalPoint) -> LocalPoint:
 def _closest(part: _Relative, limits: Limits) -> Approach:
     """Return the approach with the least share.
 
-    The share is the greater of two convex functions: its least value is at an end, at the least value of
-    either, or where they cross.
+    The share is the greater of two convex functions. Its minimum is at an end, at the minimum of either
+    function, or at a crossing of both.
     """
     a2, b1, c = part.squared()
     u, vu = part.at[2], part.velocity[2]
@@ -139,7 +138,7 @@ def _closest(part: _Relative, limits: Limits) -> Approach:
     at += [-u / vu] if vu != 0.0 else []
     at += _roots(a2 / h2 - vu * vu / v2, b1 / h2 - 2.0 * u * vu / v2, c / h2 - u * u / v2)
     within = (part.approach(tau) for tau in sorted(at) if 0.0 <= tau <= part.lasts_s)
-    return min(within, key=lambda it: limits.share(it.horizontal_m, it.vertical_m))
+    return min(within, key=lambda found: limits.share(found.horizontal_m, found.vertical_m))
 
 
 def _too_close(part: _Relative, limits: Limits) -> tuple[float, float] | None:
@@ -168,6 +167,6 @@ def _roots(a: float, b: float, c: float) -> list[float]:
     discriminant = b * b - 4.0 * a * c
     if discriminant < 0.0:
         return []
-    # The larger root first: the other one would be a difference of nearly equal numbers.
+    # Both roots follow from q, which is no difference of nearly equal numbers.
     q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
     return [q / a, c / q] if q != 0.0 else [0.0]

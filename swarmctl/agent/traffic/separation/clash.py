@@ -1,8 +1,8 @@
 """Clashes: conflicts between planned flights, with a tolerance in time.
 
 Two flights clash if `a` at some time and `b` at another, at most `tolerance_s` apart, are closer than both
-limits. While both fly straight, those pairs of times form a convex polygon. The relative positions do so as
-well, so their distance from the origin is exact.
+limits. While both fly straight, those pairs of times form a convex polygon. The relative positions form one
+too, so the distance of that polygon from the origin is exact.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 from swarmctl.core.planar import contains, distance_to_leg
 
 TIME_TOLERANCE_S = 2.0
-"""Deviation of two vehicles' times from each other: one second each; with more a vehicle sends a new
-intent."""
+"""Greatest deviation between the times of two vehicles [s]: one second each, because a vehicle with a greater
+deviation sends a new intent."""
 HEIGHT_TOLERANCE_M = 0.3
-"""Accuracy of held and reported heights: plans at exactly the vertical limit do not clash."""
+"""Accuracy of held and reported heights [m]: plans at exactly the vertical limit do not clash."""
 
 Boxes = NDArray[np.float64]
 """(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest"""
 _Times = tuple[float, float]
-"""time of the one and of the other vehicle"""
+"""(time of the first vehicle, time of the second) [s]"""
 _DIRECTIONS = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))
 """eight unit vectors"""
 
@@ -40,13 +40,13 @@ class Clash:
 
     other: int
     at_s: float
-    """earliest time at which the own vehicle is too close"""
+    """earliest time at which the own vehicle is too close [s]"""
 
 
-def describe_clashes(met: Sequence[Clash], now_s: float) -> str:
+def describe_clashes(clashes: Sequence[Clash], now_s: float) -> str:
     """Return the other vehicles and the times until the clashes as text."""
-    near = [f"vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
-    return " and ".join(near)
+    texts = [f"vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in clashes]
+    return " and ".join(texts)
 
 
 def _boxes_of(flight: Trajectory) -> Boxes:
@@ -92,7 +92,7 @@ def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, tolerance_s: float) 
 
 
 def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:
-    """Return about when `a` is first too close to `b`, both flying straight; None if it never is."""
+    """Return the approximate time at which `a` is first too close to `b` [s]; None if it never is."""
     va, vb = _velocity(a), _velocity(b)
 
     def apart(times: _Times, axis: int) -> float:
@@ -109,10 +109,10 @@ def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) ->
     times = _clip(times, [near_m + apart(pair, 2) for pair in times])
     if not times:
         return None
-    seen = [(apart(pair, 0), apart(pair, 1)) for pair in times]
-    if _distance_m(seen) >= limits.horizontal_m:
+    relative = [(apart(pair, 0), apart(pair, 1)) for pair in times]
+    if _distance_m(relative) >= limits.horizontal_m:
         return None
-    # The times when the position is within an octagon around the circle: early by at most 8 % of its radius.
+    # Times at which the position is within an octagon around the circle: early by at most 8 % of the radius.
     for east, north in _DIRECTIONS:
         at = [limits.horizontal_m - east * apart(pair, 0) - north * apart(pair, 1) for pair in times]
         times = _clip(times, at) or times

@@ -18,14 +18,14 @@ class PairConflict:
     other: int
     begin_s: float
     end_s: float
-    """end of the last conflict of the pair"""
+    """end of the last conflict of the pair [s]"""
     closest: Approach
 
 
 def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairConflict, ...]:
     """Return all pairs in conflict at some time, soonest first.
 
-    A sweep over time and bounding boxes selects the pairs that are near at one time; only those are computed.
+    A sweep over time and bounding boxes selects the pairs to compute: those that are near at one time.
     """
     found = []
     for uav, other in sorted(_near_pairs(flights, limits)):

@@ -12,7 +12,7 @@ from swarmctl.agent.traffic.separation.approach import Approach, Limits, nearest
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 
 MAX_GAP_S = 3.0
-"""Samples farther apart are not connected."""
+"""Greatest time between two samples that are connected [s]."""
 
 VehiclePair = tuple[int, int]
 """system ids, the lower first"""
@@ -24,7 +24,7 @@ class _Track:
     here: LocalPoint
     row: int
     segments: deque[Segment] = field(default_factory=deque)
-    """the last ones"""
+    """last segments, in order"""
     lengths_m: deque[float] = field(default_factory=deque)
 
 
@@ -38,11 +38,11 @@ class FlownSeparation:
         """system id of each row"""
         self._here = np.empty((0, 3))
         self._reach_m = np.empty(0)
-        """length of the stored segments behind each position"""
+        """length of the stored segments of each vehicle [m]"""
         self.nearest: Approach | None = None
         self.between: VehiclePair | None = None
         self.too_close_s: defaultdict[VehiclePair, float] = defaultdict(float)
-        """time below both limits, by pair"""
+        """time below both limits [s], by pair"""
 
     def add_position(self, uav: int, t_s: float, here: LocalPoint) -> bool:
         """Add the position of a vehicle in the air; return whether the least distance has decreased."""
@@ -81,7 +81,7 @@ class FlownSeparation:
         return [self._uavs[i] for i in rows if i != row]
 
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:
-        """Compare with another's stored segments that share time with this one; each pair of them once."""
+        """Compare a new segment with another vehicle's stored segments of the same time, each pair once."""
         pair, is_nearer = (min(uav, other), max(uav, other)), False
         for theirs in self._tracks[other].segments:
             if theirs.end_s <= segment.begin_s:

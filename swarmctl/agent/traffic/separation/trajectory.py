@@ -30,7 +30,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A vehicle's flight from `times_s[0]` to `times_s[-1]`; before and after it conflicts with none."""
+    """A vehicle's flight from `times_s[0]` to `times_s[-1]`, outside of which it has no conflicts."""
 
     times_s: tuple[float, ...]
     """strictly increasing"""
@@ -38,11 +38,13 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.points):
-            raise ValueError(f"{len(self.times_s)} times for {len(self.points)} points, expected as many")
+            raise ValueError(
+                f"{len(self.times_s)} times for {len(self.points)} points: expected equal numbers"
+            )
         if not all(map(math.isfinite, (*self.times_s, *(x for point in self.points for x in point)))):
             raise ValueError("a time or a coordinate is not finite: expected seconds and metres")
         if any(after <= before for before, after in pairwise(self.times_s)):
-            raise ValueError("times do not increase: expected each after the one before")
+            raise ValueError("times do not increase: expected each to be later than the previous one")
 
     def segments(self) -> Iterator[Segment]:
         for (t0, t1), (a, b) in zip(pairwise(self.times_s), pairwise(self.points), strict=True):
@@ -100,7 +102,7 @@ class Bounds:
 
 
 def until_landing(flight: Trajectory) -> Trajectory:
-    """Return the flight up to its final vertical descent; all of it if that has begun already."""
+    """Return the flight up to its final vertical descent; the whole flight if the descent has begun."""
     n = _n_before_landing(flight)
     return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
 

@@ -13,9 +13,9 @@ from swarmctl.core.frames import StateShared
 AvoidanceAction = Literal["hold", "climb", "none"]
 
 CLEAR_FACTOR = 1.5
-"""An alarm ends when the other vehicle stays outside this multiple of the limits …"""
+"""Multiple of the limits outside of which an alarm can end."""
 CLEAR_FOR_S = 2.0
-"""… for this time."""
+"""Time outside that multiple after which the alarm ends [s]."""
 HEIGHT_MARGIN = 1.2
 """Multiple of the vertical limit kept by an evasive climb: heights are not held to the metre."""
 
@@ -51,12 +51,12 @@ class NeighbourIntent:
     """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
     bounds: Bounds
     may_change: bool
-    """able to give way"""
+    """True if the vehicle can give way"""
     sent_s: float
     around_m: tuple[float, float] = (0.0, 0.0)
     """uncertainty of the flight, horizontal and vertical [m]"""
     on_ground: bool = False
-    """about to take off"""
+    """True if the vehicle is about to take off"""
 
     def limits(self, limits: Limits) -> Limits:
         """Return `limits` enlarged by the uncertainty of the flight."""
@@ -72,7 +72,7 @@ class ProximityAlarm:
     approach: Approach
     """last prediction, by the vehicle's own clock"""
     clear_since_s: float | None = None
-    """time since which it is no longer predicted"""
+    """time since which the conflict is no longer predicted [s]"""
 
 
 def update_alarms(
@@ -82,10 +82,10 @@ def update_alarms(
     rules: SeparationRules,
     now_s: float,
 ) -> tuple[ProximityAlarm, ...]:
-    """Return the alarms from now on, by system id. `others`: predicted trajectories of vehicles heard
-    recently.
+    """Return the alarms from now on, in order of system id.
 
-    An alarm is raised at once and ends with hysteresis, so that position errors do not toggle it.
+    `others` are predicted trajectories of vehicles received recently. An alarm begins at once and ends with
+    hysteresis, so that position errors do not toggle it.
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = Limits(CLEAR_FACTOR * rules.limits.horizontal_m, CLEAR_FACTOR * rules.limits.vertical_m)
@@ -119,18 +119,17 @@ Priority = tuple[bool, int]
 
 
 def gives_way_to(one: Priority, other: Priority) -> bool:
-    """Return whether the one gives way to the other. If either can change its plan, exactly one of the two
-    does.
+    """Return whether `one` gives way to `other`. If either can change its plan, exactly one gives way.
 
     | able to change: one, other | gives way |
     |---|---|
-    | yes, no | the one |
-    | no, yes | the other |
+    | yes, no | `one` |
+    | no, yes | `other` |
     | yes, yes | the higher system id |
     | no, no | neither |
     """
-    (may, uav), (may_too, than) = one, other
-    return may and (not may_too or gives_way_by_id(uav, than))
+    (may_change, uav), (other_may_change, other_uav) = one, other
+    return may_change and (not other_may_change or gives_way_by_id(uav, other_uav))
 
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:
