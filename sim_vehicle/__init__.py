@@ -1,8 +1,8 @@
-"""A fleet of vehicles in software that speak MAVLink 2 on the wire like real autopilots.
+"""A fleet of simulated vehicles that speak MAVLink 2 on the wire like real autopilots.
 
-`fleet.Fleet` is the way in. Everything but `links`, `serving` and the commands is pure: bytes and simulated
-time in, bytes out, so a fleet also runs under a virtual clock. The package imports nothing of the ground
-station; the two meet on the wire only. README.md says what lives in which room.
+Start with `fleet.Fleet`. All modules except `links`, `serving` and the commands are pure: bytes and simulated
+time in, bytes out. So a fleet also runs on a virtual clock. The package imports nothing of `swarmctl`; both
+communicate on the wire only. README.md lists the subpackages.
 """
 
 __version__ = "0.1.0"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Never
 import typer
 
 USAGE_ERROR, INTERRUPTED = 2, 130
-# Imported on use only, so that a fleet starts quickly.
+# Modules are imported on use, so that a fleet starts quickly.
 COMMANDS = {
     "run": ("sim_vehicle.scenarios.command", "run"),
     "conformance": ("sim_vehicle.conformance.cli", "conformance"),
@@ -22,8 +22,8 @@ DEFAULT_URL = "udpout:127.0.0.1:14550"
 HELP_FAULTS = "help"
 DISTRIBUTION = "mavlink-swarmctl"
 HELP = {"help_option_names": ["--help", "-h"]}
-# The base class of errors in a command line; its name differs between versions of typer.
-USAGE: type[Any] = typer.BadParameter.__mro__[2]
+# The base class of command-line errors; its name differs between typer versions.
+UsageError: type[Any] = typer.BadParameter.__mro__[2]
 
 
 def fleet(
@@ -38,8 +38,8 @@ def fleet(
             "-l",
             "--custom-location",
             metavar="LAT,LON,ALT[,HDG]",
-            help="Position of the first vehicle [deg, deg, m above sea level], the others 5 m apart to the "
-            "east. Default: Ljubljana, Slovenia.",
+            help="Position of the first vehicle [deg, deg, m above sea level]; further vehicles stand 5 m "
+            "apart to the east. Default: Ljubljana, Slovenia.",
         ),
     ] = None,
     personality: Annotated[
@@ -59,16 +59,16 @@ def fleet(
         typer.Option(
             "--url",
             "--out",
-            help="A link, once for each: udpout:HOST:PORT, udpin:HOST:PORT, "
+            help="A link (repeatable): udpout:HOST:PORT, udpin:HOST:PORT, "
             f"tcpin:HOST:PORT, tcpout:HOST:PORT, serial:DEVICE:BAUD. Default: {DEFAULT_URL}.",
         ),
     ] = None,
     per_port: Annotated[
         int | None,
-        typer.Option(min=1, max=250, help="Vehicles on a port, more on further ports; default 250."),
+        typer.Option(min=1, max=250, help="Vehicles per port; further ports take the rest. Default 250."),
     ] = None,
     port_step: Annotated[
-        int, typer.Option(min=1, max=1000, help="Distance of ports (ArduPilot's instances: 10).")
+        int, typer.Option(min=1, max=1000, help="Step between port numbers (ArduPilot's SITL: 10).")
     ] = 1,
     sysid: Annotated[
         int | None, typer.Option(min=1, max=250, help="System id of the first vehicle; default 1.")
@@ -88,13 +88,13 @@ def fleet(
     param: Annotated[
         list[str] | None,
         typer.Option(
-            "--param", "-P", metavar="NAME=VALUE", help="A parameter, set on vehicles that have it."
+            "--param", "-P", metavar="NAME=VALUE", help="A parameter of all vehicles that have the name."
         ),
     ] = None,
     param_file: Annotated[
         list[Path] | None,
         typer.Option(
-            "--param-file", "--add-param-file", help="Parameters in a file: NAME VALUE in each line."
+            "--param-file", "--add-param-file", help="A file of parameters: NAME VALUE in each line."
         ),
     ] = None,
     fault: Annotated[
@@ -112,8 +112,8 @@ def fleet(
         bool,
         typer.Option(
             "--step",
-            help="Advance time by the lines `step SECONDS` on standard input only, each "
-            "answered by `at SECONDS`; `quit` ends.",
+            help="Advance time only by lines `step SECONDS` on standard input. The answer to each line is "
+            "`at SECONDS`; `quit` ends.",
         ),
     ] = False,
     tlog: Annotated[
@@ -123,16 +123,16 @@ def fleet(
     parent_pid: Annotated[int | None, typer.Option(help="Stop when this process has ended.")] = None,
     version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
 ) -> None:
-    """Vehicles in software that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops them.
+    """Run simulated vehicles that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops the fleet.
 
     `python -m sim_vehicle run --help` flies scenarios and checks them; `... conformance --help` tests any
     autopilot. Exit codes: 0 normal end, 2 invalid option.
     """  # fmt: skip
-    # Imported late: --help needs none of these, and they take time.
+    # Late imports: they are slow, and --help does not need them.
     from sim_vehicle.faults.spec import help_text  # noqa: PLC0415
     from sim_vehicle.links import LinkError  # noqa: PLC0415
     from sim_vehicle.serving.options import FleetOptions, OptionError, read_options  # noqa: PLC0415
-    from sim_vehicle.serving.serve import Serving, serve  # noqa: PLC0415
+    from sim_vehicle.serving.serve import ServeSettings, serve  # noqa: PLC0415
 
     if version:
         typer.echo(f"sim_vehicle {_version()}")
@@ -142,7 +142,7 @@ def fleet(
         return
     if step and speedup is not None:
         _exit_usage_error(
-            "--speedup and --step exclude each other: --step advances time on request; drop one of them"
+            "--speedup and --step exclude each other: --step advances time on request; remove one of the two"
         )
     options = FleetOptions(
         count=count,
@@ -164,7 +164,7 @@ def fleet(
             typer.echo(f"sim_vehicle: {note}", err=True)
         serve(
             chosen,
-            Serving(
+            ServeSettings(
                 urls=urls,
                 port_step=port_step,
                 ready_s=ready_s,
@@ -204,11 +204,11 @@ def _handle_signals(handler: Callable[[int, FrameType | None], Any]) -> None:
 
 
 def main() -> None:
-    """Run the entry point of the package: the fleet, or another command."""
+    """Run the fleet, or the command named by the first argument."""
     name, arguments = "sim_vehicle", sys.argv[1:]
     command = COMMANDS.get(arguments[0]) if arguments else None
     tolerate_lost_output()
-    # Before the imports. A fleet just stops; a command can have a vehicle in the air and ends in order.
+    # Before the imports. A fleet exits at once; a command with a vehicle in the air shuts down in order.
     _handle_signals(_exit_now if command is None else signal.default_int_handler)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     try:
@@ -220,7 +220,7 @@ def main() -> None:
         code = typer.main.get_command(app)(arguments, prog_name=f"python -m {name}", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
-    except USAGE as error:
+    except UsageError as error:
         typer.echo(f"{name}: {' '.join(error.format_message().split())} (see --help)", err=True)
         code = USAGE_ERROR
     if code == INTERRUPTED:
@@ -228,32 +228,32 @@ def main() -> None:
     sys.exit(code)
 
 
-# -- output that tolerates a closed reader ------------------------------------------------------------------
+# -- output after the loss of its reader --------------------------------------------------------------------
 
 
 class _TolerantFile(io.FileIO):
-    """A file that treats failed writes as done, and reports the first."""
+    """A file that discards the data of failed writes and reports the first failure."""
 
-    def __init__(self, file: int, lost: Callable[[OSError], None]) -> None:
+    def __init__(self, file: int, report: Callable[[OSError], None]) -> None:
         super().__init__(file, "w", closefd=False)
-        self._lost: Callable[[OSError], None] | None = lost
+        self._report: Callable[[OSError], None] | None = report
 
     def write(self, data: Any, /) -> int:
         try:
             return super().write(data)
         except OSError as error:
-            lost, self._lost = self._lost, None
-            if lost is not None:
-                lost(error)
+            report, self._report = self._report, None
+            if report is not None:
+                report(error)
             return memoryview(data).nbytes
 
 
 def tolerate_lost_output() -> None:
-    """Tolerate a closed pipe (`| head`) and a full disk; neither ends a run nor changes its exit code.
+    """Let a run and its exit code survive a closed pipe (`| head`) or a full disk.
 
-    A closed pipe causes no message; a full disk is reported on standard error.
+    A full disk is reported on standard error; a closed pipe is not reported.
     """
-    if sys.platform == "win32":  # a console there is no file
+    if sys.platform == "win32":  # a Windows console is no file
         return
     sys.stdout = _tolerant(sys.stdout, _report_full_disk)
     sys.stderr = _tolerant(sys.stderr, lambda _: None)
@@ -264,11 +264,12 @@ def _report_full_disk(error: OSError) -> None:
         sys.stderr.write(f"sim_vehicle: standard output is lost ({error.strerror})\n")
 
 
-def _tolerant(stream: Any, lost: Callable[[OSError], None]) -> Any:
+def _tolerant(stream: Any, report: Callable[[OSError], None]) -> Any:
+    """Return the stream with failed writes discarded; a closed or replaced stream as is."""
     if stream not in (sys.__stdout__, sys.__stderr__) or not isinstance(stream, io.TextIOWrapper):
-        return stream  # closed or replaced
+        return stream
     return io.TextIOWrapper(
-        io.BufferedWriter(_TolerantFile(stream.fileno(), lost)),
+        io.BufferedWriter(_TolerantFile(stream.fileno(), report)),
         encoding=stream.encoding,
         errors=stream.errors,
         line_buffering=stream.line_buffering,

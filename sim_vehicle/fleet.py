@@ -1,4 +1,4 @@
-"""The whole fleet without I/O: bytes of ground stations and simulated time in, bytes of vehicles out."""
+"""The whole fleet without I/O: ground stations' bytes and simulated time in, vehicles' bytes out."""
 
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
@@ -26,12 +26,12 @@ from sim_vehicle.vehicle.autopilot import Autopilot
 from sim_vehicle.vehicle.injected_faults import FaultEffectWriter, InjectedFaults
 from sim_vehicle.vehicle.receivers import COMPONENT
 from sim_vehicle.wire.encode import Encoder
+from sim_vehicle.wire.link_layer import LinkLayer
 from sim_vehicle.wire.outbox import Frames, Outbox
 from sim_vehicle.wire.parser import Parser
 from sim_vehicle.wire.status import Status
 from sim_vehicle.wire.streams import Streams
 from sim_vehicle.wire.telemetry import View
-from sim_vehicle.wire.wires import Wires
 
 TICK_S = 0.05
 TICKS_PER_DECISION = 2
@@ -57,16 +57,20 @@ class Fleet:
     def __init__(
         self, scenario: Scenario, *, ready_s: float | None = None, trusted_links: Collection[int] = ()
     ) -> None:
-        """`ready_s`: time from boot to a position estimate [s]; None: that of the scenario or autopilot.
+        """Create the vehicles of a scenario.
 
-        On `trusted_links`, vehicles with a key accept unsigned messages, as on an autopilot's USB.
+        Parameters
+        ----------
+        scenario: vehicles, area, faults and environment.
+        ready_s: time from boot to a position estimate [s]; None: the time of the scenario or autopilot.
+        trusted_links: links on which vehicles with a signing key accept unsigned messages, as on USB.
         """
         specs = scenario.vehicles
         area = scenario.area
         centre = (area.origin_lat_deg, area.origin_lon_deg) if area else (specs[0].lat_deg, specs[0].lon_deg)
         self.scenario = scenario
         generators = np.random.default_rng(scenario.seed).spawn(len(specs))
-        self.world = _world(scenario, centre, [own.spawn(1)[0] for own in generators])
+        self.world = _world(scenario, centre, [generator.spawn(1)[0] for generator in generators])
         self.status = Status(len(specs))
         self.sysids = tuple(spec.sysid for spec in specs)
         self.links = tuple(spec.link for spec in specs)
@@ -101,7 +105,9 @@ class Fleet:
             self._by_address[link, vehicle.sysid] = vehicle
             self._by_link.setdefault(link, []).append(vehicle)
         self._alarm_s = np.zeros(len(specs))
-        self._wires = Wires([vehicle.signing for vehicle in self.vehicles], self.links, trusted_links)
+        self._link_layer = LinkLayer(
+            [vehicle.signing for vehicle in self.vehicles], self.links, trusted_links
+        )
         self._ready_frames: Frames = []  # frames ready to be returned
         self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
@@ -133,9 +139,8 @@ class Fleet:
     ) -> Frames:
         """Process bytes of one ground station at `now` [s]; return (vehicle, bytes) to send.
 
-        Bytes of a stream can be cut anywhere. `peer` tells several streams apart, `link` selects the vehicles
-        on a link, `reach` some of those. The simulation first advances to `now`; the result includes its
-        output.
+        A message can span several calls. `peer` identifies the stream. `link` selects the vehicles on a link,
+        `reach` a part of these. The simulation first advances to `now`; the result includes its output.
         """
         self._advance(now)
         self.counters.bytes_in += len(data)
@@ -160,18 +165,18 @@ class Fleet:
         for vehicle in addressed:
             if reach is not None and vehicle.index not in reach:
                 continue
-            if not self._wires.put_incoming(vehicle.index, message, now):
+            if not self._link_layer.put_incoming(vehicle.index, message, now):
                 self._deliver_one(vehicle, message, now)
 
     def _deliver_one(self, vehicle: Autopilot, message: Any, now: float) -> None:
-        """Deliver a message to a vehicle, if its signature permits."""
-        if not self._wires.accepts(vehicle.index, message, now):
+        """Deliver a message to a vehicle that accepts its signature."""
+        if not self._link_layer.accepts(vehicle.index, message, now):
             return
         vehicle.receive(message, now)
         self._alarm_s[vehicle.index] = vehicle.alarm_s
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SETUP_SIGNING:
             self._send_pending(now)
-            self._wires.note_key(vehicle.index)
+            self._link_layer.update_signing(vehicle.index)
 
     def forget_peer(self, peer: Hashable, *, link: int = 0) -> None:
         """Forget an ended stream with its incomplete message."""
@@ -188,7 +193,7 @@ class Fleet:
         return self._take(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault, `spec.at_s` after `now` [s]; FaultError if it names an unknown vehicle."""
+        """Begin a fault `spec.at_s` [s] after `now` [s]; FaultError if `spec` names an unknown vehicle."""
         self._advance(now)
         self._send_pending(now)
         self._schedule.inject(spec, now)
@@ -226,7 +231,7 @@ class Fleet:
             tick_s = self._next_tick * TICK_S
             self._deliver_arrivals(tick_s)
             self._tick(tick_s)
-            if not self._wires.unimpaired:
+            if not self._link_layer.unimpaired:
                 self._send_pending(tick_s)
             self._next_tick += 1
         self._deliver_arrivals(now)
@@ -265,7 +270,7 @@ class Fleet:
     def _access(self, index: int) -> VehicleAccess:
         vehicle = self.vehicles[index]
         return VehicleAccess(
-            partial(self._wires.channel, index), vehicle.injected_faults, partial(self._reboot, index)
+            partial(self._link_layer.channel, index), vehicle.injected_faults, partial(self._reboot, index)
         )
 
     def _reboot(self, index: int, now: float, silence_s: float) -> None:
@@ -278,22 +283,22 @@ class Fleet:
 
     def _deliver_arrivals(self, now: float) -> None:
         """Deliver the messages that have passed impaired links by `now` [s]."""
-        for due_s, index, message in self._wires.arrivals_at_vehicles(now):
+        for due_s, index, message in self._link_layer.arrivals_at_vehicles(now):
             if message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN_"):
                 self._deliver_one(self.vehicles[index], message, due_s)
                 self._send_pending(due_s)
 
     def _send_pending(self, now: float) -> None:
         """Sign and send the vehicles' messages up to `now` [s]."""
-        self._ready_frames += self._wires.send(self._outbox.take(), now)
+        self._ready_frames += self._link_layer.send(self._outbox.take(), now)
 
     def _take(self, now: float) -> Frames:
         """Return the frames that reach ground stations by `now` [s]."""
-        if self._wires.unimpaired and not self._ready_frames:
+        if self._link_layer.unimpaired and not self._ready_frames:
             return self._outbox.take()
         self._deliver_arrivals(now)
         self._send_pending(now)
-        frames, self._ready_frames = self._ready_frames + self._wires.arrivals_at_stations(now), []
+        frames, self._ready_frames = self._ready_frames + self._link_layer.arrivals_at_stations(now), []
         return frames
 
     def _fire(self, now: float) -> None:
@@ -313,7 +318,7 @@ def _world(
     scenario: Scenario, centre: tuple[float, float], generators: Sequence[np.random.Generator]
 ) -> World:
     specs, wind, gps = scenario.vehicles, scenario.wind, scenario.gps
-    good = GpsSettings()
+    defaults = GpsSettings()
     world = World(
         LocalFrame(*centre),
         np.array([spec.lat_deg for spec in specs]),
@@ -323,8 +328,8 @@ def _world(
         rngs=generators,
         wind=WindSettings(wind.speed_m_s, wind.from_deg, wind.gust_m_s),
         gps=GpsSettings(
-            good.noise_m if gps.noise_m is None else gps.noise_m,
-            good.drift_m if gps.drift_m is None else gps.drift_m,
+            defaults.noise_m if gps.noise_m is None else gps.noise_m,
+            defaults.drift_m if gps.drift_m is None else gps.drift_m,
         ),
     )
     headings_rad = np.deg2rad([spec.heading_deg for spec in specs])

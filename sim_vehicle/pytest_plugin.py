@@ -1,7 +1,7 @@
-"""pytest fixtures: `vehicle`, `swarm`, `clock` and `link`; heavy imports wait for their use.
+"""pytest fixtures: `vehicle`, `swarm`, `clock` and `link`. Heavy imports run on first use.
 
-A test's randomness comes from its name and that of its file, or from `--sim-seed`. A failing test prints the
-seed, the command that repeats it, and the folder with the tlogs of its vehicles.
+The seed of a test comes from the names of the test and its file, or from `--sim-seed`. A failing test prints
+the seed, the command that repeats the test, and the folder with the tlogs of the vehicles.
 """
 
 import os
@@ -30,18 +30,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=int,
         default=None,
         metavar="N",
-        help="seed of the simulated vehicles; if not given, one from the name of each test and of its file, "
-        "the same in every folder",
+        help="seed of the simulated vehicles; default: a seed from the names of each test and its file, "
+        "equal in every folder",
     )
 
 
 @pytest.fixture
 def sim_seed(request: pytest.FixtureRequest) -> int:
-    """Return the seed of this test's vehicles: `--sim-seed`, or one from the names of test and file."""
+    """Return the seed of this test's vehicles: `--sim-seed`, or a seed from the names of test and file."""
     given: int | None = request.config.getoption("--sim-seed")
     if given is not None:
         return given
-    # Not the path, which depends on the project's folder and on pytest's root.
+    # The path is left out: it depends on the project's folder and on pytest's root.
     name = "::".join([request.node.path.name, *request.node.nodeid.split("::")[1:]])
     return zlib.crc32(name.encode())
 
@@ -68,12 +68,12 @@ def clock(_sim_rig: "Rig") -> "Clock":
 
 @pytest.fixture
 def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
-    """Return a maker of vehicles: `swarm(count=3, personality="px4", faults=["packet_loss:rate=0.1"])`.
+    """Return a function that creates vehicles: `swarm(count=3, personality="px4", faults=["gps_loss"])`.
 
     Arguments: count, personality (ardupilot, px4, mixed), kind (copter, plane), faults (as for --fault),
     ready_s (from boot to a position [s], 0 by default; None: as on the real autopilots), params, home
-    (latitude, longitude, altitude), wind (as in a scenario), or a scenario (a file or a Scenario) as a start.
-    ScenarioError if an argument is invalid.
+    (latitude [deg], longitude [deg], altitude [m]), wind (as in a scenario), scenario (a file or a Scenario,
+    which the other arguments change). ScenarioError if an argument is invalid.
     """
     from sim_vehicle.scenarios import ScenarioError  # noqa: PLC0415
     from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415
@@ -92,7 +92,7 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
     ) -> "Swarm":
         __tracebackhide__ = True  # the error is in the test's own line
         try:
-            whole = scenario_for(
+            built = scenario_for(
                 count,
                 seed=_sim_rig.seed,
                 personality=personality,
@@ -105,9 +105,9 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
             )
         except ScenarioError as error:
             raise ScenarioError(str(error)) from None
-        return _sim_rig.create(whole, ready_s)
+        return _sim_rig.create(built, ready_s)
 
-    make.__name__ = make.__qualname__ = "swarm"  # the name in Python's error about an unknown keyword
+    make.__name__ = make.__qualname__ = "swarm"  # name in Python's error message for an unknown keyword
     return make
 
 
@@ -135,15 +135,15 @@ def pytest_runtest_makereport(
     report = yield
     rig = item.stash.get(RIG, None)
     if report.failed and rig is not None:
-        words = [_words(rig), f"repeat with: {_command(item, rig.seed)}"]
+        lines = [_summary(rig), f"repeat with: {_command(item, rig.seed)}"]
         if rig.vehicles and (folder := _tlogs(item, rig)) is not None:
-            words.append(f"tlogs: {folder}")
-        report.sections.append(("sim_vehicle", "\n".join(words)))
+            lines.append(f"tlogs: {folder}")
+        report.sections.append(("sim_vehicle", "\n".join(lines)))
     return report
 
 
 def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
-    """Write a tlog of each vehicle and return the folder; None if that fails (a full disk)."""
+    """Write a tlog of each vehicle and return the folder; None if the disk is full."""
     try:
         folder = item.stash[FOLDERS]()
         rig.write_tlogs(folder)
@@ -152,7 +152,8 @@ def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
     return folder
 
 
-def _words(rig: "Rig") -> str:
+def _summary(rig: "Rig") -> str:
+    """Return the seed, the number of vehicles, the simulated time and the messages to the operator."""
     count = len(rig.vehicles)
     seed = f"seed {rig.seed}, {count} vehicle{'' if count == 1 else 's'}, {rig.now:.2f} s simulated"
     return "\n".join([seed, *rig.operator_lines])

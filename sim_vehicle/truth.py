@@ -1,4 +1,4 @@
-"""The true state of a fleet, which no ground station hears."""
+"""The true state of a fleet, for tests, checks and displays; no telemetry contains it."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
 """Personalities: the differences between autopilots, one package each, as data if possible.
 
-A new one is a module or a package, and a line in `PERSONALITIES`.
+A new personality is a module or a package, and an entry in `PERSONALITIES`.
 """
 
 from collections.abc import Mapping

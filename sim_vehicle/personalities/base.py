@@ -1,4 +1,4 @@
-"""The shape of a personality, the only difference between autopilots, and the vehicle as it sees it.
+"""`Personality`: the differences between autopilots; `Vehicle`: the vehicle as its parts use it.
 
 Only personalities know parameter names: each converts its own parameters to `FlightParameters` in SI units.
 """
@@ -158,21 +158,20 @@ class Personality:
     boot_text: tuple[bytes, ...]  # plain bytes on the link at each boot
     flight_sw_version: int
     capabilities: int
-    parameters: Mapping[str, float | int]  # an int is an integer parameter, on the wire too
+    parameters: Mapping[str, float | int]  # defaults; an int makes an integer parameter
     read_only_parameters: frozenset[str]
     parameters_byte_wise: bool  # integers travel as their bytes (PX4), else as floats (ArduPilot)
     system_id_parameter: str
     flight_parameters: Callable[[Parameters], FlightParameters]
-    commands: Mapping[int, CommandHandler]  # replacements of, and additions to, the common handlers
+    commands: Mapping[int, CommandHandler]  # handlers that replace or extend the common ones
     arm_refused: int  # MAV_RESULT
     disarm_refused: int  # MAV_RESULT in flight
-    is_addressed: Callable[
-        [int, Any], bool
-    ]  # own system id, message to that system or to all -> True if the message is processed
+    # (own system id, message to that system or to all) -> True if the message is processed
+    is_addressed: Callable[[int, Any], bool]
     acknowledges_set_mode: bool  # the SET_MODE message
     home_item: bool  # item 0 of a mission is home
     empty_mission_total: int  # MISSION_CURRENT.total with no mission
-    reports_mission_state: bool  # else mission_state is 0 always
+    reports_mission_state: bool  # False: mission_state is always 0
     texts: Mapping[str, tuple[int, str]]  # event -> (MAV_SEVERITY, template); other events have no text
     streams: Mapping[int, tuple[int, ...]]  # MAV_DATA_STREAM -> message ids
     default_rates_hz: Mapping[int, float]  # message id -> default rate
@@ -191,45 +190,45 @@ class Personality:
     parameter_bits: Mapping[str, int] = field(default_factory=dict)  # of integers other than 32 bits
     mission: Callable[[Vehicle], Mission] | None = None  # None: a mission with home as item 0
     mission_ends_in: Behaviour | None = None  # mode after a mission in the air
-    rereads_mode_switch: bool = True  # shortly after a boot, which undoes an earlier mode change
+    rereads_mode_switch: bool = True  # reads the mode switch after a boot, which undoes a mode change
     active_when_armed: bool = False  # MAV_STATE_ACTIVE already when armed on the ground
-    fence_limits_latch: bool = False  # the limits in force are those at the enabling of the fence
+    fence_limits_latch: bool = False  # the fence keeps the limits set when it was enabled
     force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
     # reasons against a forced arming
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
-    landing_disarms: bool = True  # at once; else after FlightParameters.disarm_landed_s
-    lands_amid_mission: bool = False  # a landing inside a mission leaves the vehicle armed
+    landing_disarms: bool = True  # disarms at once; else after FlightParameters.disarm_landed_s
+    stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
-    disarm_restores_mode: bool = False  # the last armable mode follows a flight
+    disarm_restores_mode: bool = False  # disarming restores the last armable mode
     answers_ping: bool = False  # answers PING without a target
     home_is_local: bool = False  # HOME_POSITION has local coordinates, too
     home_with_position: bool = False  # home is set with the position estimate, not before
     origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; else it only sets a missing one
     flight_counter: str | None = None  # name of the parameter that counts flights
     failsafe_disarms: bool = False  # a failsafe stops the motors on the ground
-    # modes of actions without a Behaviour
+    # custom_mode of the actions without a Behaviour
     failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)
-    # for vehicles without a landing mode; False if the landing cannot start
+    # starts the landing of the mission, False if that is impossible; None: there is a landing mode
     start_landing: Callable[[Vehicle, float], bool] | None = None
     # Items of the mission flown in a return, and the altitude to climb to first [m above mean sea
     # level]; None: return to home or a rally point.
     return_by_mission: Callable[[Vehicle], tuple[Sequence[Item], float] | None] = lambda _vehicle: None
-    battery_latches: bool = False  # checked while armed only; a level stays until the next boot
+    battery_latches: bool = False  # checks the battery while armed only; a level stays until a reboot
     body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
     gps_present_in_use: bool = False  # SYS_STATUS reports GPS present only while the estimator uses it
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
-        """Return the mode for a behaviour of the vehicle itself; KeyError without one."""
+        """Return the mode that the vehicle enters by itself for a behaviour; KeyError without one."""
         mode = self.find_mode(behaviour)
         if mode is None:
             raise KeyError(behaviour)
         return mode
 
     def find_mode(self, behaviour: Behaviour) -> Mode | None:
-        """Return the mode for a behaviour of the vehicle itself, None without one."""
+        """Return the mode that the vehicle enters by itself for a behaviour; None without one."""
         for mode in self.modes.values():
-            asks = mode.setpoints_only or mode.needs_pilot or not mode.selectable
-            if mode.behaviour is behaviour and not asks:
+            restricted = mode.setpoints_only or mode.needs_pilot or not mode.selectable
+            if mode.behaviour is behaviour and not restricted:
                 return mode
         return None

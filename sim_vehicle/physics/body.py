@@ -16,7 +16,7 @@ CAPACITIES_MAH, VOLTAGES_V = (1.0, 1e6), (1.0, 1000.0)
 
 
 def _finite(*numbers: float) -> bool:
-    """Return True for finite numbers; commands with others are ignored."""
+    """Return True if all numbers are finite; commands with other numbers are ignored."""
     return all(map(math.isfinite, numbers))
 
 
@@ -88,7 +88,7 @@ class Body:
 
     @property
     def position_ok(self) -> bool:
-        """True with a position estimate good enough for navigation."""
+        """True if the position estimate is good enough for navigation."""
         return bool(self._world.position_ok[self._index])
 
     @property
@@ -130,13 +130,16 @@ class Body:
         return happened
 
     def locate(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """Return east and north [m] of a position [deg], the present ones if it is off the map (antipode)."""
+        """Return east and north [m] of a position [deg].
+
+        The present position replaces a position outside the projection (the antipode).
+        """
         east_m, north_m = self._world.frame.point_to_local(lat_deg, lon_deg)
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             east_m, north_m, _ = self.position_m
         return east_m, north_m
 
-    # -- orders -------------------------------------------------------------------------------------------
+    # -- commands -----------------------------------------------------------------------------------------
 
     def arm(self, armed: bool) -> None:
         """Start or stop the motors; stopped in the air, a copter falls and a plane glides."""
@@ -154,7 +157,7 @@ class Body:
     def fly_to(self, east_m: float, north_m: float, up_m: float, pass_speed_m_s: float = 0.0) -> None:
         """Fly a straight leg from the previous target (if reached) or from the present position.
 
-        A copter stops at the end unless it can pass at a speed [m/s]; a plane always flies past it.
+        A copter stops at the end unless `pass_speed_m_s` [m/s] is positive; a plane flies past the end.
         """
         i, motion = self._index, self._motion
         if not _finite(east_m, north_m, up_m):
@@ -181,7 +184,7 @@ class Body:
         self._begin(MotionOrder.POSITION)
 
     def land_at(self, east_m: float, north_m: float) -> None:
-        """Land a plane: descend on a straight slope from here to touch the ground at a point."""
+        """Land a plane: descend on a straight slope from here to a point on the ground."""
         if not _finite(east_m, north_m):
             return
         i, motion = self._index, self._motion
@@ -193,7 +196,7 @@ class Body:
         self._begin(MotionOrder.GLIDE)
 
     def stop(self) -> None:
-        """Brake and hold the position and altitude reached; a plane circles here."""
+        """Brake and hold the position and altitude at the end of braking; a plane circles here."""
         i, motion = self._index, self._motion
         east, north, up = self.position_m
         velocity = self.velocity_m_s
@@ -212,7 +215,7 @@ class Body:
         yaw_rad: float | None = None,
         yaw_rate_rad_s: float | None = None,
     ) -> None:
-        """Move at a velocity east, north, up [m/s] within the limits; a plane flies in its direction."""
+        """Move at a velocity east, north, up [m/s] within the limits; a plane flies in that direction."""
         i, motion = self._index, self._motion
         east, north, up = velocity_m_s
         speed = math.hypot(east, north)
@@ -237,7 +240,7 @@ class Body:
         yaw_rad: float | None = None,
         yaw_rate_rad_s: float | None = None,
     ) -> None:
-        """Tilt a copter so that its thrust accelerates it east, north [m/s2]; drag is not compensated."""
+        """Tilt a copter for an acceleration east, north [m/s2] by thrust; drag is not compensated."""
         i, motion = self._index, self._motion
         if not _finite(*acceleration_m_s2, climb_m_s):
             return
@@ -249,7 +252,7 @@ class Body:
         self._turn(yaw_rad, yaw_rate_rad_s)
 
     def move_vertically(self, rate_m_s: float) -> None:
-        """Climb (positive) or sink at a rate [m/s] over the target; a plane along its leg or circle."""
+        """Climb (positive) or sink at a rate [m/s] over the target; a plane follows its leg or circle."""
         if _finite(rate_m_s):
             self._motion.order[self._index] = MotionOrder.RATE
             self._motion.rate_m_s[self._index] = rate_m_s
@@ -320,9 +323,9 @@ class Body:
         gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
 
     def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
-        """Set the capacity of the battery and its full voltage at rest, within the supported range.
+        """Set capacity and full resting voltage of the battery within the supported range.
 
-        A capacity of 0 means unknown: the battery stays as it is.
+        A capacity of 0 means unknown and leaves the capacity unchanged.
         """
         i, batteries = self._index, self._world.batteries
         if capacity_mah > 0:
@@ -330,9 +333,9 @@ class Body:
         batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
-        """Set the steady wind at this vehicle, up to STRONGEST_WIND_M_S, and its origin direction.
+        """Set the steady wind at this vehicle: speed up to STRONGEST_WIND_M_S, origin direction [deg].
 
-        None: the scenario's wind.
+        Speed None: the scenario's wind.
         """
         if speed_m_s is not None:
             speed_m_s = min(speed_m_s, STRONGEST_WIND_M_S)

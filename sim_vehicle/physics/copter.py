@@ -1,9 +1,9 @@
-"""Copter flight: arrays over the copters of the fleet, kinematic with honest limits.
+"""Copter flight: arrays over the copters of the fleet; kinematic, with limits of acceleration and tilt.
 
-A copter follows the straight leg to its target by pursuing a point ahead of it on the leg. Its horizontal and
-vertical accelerations are bounded, and it brakes in time to pass the target at the allowed speed (0 to stop).
-It tilts to accelerate and against the drag of the air, up to a limit; a stronger wind carries it away. Its
-autopilot compensates the wind it knows and reacts to gusts late.
+A copter follows the straight leg to its target: it pursues a point ahead on the leg. Horizontal and vertical
+accelerations are bounded. The copter brakes in time to pass the target at the allowed speed (0 to stop). The
+copter tilts to accelerate and to balance drag, up to a limit; a stronger wind carries the copter away. The
+autopilot compensates its estimate of the wind and reacts late to gusts.
 """
 
 import numpy as np
@@ -23,12 +23,12 @@ from sim_vehicle.physics.motion import (
 TERMINAL_FALL_M_S = 15.0
 BRAKING_SHARE = 0.7  # share of the acceleration limit planned for braking; the rest corrects the path
 POSITION_GAIN_HZ = 2.0  # speed per metre near a stopping point, where the square root would chatter
-DRAG_PER_M = 0.016  # deceleration by the air per square of the airspeed
+DRAG_PER_M = 0.016  # deceleration by drag [m/s2] per square of the airspeed [m2/s2]
 TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
 TILT_TIME_S = 0.15  # time constant of the attitude
 SPIN_RAD_S = TURN_RAD  # with one motor lost
 SPINNING_LIMIT_M_S2 = 0.5
-MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # lift missing to the weight with two motors of four
+MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # weight minus the lift of two motors of four
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
 HOVER_THROTTLE = 0.35
 IDLE_W = 16.0
@@ -83,11 +83,11 @@ def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Flo
     here = m.estimate[:2, i]
     to_target = m.target[:2, i] - here
     distance = np.hypot(to_target[0], to_target[1])
-    gone = here - m.leg_start[:, i]
+    travelled = here - m.leg_start[:, i]
     leg = m.leg_direction[:, i]
-    ahead = gone[0] * leg[0] + gone[1] * leg[1] + np.maximum(m.speed_m_s[i], 3.0)
+    ahead = travelled[0] * leg[0] + travelled[1] * leg[1] + np.maximum(m.speed_m_s[i], 3.0)
     ahead = np.minimum(np.maximum(ahead, 0.0), m.leg_length_m[i])
-    course: Floats = leg * ahead - gone
+    course: Floats = leg * ahead - travelled
 
     passing = m.pass_speed_m_s[i]
     braking = np.sqrt(passing**2 + (2 * BRAKING_SHARE) * m.acceleration_limit_m_s2[i] * distance)
@@ -157,10 +157,10 @@ def throttle(m: Motion, i: Selection) -> Floats:
 
 
 def lifts_off(m: Motion) -> Bools:
-    """Return the copters on the ground that are commanded to climb and can, (n,)."""
+    """Return the mask of the copters on the ground that are commanded and able to climb, (n,)."""
     up = (m.order == MotionOrder.POSITION) & (m.target[2] > m.ground_m + 0.1)
     up |= (
         (m.order == MotionOrder.RATE) | (m.order == MotionOrder.VELOCITY) | (m.order == MotionOrder.TILT)
     ) & (m.rate_m_s > 0)
-    fit = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
-    return np.asarray(up & m.armed & fit)
+    able = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
+    return np.asarray(up & m.armed & able)

@@ -1,8 +1,8 @@
-"""Motion of the airframes: arrays over the whole fleet, one fixed time step, no Python per vehicle.
+"""Motion of the airframes: arrays over the whole fleet, one fixed time step, no Python loop over vehicles.
 
-`copter` and `plane` turn orders into velocities. This module has their common part: the effect of failures on
-orders, take-off, touchdown, and arrival at targets. The ground is flat; each vehicle's ground has the
-altitude of its start.
+`copter` and `plane` convert orders to velocities. This module has the common part: the effect of failures on
+orders, take-off, touchdown, and arrival at targets. The ground is flat at the altitude of each vehicle's
+start.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ class Dynamics(Motion):
     def step(self, dt_s: float) -> None:
         """Advance every vehicle by `dt_s` [s]."""
         self._derived.clear()
-        self._put_orders_in_force()
+        self._restrict_orders()
         if np.count_nonzero(self.armed & ~self.airborne):
             self._lift_off()
         rolls = self._has_planes and bool(np.count_nonzero(plane.rolls(self)))
@@ -51,7 +51,7 @@ class Dynamics(Motion):
         np.add(self.position, self.error, out=self.estimate)
         np.add(self.velocity, self.velocity_error, out=self.estimate_velocity)
         if np.count_nonzero(self.airborne & ~self.reached):
-            self._note_reached()
+            self._update_reached()
 
     def _move(self, dt_s: float, *, rolls: bool) -> None:
         before = self.velocity.copy()
@@ -66,12 +66,13 @@ class Dynamics(Motion):
         np.subtract(self.velocity, before, out=self.acceleration)
         self.acceleration /= dt_s
 
-    def _put_orders_in_force(self) -> None:
+    def _restrict_orders(self) -> None:
         """Restrict orders to the abilities of damaged airframes.
 
-        A copter with an empty battery, or with two lost motors, falls. With one lost motor of four it gives
-        up its heading to stay level, and the opposite motor slows down. The other two motors do not carry
-        the weight, so the copter sinks ever faster. It lands without a crash only from a few metres.
+        A copter with an empty battery, or with two lost motors, falls. With one of four motors lost, the
+        copter spins to stay level, and the opposite motor slows down. The remaining two motors do not carry
+        the weight, so the copter sinks with increasing speed. Only a descent from a few metres ends without
+        a crash.
         """
         self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
         if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
@@ -110,10 +111,10 @@ class Dynamics(Motion):
         self.attitude_rate[:, touches] = 0.0
         self.airspeed_m_s[touches & ~self.planes] = 0.0
         self.thrust[touches & ~self.planes] = 0.0
-        # A landed vehicle stays down until the next order to fly.
+        # A landed copter stays on the ground until the next order to fly.
         self.order[touches & ~self.planes] = MotionOrder.GROUNDED
 
-    def _note_reached(self) -> None:
+    def _update_reached(self) -> None:
         error = self.target - self.estimate
         level = np.hypot(error[0], error[1])
         past = error[0] * self.leg_direction[0] + error[1] * self.leg_direction[1] <= 0

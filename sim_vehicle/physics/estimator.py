@@ -1,8 +1,8 @@
 """Position estimates of the autopilots as arrays: a filter over GPS and inertia, stored as its error.
 
-The filter is linear, so its error does not depend on the motion: the error is propagated alone, and the
-estimate is the truth plus the error. A measurement that disagrees too much is rejected. If rejection lasts,
-the filter restarts from the measurement, as the autopilots' filters do. Height comes from the barometer.
+The filter is linear, so its error does not depend on the motion. Only the error is propagated; the estimate
+is the truth plus the error. A measurement with a large innovation is rejected. After a long rejection the
+filter restarts from the measurement, as the autopilots' filters do. Height comes from the barometer.
 """
 
 import math
@@ -17,7 +17,7 @@ POSITION_GAIN, VELOCITY_GAIN = 0.05, 0.1  # per sample
 GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # greatest accepted innovation, and its growth without a sample
 RESET_AFTER_S = 7.0  # time of rejection until the filter restarts
 LOST_AFTER_S = 8.0  # time without an accepted sample until the position is lost
-ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor; it acts without GPS only
+ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor, applied without GPS only
 FASTEST_ERROR_M_S = 5.0
 
 
@@ -52,7 +52,10 @@ class Estimator:
         self._error[:2] += self._velocity_error[:2] * dt_s
 
     def correct(self, dt_s: float, gps: Gps, height_draws: Floats | None) -> None:
-        """Process a GPS sample `dt_s` [s] after the last; height_draws (n,), None for an exact barometer."""
+        """Process a GPS sample `dt_s` [s] after the previous one.
+
+        height_draws: (n,) standard normal draws; None for an exact barometer.
+        """
         innovation = gps.error[:2] - self._error[:2]
         accepted = np.hypot(innovation[0], innovation[1]) <= GATE_M + GATE_GROWTH_M_S * self.unaided_s
         accepted &= ~gps.lost
@@ -64,6 +67,6 @@ class Estimator:
         self._any_unaided = bool(np.count_nonzero(self.unaided_s))
         self.position_ok = self.unaided_s <= self.lost_after_s
         if height_draws is not None:
-            kept = math.exp(-dt_s / DRIFT_TIME_S)
-            self._error[2] *= kept
-            self._error[2] += height_draws * (self._height_m * math.sqrt(1.0 - kept * kept))
+            decay = math.exp(-dt_s / DRIFT_TIME_S)
+            self._error[2] *= decay
+            self._error[2] += height_draws * (self._height_m * math.sqrt(1.0 - decay * decay))

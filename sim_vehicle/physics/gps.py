@@ -8,25 +8,25 @@ import numpy.typing as npt
 
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
 
-NO_FIX, FIX = 1, 6  # GPS_FIX_TYPE; the fix type that the autopilots' own simulators report
+NO_FIX, FIX = 1, 6  # GPS_FIX_TYPE; the autopilots' own simulators report 6 for a fix
 SATELLITES = 10
 HDOP = 1.21
-DRIFT_TIME_S = 60.0  # after which drift has decayed to 1/e
+DRIFT_TIME_S = 60.0  # time in which drift decays to 1/e
 VERTICAL_SHARE = 1.6  # ratio of vertical to horizontal errors
-SPEED_NOISE_PER_S = 0.25  # noise of the velocity, as a share of the position's, per second
+SPEED_NOISE_PER_S = 0.25  # ratio of velocity noise [m/s] to position noise [m]
 DRAWS = 9  # per vehicle and sample
 
 
 @dataclass(frozen=True, slots=True)
 class GpsSettings:
-    """Standard deviations along a horizontal axis [m] of the noise from sample to sample, of the drift."""
+    """Standard deviations along a horizontal axis [m]: white noise of each sample, and drift."""
 
     noise_m: float = 0.15
     drift_m: float = 0.06
 
 
 class Gps:
-    """The receivers of n vehicles; arrays (3, n) are east, north, up; names in `_m` are views (n, 3)."""
+    """The receivers of n vehicles; arrays (3, n) are east, north, up; names that end in `_m` are (n, 3)."""
 
     def __init__(self, settings: GpsSettings, frame: LocalFrame, truth: Floats) -> None:
         n = truth.shape[1]
@@ -52,12 +52,15 @@ class Gps:
         self.error[:] = self._drift
 
     def sample(self, dt_s: float, truth: Floats, draws: Floats | None) -> None:
-        """Measure `dt_s` [s] after the last sample: truth (3, n); draws (DRAWS, n), None without errors."""
+        """Measure positions `dt_s` [s] after the previous sample.
+
+        truth: (3, n) [m]; draws: (DRAWS, n), None without errors.
+        """
         np.copyto(self.error, self.offset_m.T)
         if draws is not None:
-            kept = math.exp(-dt_s / DRIFT_TIME_S)
-            self._drift *= kept
-            self._drift += draws[3:6] * (self._drift_m * math.sqrt(1.0 - kept * kept))
+            decay = math.exp(-dt_s / DRIFT_TIME_S)
+            self._drift *= decay
+            self._drift += draws[3:6] * (self._drift_m * math.sqrt(1.0 - decay * decay))
             self.error += self._drift
             self.error += draws[:3] * self._noise_m
             np.multiply(draws[6:9], self._noise_m * SPEED_NOISE_PER_S, out=self.velocity_error)

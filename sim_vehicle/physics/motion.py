@@ -90,8 +90,8 @@ class Motion:
         self.wanted_velocity = np.zeros((2, n))  # for MotionOrder.VELOCITY
         self.wanted_tilt = np.zeros((2, n))  # for MotionOrder.TILT: horizontal acceleration by the thrust
         self.wanted_heading_rad = np.zeros(n)
-        self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of that heading
-        self.faces: Bools = np.zeros(n, dtype=bool)  # a commanded heading instead of that of the leg
+        self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of the wanted heading
+        self.faces: Bools = np.zeros(n, dtype=bool)  # the heading is commanded, not along the leg
 
     def _begin_limits(self, n: int) -> None:
         self.speed_m_s = np.full(n, 10.0)  # plane: airspeed
@@ -110,5 +110,5 @@ class Motion:
 
 
 def wrapped(angle_rad: Floats) -> Floats:
-    """Return the same angle in (-pi, pi]."""
+    """Return an angle wrapped into (-pi, pi] [rad]."""
     return np.asarray(angle_rad - TURN_RAD * np.ceil((angle_rad - np.pi) / TURN_RAD))

@@ -1,7 +1,7 @@
-"""Standard normal draws for a whole fleet, each vehicle's from its own generator.
+"""Standard normal draws for a whole fleet, with one generator per vehicle.
 
-A vehicle's sequence depends on its generator only, not on the size of the fleet. Rows are drawn a block
-ahead. The draws of the next block are spread over the use of the present one, so that no step takes long.
+The sequence of a vehicle depends only on its generator, not on the size of the fleet. Draws are made a block
+ahead. Each call of `take` draws a part of the next block, so that no call takes long.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
 
-BLOCK = 64  # draws ahead
+BLOCK = 64  # rows per block
 
 
 class Normals:

@@ -1,8 +1,8 @@
 """Fixed-wing flight: arrays over the planes of the fleet; the controls are airspeed, bank and climb.
 
 Turns are coordinated, so the rate of turn is g tan(bank) / airspeed. The velocity over the ground is the
-velocity through the air plus the wind. A plane steers a course that converges to its leg or circle, with the
-wind correction angle that the course needs. Below the stall speed it sinks; without power it glides.
+velocity through the air plus the wind. A plane steers a course that converges to its leg or circle, corrected
+for the wind. Below the stall speed a plane sinks; without power a plane glides.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ START_THROTTLE = 0.8
 # above the ground: wings level up to CLIMB_OUT_M at take-off and below FLARE_M at landing
 CLIMB_OUT_M, FLARE_M = 15.0, 2.0
 CLIMB_OUT_BELOW_M = 3.0  # climb-out continues until this far below the target
-APPROACH_M = 20.0  # above the ground, below which a landing plane slows down
+APPROACH_M = 20.0  # height above the ground below which a landing plane slows down
 FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4
 ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
 SLOWEST_M_S = 3.0  # lowest airspeed in the equations
@@ -48,34 +48,34 @@ class _PlaneState:
 
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
     """Advance velocities and attitudes of the planes `i` by `dt_s` [s], on the ground too."""
-    now = _state_of(m, i)
-    bank = _bank(m, i, now, dt_s)
-    air = _airspeed(m, i, now, dt_s)
-    climb = _climb(m, i, now, air, bank, dt_s)
+    state = _state_of(m, i)
+    bank = _bank(m, i, state, dt_s)
+    air = _airspeed(m, i, state, dt_s)
+    climb = _climb(m, i, state, air, bank, dt_s)
     rolling = np.zeros_like(air)
-    if not now.airborne.all():
-        rolling = _roll(m, i, now, dt_s)
-        tailwind = m.wind.now[0][i] * now.sin + m.wind.now[1][i] * now.cos
-        air = np.where(now.airborne, air, np.maximum(rolling - tailwind, 0.0))
-    sound = np.maximum(air, SLOWEST_M_S)
+    if not state.airborne.all():
+        rolling = _ground_speed(m, i, state, dt_s)
+        tailwind = m.wind.now[0][i] * state.sin + m.wind.now[1][i] * state.cos
+        air = np.where(state.airborne, air, np.maximum(rolling - tailwind, 0.0))
+    airspeed = np.maximum(air, SLOWEST_M_S)
     stall = m.stall_m_s[i]
     attack = ATTACK_RAD * (2.0 * stall / np.maximum(air, stall)) ** 2
-    pitch = (np.arcsin(np.maximum(np.minimum(climb / sound, 1.0), -1.0)) + attack) * now.airborne
-    yaw_rate = GRAVITY_M_S2 * np.tan(bank) / sound * now.airborne
+    pitch = (np.arcsin(np.maximum(np.minimum(climb / airspeed, 1.0), -1.0)) + attack) * state.airborne
+    yaw_rate = GRAVITY_M_S2 * np.tan(bank) / airspeed * state.airborne
     _turn(m, i, bank, pitch, yaw_rate, dt_s)
-    _advance(m, i, now, air, climb, rolling)
-    _work(m, i, now, air, climb, bank)
+    _advance(m, i, state, air, climb, rolling)
+    _set_power(m, i, state, air, climb, bank)
 
 
 def lifts_off(m: Motion) -> Bools:
-    """Return the planes that roll fast enough to fly and are commanded to, (n,)."""
+    """Return the mask of the rolling planes that are commanded to climb and fast enough to fly, (n,)."""
     fast = m.airspeed_m_s >= ROTATE_OVER_STALL * m.stall_m_s
-    fit = m.planes & ~(m.airborne | m.crashed | m.exhausted) & m.armed & (m.motors_lost == 0)
-    return np.asarray(fast & fit & _wants_up(m, slice(None), m.order))
+    able = m.planes & ~(m.airborne | m.crashed | m.exhausted) & m.armed & (m.motors_lost == 0)
+    return np.asarray(fast & able & _is_commanded_up(m, slice(None), m.order))
 
 
 def rolls(m: Motion) -> Bools:
-    """Return the planes on the ground that roll or begin to, (n,)."""
+    """Return the mask of the planes that roll on the ground or begin to roll, (n,)."""
     moving = (m.velocity[0] != 0) | (m.velocity[1] != 0)
     return np.asarray(m.planes & ~m.airborne & (moving | (m.armed & (m.order != MotionOrder.GROUNDED))))
 
@@ -94,7 +94,7 @@ def _state_of(m: Motion, i: Selection) -> _PlaneState:
         order=order,
         airborne=m.airborne[i],
         powered=powered,
-        starts=powered & _wants_up(m, i, order),
+        starts=powered & _is_commanded_up(m, i, order),
         sinks=((order == MotionOrder.RATE) & (m.acting_rate_m_s[i] < 0)) | (order == MotionOrder.GLIDE),
         height_m=m.position[2][i] - m.ground_m[i],
         sin=np.sin(yaw),
@@ -102,67 +102,69 @@ def _state_of(m: Motion, i: Selection) -> _PlaneState:
     )
 
 
-def _wants_up(m: Motion, i: Selection, order: Ints) -> Bools:
+def _is_commanded_up(m: Motion, i: Selection, order: Ints) -> Bools:
     up = (order == MotionOrder.POSITION) & (m.target[2][i] > m.ground_m[i] + 0.1)
     return np.asarray(
         up | (((order == MotionOrder.RATE) | (order == MotionOrder.VELOCITY)) & (m.acting_rate_m_s[i] > 0))
     )
 
 
-def _bank(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
+def _bank(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the bank after the step toward the course, right wing down positive, (n,) [rad]."""
     air = np.maximum(m.airspeed_m_s[i], SLOWEST_M_S)
-    course, turn = _course(m, i, now, air)
+    course, turn = _course(m, i, state, air)
     crosswind = m.wind.known[0][i] * np.cos(course) - m.wind.known[1][i] * np.sin(course)
     heading = course - np.arcsin(np.maximum(np.minimum(crosswind / air, 1.0), -1.0))
     turn = turn + HEADING_GAIN_HZ * wrapped(heading - m.attitude[2][i])
-    climbs_out = (now.order == MotionOrder.POSITION) & (now.height_m < CLIMB_OUT_M)
+    climbs_out = (state.order == MotionOrder.POSITION) & (state.height_m < CLIMB_OUT_M)
     climbs_out &= m.target[2][i] > m.estimate[2][i] + CLIMB_OUT_BELOW_M
     level = (
-        climbs_out | ((now.sinks | ~now.powered) & (now.height_m < FLARE_M)) | (now.order == MotionOrder.FALL)
+        climbs_out
+        | ((state.sinks | ~state.powered) & (state.height_m < FLARE_M))
+        | (state.order == MotionOrder.FALL)
     )
     limit = m.bank_limit_rad[i] * ~level
     wanted = np.minimum(np.maximum(np.arctan(air * turn / GRAVITY_M_S2), -limit), limit)
     bank = m.attitude[0][i]
     rate = np.minimum(np.maximum((wanted - bank) / ROLL_TIME_S, -ROLL_RATE_RAD_S), ROLL_RATE_RAD_S)
-    return np.asarray((bank + rate * dt_s) * now.airborne)
+    return np.asarray((bank + rate * dt_s) * state.airborne)
 
 
-def _course(m: Motion, i: Selection, now: _PlaneState, air: Floats) -> tuple[Floats, Floats]:
-    """Return the course over the ground [rad] and its own rate of turn [rad/s], (n,)."""
+def _course(m: Motion, i: Selection, state: _PlaneState, air: Floats) -> tuple[Floats, Floats]:
+    """Return the course over the ground [rad] and its rate of change [rad/s], (n,)."""
     here = m.estimate[:2, i]
-    gone = here - m.leg_start[:, i]
+    travelled = here - m.leg_start[:, i]
     leg = m.leg_direction[:, i]
-    aside = gone[0] * leg[1] - gone[1] * leg[0]  # to the right of the leg
-    aside *= now.order != MotionOrder.VELOCITY  # a velocity order has a direction only
-    course = m.leg_heading_rad[i] - np.arctan(aside / (LOOKAHEAD_S * air))
+    cross_track = travelled[0] * leg[1] - travelled[1] * leg[0]  # to the right of the leg
+    cross_track *= state.order != MotionOrder.VELOCITY  # a velocity order has a direction but no line
+    course = m.leg_heading_rad[i] - np.arctan(cross_track / (LOOKAHEAD_S * air))
     circle = m.circle_m[i]
     circles = circle != 0
     if not np.count_nonzero(circles):
         return course, np.zeros_like(course)
-    out = here - m.target[:2, i]
+    from_centre = here - m.target[:2, i]
     radius = np.maximum(np.abs(circle), 1.0)
-    off = np.hypot(out[0], out[1]) - radius
+    radial_error = np.hypot(from_centre[0], from_centre[1]) - radius
     side = np.sign(circle)
-    tangent = np.arctan2(out[0], out[1]) + side * (np.pi / 2)
-    course = np.where(circles, tangent + side * np.arctan(off / (CIRCLE_LOOKAHEAD_S * air)), course)
-    near = np.maximum(1.0 - np.abs(off) / radius, 0.0)
-    over = m.estimate_velocity[:2, i]
-    return course, side * near * np.hypot(over[0], over[1]) / radius
+    tangent = np.arctan2(from_centre[0], from_centre[1]) + side * (np.pi / 2)
+    course = np.where(circles, tangent + side * np.arctan(radial_error / (CIRCLE_LOOKAHEAD_S * air)), course)
+    near = np.maximum(1.0 - np.abs(radial_error) / radius, 0.0)
+    velocity = m.estimate_velocity[:2, i]
+    return course, side * near * np.hypot(velocity[0], velocity[1]) / radius
 
 
-def _airspeed(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
+def _airspeed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the airspeed after the step, (n,) [m/s]; a gust changes it at once."""
-    air = m.airspeed_m_s[i] - (m.wind.change[0][i] * now.sin + m.wind.change[1][i] * now.cos)
+    air = m.airspeed_m_s[i] - (m.wind.change[0][i] * state.sin + m.wind.change[1][i] * state.cos)
     lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
     wanted = np.minimum(np.maximum(m.speed_m_s[i], lowest), m.airspeed_max_m_s[i])
-    lands = now.sinks & (now.height_m < APPROACH_M)
-    if np.count_nonzero(lands):  # half the headwind is added against a stall in a lull
-        headwind = -(m.wind.known[0][i] * now.sin + m.wind.known[1][i] * now.cos)
+    lands = state.sinks & (state.height_m < APPROACH_M)
+    if np.count_nonzero(lands):  # plus half the headwind, against a stall when the wind drops
+        headwind = -(m.wind.known[0][i] * state.sin + m.wind.known[1][i] * state.cos)
         approach = np.maximum(GLIDE_OVER_STALL * stall, lowest) + np.maximum(headwind, 0.0) / 2
         wanted = np.where(lands, np.minimum(wanted, approach), wanted)
-    wanted = np.where(now.powered, wanted, GLIDE_OVER_STALL * stall)
-    step = np.where(now.powered, m.acceleration_limit_m_s2[i], GLIDE_TRADE_M_S2) * dt_s
+    wanted = np.where(state.powered, wanted, GLIDE_OVER_STALL * stall)
+    step = np.where(state.powered, m.acceleration_limit_m_s2[i], GLIDE_TRADE_M_S2) * dt_s
     air = np.maximum(air + np.minimum(np.maximum(wanted - air, -step), step), 0.0)
     # A falling plane converts height to speed.
     falls = air < m.stall_m_s[i]
@@ -172,24 +174,24 @@ def _airspeed(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
     return np.asarray(air)
 
 
-def _climb(m: Motion, i: Selection, now: _PlaneState, air: Floats, bank: Floats, dt_s: float) -> Floats:
+def _climb(m: Motion, i: Selection, state: _PlaneState, air: Floats, bank: Floats, dt_s: float) -> Floats:
     """Return the vertical speed after the step, (n,) [m/s]."""
     error = m.target[2][i] - m.estimate[2][i]
-    wanted = np.where(now.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
-    glides = now.order == MotionOrder.GLIDE
+    wanted = np.where(state.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
+    glides = state.order == MotionOrder.GLIDE
     if np.count_nonzero(glides):
-        wanted = np.where(glides, _down_the_slope(m, i), wanted)
+        wanted = np.where(glides, _glide_path_climb(m, i), wanted)
     highest = m.climb_m_s[i]
     wanted = np.minimum(np.maximum(wanted, -m.descent_m_s[i]), highest)
     # No climb close to the stall speed.
     cos = np.cos(bank)
     over_stall = air * np.sqrt(cos) / m.stall_m_s[i]
-    spare = np.maximum((over_stall - 1.0) / (CLIMBS_OVER_STALL - 1.0), 0.0)
-    wanted = np.minimum(wanted, highest * spare)
-    wanted = np.where(now.powered, wanted, np.minimum(wanted, -air / (GLIDE_RATIO * cos**2)))
-    flares = (now.sinks | ~now.powered) & (now.height_m < FLARE_M)
+    margin = np.maximum((over_stall - 1.0) / (CLIMBS_OVER_STALL - 1.0), 0.0)
+    wanted = np.minimum(wanted, highest * margin)
+    wanted = np.where(state.powered, wanted, np.minimum(wanted, -air / (GLIDE_RATIO * cos**2)))
+    flares = (state.sinks | ~state.powered) & (state.height_m < FLARE_M)
     if np.count_nonzero(flares):
-        slowest = -FLARE_SINK_M_S - FLARE_GAIN_HZ * now.height_m
+        slowest = -FLARE_SINK_M_S - FLARE_GAIN_HZ * state.height_m
         wanted = np.where(flares, np.maximum(wanted, slowest), wanted)
     climb = m.velocity[2][i]
     limit = m.vertical_acceleration_limit_m_s2[i] * dt_s
@@ -197,22 +199,22 @@ def _climb(m: Motion, i: Selection, now: _PlaneState, air: Floats, bank: Floats,
     stalls = over_stall < 1.0
     if np.count_nonzero(stalls):
         change = np.where(stalls, -GRAVITY_M_S2 * (1.0 - over_stall**2) * dt_s, change)
-    return np.asarray((climb + change) * now.airborne)
+    return np.asarray((climb + change) * state.airborne)
 
 
-def _down_the_slope(m: Motion, i: Selection) -> Floats:
-    """Return the vertical speed on, and back to, the straight glide path to the target, (n,) [m/s]."""
-    gone = m.estimate[:2, i] - m.leg_start[:, i]
-    leg, over, slope = m.leg_direction[:, i], m.estimate_velocity[:2, i], m.slope[i]
-    left = m.leg_length_m[i] - (gone[0] * leg[0] + gone[1] * leg[1])
-    above = m.estimate[2][i] - m.target[2][i] - slope * left
-    return np.asarray(-slope * (over[0] * leg[0] + over[1] * leg[1]) - CLIMB_GAIN_HZ * above)
+def _glide_path_climb(m: Motion, i: Selection) -> Floats:
+    """Return the vertical speed that follows the straight glide path to the target, (n,) [m/s]."""
+    travelled = m.estimate[:2, i] - m.leg_start[:, i]
+    leg, velocity, slope = m.leg_direction[:, i], m.estimate_velocity[:2, i], m.slope[i]
+    remaining = m.leg_length_m[i] - (travelled[0] * leg[0] + travelled[1] * leg[1])
+    above = m.estimate[2][i] - m.target[2][i] - slope * remaining
+    return np.asarray(-slope * (velocity[0] * leg[0] + velocity[1] * leg[1]) - CLIMB_GAIN_HZ * above)
 
 
-def _roll(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
-    """Return the rolling speed after the step of planes on the ground, (n,) [m/s]."""
-    along = m.velocity[0][i] * now.sin + m.velocity[1][i] * now.cos
-    change = np.where(now.starts, START_M_S2, -BRAKE_M_S2) * dt_s
+def _ground_speed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
+    """Return the speed of planes on the ground after the step, (n,) [m/s]."""
+    along = m.velocity[0][i] * state.sin + m.velocity[1][i] * state.cos
+    change = np.where(state.starts, START_M_S2, -BRAKE_M_S2) * dt_s
     return np.asarray(np.maximum(along + change, 0.0))
 
 
@@ -224,18 +226,20 @@ def _turn(m: Motion, i: Selection, bank: Floats, pitch: Floats, yaw_rate: Floats
     m.attitude[2][i] = wrapped(m.attitude[2][i] + yaw_rate * dt_s)
 
 
-def _advance(m: Motion, i: Selection, now: _PlaneState, air: Floats, climb: Floats, rolling: Floats) -> None:
+def _advance(
+    m: Motion, i: Selection, state: _PlaneState, air: Floats, climb: Floats, rolling: Floats
+) -> None:
     yaw = m.attitude[2][i]
-    level = np.where(now.airborne, np.sqrt(np.maximum(air * air - climb * climb, 0.0)), rolling)
-    m.velocity[0][i] = level * np.sin(yaw) + m.wind.now[0][i] * now.airborne
-    m.velocity[1][i] = level * np.cos(yaw) + m.wind.now[1][i] * now.airborne
+    level = np.where(state.airborne, np.sqrt(np.maximum(air * air - climb * climb, 0.0)), rolling)
+    m.velocity[0][i] = level * np.sin(yaw) + m.wind.now[0][i] * state.airborne
+    m.velocity[1][i] = level * np.cos(yaw) + m.wind.now[1][i] * state.airborne
     m.velocity[2][i] = climb
     m.airspeed_m_s[i] = air
 
 
-def _work(m: Motion, i: Selection, now: _PlaneState, air: Floats, climb: Floats, bank: Floats) -> None:
-    """Set the power: drag, which grows with the lift in a turn, and climb."""
+def _set_power(m: Motion, i: Selection, state: _PlaneState, air: Floats, climb: Floats, bank: Floats) -> None:
+    """Set the power for the climb and for the drag, which grows with the lift in a turn."""
     drag = air / (GLIDE_RATIO * np.cos(bank) ** 2)
     share = (drag + climb) * (MASS_KG * GRAVITY_M_S2 / (EFFICIENCY * FULL_W))
-    flying = np.minimum(np.maximum(share, 0.0), 1.0) * now.powered
-    m.thrust[i] = np.where(now.airborne, flying, START_THROTTLE * now.starts)
+    flying = np.minimum(np.maximum(share, 0.0), 1.0) * state.powered
+    m.thrust[i] = np.where(state.airborne, flying, START_THROTTLE * state.starts)

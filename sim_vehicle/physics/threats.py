@@ -1,4 +1,4 @@
-"""Strikes: hostiles fire at vehicles that enter a cell, by their true positions (Eq. 1)."""
+"""Strikes: hostiles fire at vehicles whose true position enters a cell (Eq. 1)."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ class Threats:
     ----------
     rows, cols, cell_size_m: the area; its south-west corner is the local origin.
     firing_strength: fs_o, fs_N1, fs_N2 (Eq. 1): own cell, nearest neighbours, diagonal neighbours.
-    hostiles: (row, col) of each.
+    hostiles: (row, col) of each hostile.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Threats:
         self._hostiles = frozenset(hostiles)
 
     def cells(self, position_m: Floats) -> Ints:
-        """Return the cell index row * cols + col of positions (n, 3) [m], OUTSIDE if in no cell: (n,)."""
+        """Return the cell index row * cols + col of positions (n, 3) [m], or OUTSIDE the area, (n,)."""
         col = np.floor(position_m[:, 0] / self._cell_size_m).astype(np.int64)
         row = np.floor(position_m[:, 1] / self._cell_size_m).astype(np.int64)
         inside = (row >= 0) & (row < self._rows) & (col >= 0) & (col < self._cols)
@@ -44,7 +44,7 @@ class Threats:
         return divmod(cell, self._cols)
 
     def fire(self, cell: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-        """Return the hostiles that hit a vehicle entering `cell`; each in range draws once, in order."""
+        """Return the hostiles that hit a vehicle entering `cell`; each hostile in range draws once."""
         row, col = self.row_col(cell)
         hits = []
         for row_step in (-1, 0, 1):

@@ -9,14 +9,17 @@ import numpy as np
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.noise import Normals
 
-GUST_TIME_S = 3.0  # after which a gust has decayed to 1/e
-LEARNING_S = 2.0  # time constant of the autopilots' wind estimates
-LEARNT_M_S = 0.01
+GUST_TIME_S = 3.0  # time in which a gust decays to 1/e
+ESTIMATE_TIME_S = 2.0  # time constant of the autopilots' wind estimates
+ESTIMATE_TOLERANCE_M_S = 0.01  # error below which an estimate of a steady wind becomes exact
 
 
 @dataclass(frozen=True, slots=True)
 class WindSettings:
-    """`from_deg`: origin direction, clockwise from north; `gust_m_s`: standard deviation along an axis."""
+    """Steady wind and gusts.
+
+    from_deg: origin direction, clockwise from north; gust_m_s: standard deviation along an axis.
+    """
 
     speed_m_s: float = 0.0
     from_deg: float = 0.0
@@ -44,7 +47,7 @@ class Wind:
         self._still = True  # no change since the last step
 
     def set_steady(self, index: int, speed_m_s: float | None, from_deg: float) -> None:
-        """Set the steady wind at one vehicle; None: the scenario's."""
+        """Set the steady wind at one vehicle; None: the scenario's wind."""
         if speed_m_s is None:
             speed_m_s, from_deg = self._settings.speed_m_s, self._settings.from_deg
         vector = wind_vector_m_s(speed_m_s, from_deg)
@@ -58,13 +61,13 @@ class Wind:
             return
         before = self.now.copy()
         if self._normals is not None:
-            kept = math.exp(-dt_s / GUST_TIME_S)
-            self._gust *= kept
-            self._gust += self._normals.take() * (self._settings.gust_m_s * math.sqrt(1.0 - kept * kept))
+            decay = math.exp(-dt_s / GUST_TIME_S)
+            self._gust *= decay
+            self._gust += self._normals.take() * (self._settings.gust_m_s * math.sqrt(1.0 - decay * decay))
         np.add(self.steady, self._gust, out=self.now)
         np.subtract(self.now, before, out=self.change)
-        self.known += (self.now - self.known) * (1.0 - math.exp(-dt_s / LEARNING_S))
-        if self._normals is None and np.abs(self.now - self.known).max() < LEARNT_M_S:
+        self.known += (self.now - self.known) * (1.0 - math.exp(-dt_s / ESTIMATE_TIME_S))
+        if self._normals is None and np.abs(self.now - self.known).max() < ESTIMATE_TOLERANCE_M_S:
             self.known[:] = self.now
             self.change[:] = 0.0
             self._still = True

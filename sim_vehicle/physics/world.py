@@ -1,4 +1,4 @@
-"""The physics of the fleet: airframes, air, batteries, satellites and the map, stepped in one order."""
+"""The physics of the fleet: airframes, air, batteries, satellites and the map, stepped in a fixed order."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ LOWEST_SHARE = 0.5  # share of the full voltage below which regulators draw no m
 class Batteries:
     """The batteries of n vehicles; arrays are (n,).
 
-    A motor takes power: as the voltage falls, its current rises, and the charge decreases faster.
+    A motor takes a given power. As the voltage falls, the current rises and the charge decreases faster.
     """
 
     def __init__(self, n: int) -> None:
@@ -53,7 +53,7 @@ class Batteries:
         self.voltage_v = np.maximum(resting_v - RESISTANCE_OHM * self.current_a - self.sag_v, 0.0)
 
     def empty(self) -> npt.NDArray[np.bool_]:
-        """Return the empty batteries, (n,)."""
+        """Return the mask of the empty batteries, (n,)."""
         return self.remaining <= 0.0
 
 
@@ -62,10 +62,10 @@ class World:
 
     Parameters
     ----------
-    frame: the map.
+    frame: the local frame of the map.
     lat_deg, lon_deg, alt_amsl_m: (n,) start positions.
     planes: (n,) True for fixed wings; all copters by default.
-    rngs: one generator per vehicle; its noise and gusts depend on nothing else.
+    rngs: one generator per vehicle, the only source of the vehicle's noise and gusts.
     wind, gps: the wind and the quality of the receivers.
     """
 

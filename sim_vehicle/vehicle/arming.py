@@ -72,7 +72,10 @@ class Arming:
         return not reasons and armable
 
     def disarm(self, *, force: bool) -> bool:
-        """Stop the motors on request; in the air only if forced, and then the vehicle falls."""
+        """Stop the motors on request and return True; False in the air without `force`.
+
+        In the air a forced stop makes the vehicle fall.
+        """
         if self._vehicle.body.airborne and self.armed and not force:
             self._vehicle.announce("disarm_refused")
             return False
@@ -89,12 +92,12 @@ class Arming:
             vehicle.mission.reset()
         counter = vehicle.personality.flight_counter
         if counter is not None:
-            vehicle.params.keep(counter, vehicle.params[counter] + 1)
+            vehicle.params.set_internal(counter, vehicle.params[counter] + 1)
         vehicle.announce(text)
         vehicle.modes.disarmed()
 
     def update(self, now: float) -> float:
-        """Disarm after a landing, or after an arming without a flight; return when to check again [s]."""
+        """Disarm after a landing, or after an arming without a flight; return the next check's time [s]."""
         if not self.armed:
             return math.inf
         vehicle = self._vehicle
@@ -110,7 +113,7 @@ class Arming:
         flight_parameters = vehicle.flight_parameters
         delay_s = flight_parameters.disarm_landed_s if self._flown else flight_parameters.disarm_unflown_s
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s) + delay_s
-        if self._flown and vehicle.flies_mission and vehicle.personality.lands_amid_mission:
+        if self._flown and vehicle.flies_mission and vehicle.personality.stays_armed_in_mission:
             return math.inf
         if vehicle.flight.landed(now) and now + EPSILON_S >= due_s:
             self.stop("disarmed_landed" if self._flown else "disarmed_unflown")

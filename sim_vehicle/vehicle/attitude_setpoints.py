@@ -1,6 +1,6 @@
 """Attitudes and body rates as set-points.
 
-The tilt accelerates the vehicle. Thrust above hovering makes it climb, thrust below makes it sink.
+The tilt accelerates the vehicle horizontally. The vehicle climbs above hover thrust and sinks below it.
 """
 
 import math
@@ -17,8 +17,8 @@ RATES = (
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE,
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
 )
-STEEPEST_RAD = math.radians(60.0)
-LONGEST_GAP_S = 0.5  # longest time for which the previous rates are assumed to have applied
+MAX_TILT_RAD = math.radians(60.0)
+MAX_RATE_TIME_S = 0.5  # longest time over which the previous rates are integrated
 
 
 class AttitudeSetpoints:
@@ -30,11 +30,11 @@ class AttitudeSetpoints:
         self._rates_rad_s = (0.0, 0.0)
 
     def reset(self) -> None:
-        """Forget the integrated attitude: another kind of set-point follows, or none."""
+        """Forget the attitude integrated from body rates."""
         self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
 
     def apply(self, message: Any, since_s: float) -> bool:
-        """Apply a message that came `since_s` [s] after the previous one; False if it asks for nothing."""
+        """Apply a message received `since_s` [s] after the previous one; False if it has no usable value."""
         if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
             return self._apply_rates(message, since_s)
         self.reset()
@@ -51,24 +51,30 @@ class AttitudeSetpoints:
             return False
         now_rad = self._vehicle.body.attitude_rad
         angles = self._angles_rad or now_rad[:2]
-        lasted_s = min(since_s, LONGEST_GAP_S)
-        moved = [angle + rate * lasted_s for angle, rate in zip(angles, self._rates_rad_s, strict=True)]
-        roll, pitch = (max(-STEEPEST_RAD, min(angle, STEEPEST_RAD)) for angle in moved)
+        duration_s = min(since_s, MAX_RATE_TIME_S)
+        integrated = [
+            angle + rate * duration_s for angle, rate in zip(angles, self._rates_rad_s, strict=True)
+        ]
+        roll, pitch = (max(-MAX_TILT_RAD, min(angle, MAX_TILT_RAD)) for angle in integrated)
         self._angles_rad = roll, pitch
-        rates = [0.0 if skip else rate for skip, rate in zip(ignored, wanted, strict=True)]
+        rates = [0.0 if is_ignored else rate for is_ignored, rate in zip(ignored, wanted, strict=True)]
         self._rates_rad_s = rates[0], rates[1]
         self._apply(roll, pitch, now_rad[2], message.thrust, rates[2])
         return True
 
     def _apply(self, roll: float, pitch: float, yaw: float, thrust: float, yaw_rate: float | None) -> None:
-        """Fly with these angles [rad]; with a yaw rate [rad/s], `yaw` is only the present heading."""
+        """Fly with these angles [rad] and thrust [0, 1].
+
+        With a yaw rate [rad/s], `yaw` is only the present heading.
+        """
         flight_parameters, body = self._vehicle.flight_parameters, self._vehicle.body
-        spare = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
-        climb_m_s = 2 * spare * (flight_parameters.climb_m_s if spare > 0 else flight_parameters.descent_m_s)
-        # The vertical part of the thrust equals the weight.
-        steepness = max(math.cos(roll) * math.cos(pitch), math.cos(STEEPEST_RAD) ** 2)
-        forward = -GRAVITY_M_S2 * math.sin(pitch) * math.cos(roll) / steepness
-        right = GRAVITY_M_S2 * math.sin(roll) / steepness
+        excess = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
+        max_climb_m_s = flight_parameters.climb_m_s if excess > 0 else flight_parameters.descent_m_s
+        climb_m_s = 2 * excess * max_climb_m_s
+        # Accelerations [m/s2]; the vertical part of the thrust equals the weight.
+        vertical_share = max(math.cos(roll) * math.cos(pitch), math.cos(MAX_TILT_RAD) ** 2)
+        forward = -GRAVITY_M_S2 * math.sin(pitch) * math.cos(roll) / vertical_share
+        right = GRAVITY_M_S2 * math.sin(roll) / vertical_share
         east = forward * math.sin(yaw) + right * math.cos(yaw)
         north = forward * math.cos(yaw) - right * math.sin(yaw)
         yaw_rad = yaw if yaw_rate is None else None

@@ -1,8 +1,8 @@
 """One vehicle without I/O: messages and time in, messages out.
 
 A vehicle decides on three occasions: a message arrives, its body reports an event (target reached, take-off,
-touchdown, position lost), or its own deadline is due (`alarm_s`). It writes its state into its row of the
-fleet's `Status`; telemetry is encoded from there for all vehicles at once.
+touchdown, position lost), or its own deadline is due (`alarm_s`). The vehicle writes its state into its row
+of the fleet's `Status`. The fleet encodes the telemetry of all vehicles from `Status` at once.
 """
 
 import math
@@ -44,10 +44,10 @@ from sim_vehicle.wire.streams import Rates, Streams
 
 PREARM_TEXT_S = 30.0
 REBOOT_SILENCE_S = 1.5
-PHASES = 5  # phases of a second in which vehicles start to stream after a boot
+PHASES = 5  # number of start times within a second for the streams after a boot
 IDLE_INTERVAL_S = 1.0  # longest time between two decisions of a vehicle
 BUSY_INTERVAL_S = 0.1
-LOOKAHEAD_COMMANDS = 3  # navigation commands; a change of one of them restarts the current command
+LOOKAHEAD_COMMANDS = 3  # next navigation commands whose change restarts the current command
 
 
 class Autopilot:
@@ -56,15 +56,15 @@ class Autopilot:
     Parameters
     ----------
     index, sysid: index in the fleet's arrays, MAVLink system id.
-    body: its airframe in the world.
-    personality: the autopilot it behaves like.
+    body: the vehicle's airframe in the world.
+    personality: the simulated autopilot.
     parameters: changes to the personality's parameters.
     ready_s: time from boot to a position estimate [s].
     rng: the vehicle's own randomness.
     status, streams, output: the fleet's columns, message intervals and output.
     injected_faults: the faults of this vehicle.
-    replace_faults: ends the faults begun under a key and begins others.
-    log_limits: the size of its flight logs.
+    replace_faults: ends the faults begun under a key and begins new ones.
+    log_limits: size limits of the flight logs.
     """
 
     now: float
@@ -140,7 +140,7 @@ class Autopilot:
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
         self._next_idle_s = float(rng.random())
-        # Few phases only, so that messages at 1 Hz are encoded for many vehicles at a time.
+        # Few phases, so that the fleet encodes 1 Hz messages of many vehicles at a time.
         self._phase_s = math.floor(self._next_idle_s * PHASES) / PHASES
         self.now = 0.0
         self.alarm_s = 0.0
@@ -149,10 +149,10 @@ class Autopilot:
         self.reboot_after_reply = False
         self.booted = False
         self._boot_due_s = 0.0
-        self._forget(0.0)
+        self._reset(0.0)
 
-    def _forget(self, now: float) -> None:
-        """Reset everything that does not survive a reboot; parameters and the mission do."""
+    def _reset(self, now: float) -> None:
+        """Reset the state that a reboot loses; parameters and the mission stay."""
         self.readiness = Readiness(now, self._ready_s)
         self.modes.reset(now)
         self.home_and_rally.reset()
@@ -176,22 +176,22 @@ class Autopilot:
     def _record_text(self, now: float, severity: int, text: str) -> None:
         self.storage.text(now, severity, text)
 
-    def announce_refusals(self, how: str, now: float) -> None:
-        """Send every reason against arming as text; `event` is prearm or arm_refused."""
+    def announce_refusals(self, event: str, now: float) -> None:
+        """Send every reason against arming as the personality's text for `event`."""
         for reason in self.personality.refusals(self, now):
-            self.announce(how, reason=reason)
+            self.announce(event, reason=reason)
 
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
-        """Send one message on request; False if it is unknown or has no data yet."""
+        """Send one message on request; False if the message is unknown or has no data yet."""
         if self.rates.can(message_id):
             self.publish(now)
             return self._output.stream_now(self.index, message_id, now)
         if message_id not in self.one_shot_messages:
             return False
-        made = self.one_shot_messages[message_id](self, parameter)
-        for message in made:
+        messages = self.one_shot_messages[message_id](self, parameter)
+        for message in messages:
             self.send(message)
-        return bool(made)
+        return bool(messages)
 
     def publish(self, now: float) -> None:
         """Write this vehicle's row of the status."""
@@ -220,14 +220,14 @@ class Autopilot:
             RECEIVERS[kind](self, message, now)
         else:
             return
-        self.storage.note(now)
+        self.storage.record_changes(now)
         self.alarm_s = now
         self.publish(now)
 
     def _receive_heartbeat(self, heartbeat: Any, now: float) -> None:
         sysid = heartbeat.get_srcSystem()
         if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.flight_parameters.gcs_sysid:
-            self.failsafes.note_ground_station(sysid, now)
+            self.failsafes.receive_heartbeat(sysid, now)
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a known parameter as a ground station does; KeyError for an unknown name."""
@@ -249,7 +249,7 @@ class Autopilot:
         self.fence_watch.parameters_changed()
 
     def update_parameter_faults(self, name: str) -> None:
-        """Begin or end the faults that a simulation parameter (SIM_*) stands for."""
+        """Begin or end the faults that a simulation parameter (SIM_*) sets."""
         found = faults_of(name, self.params.__getitem__)
         if found is not None:
             self.replace_faults(*found, self.now)
@@ -269,8 +269,8 @@ class Autopilot:
             if now + EPSILON_S < self._boot_due_s:
                 return
             self._boot(now)
-        self._note_readiness(now)
-        self.sender.send_late(now)
+        self._update_readiness(now)
+        self.sender.send_delayed(now)
         failsafe_s = self.failsafes.update(now)
         self.flight.run(now)
         self.setpoints.expire(now)
@@ -284,8 +284,8 @@ class Autopilot:
         self.transfer.tick(now)
         self.params.tick(self.send, now)
         self.storage.tick(now)
-        self.storage.note(now)
-        # Not one second from now: vehicles that booted together would all decide at the same tick.
+        self.storage.record_changes(now)
+        # Each vehicle keeps its own phase, so that vehicles booted together decide at different ticks.
         while self._next_idle_s <= now + EPSILON_S:
             self._next_idle_s += IDLE_INTERVAL_S
         self.alarm_s = min(
@@ -315,17 +315,17 @@ class Autopilot:
     def _boot(self, now: float) -> None:
         self.boots += 1
         self.booted = True
-        self._forget(now)
+        self._reset(now)
         for text in self.personality.boot_text:
             self._output.raw(self.index, text)
         self.rates.boot(now, now + self._phase_s)
 
-    def _note_readiness(self, now: float) -> None:
+    def _update_readiness(self, now: float) -> None:
         if not self._switch_read and self.readiness.mode_switch_read(now):
             self._switch_read = True
             if self.readiness.ready_s > 0:
                 self.modes.mode_switch_read()
-        self.home_and_rally.note_readiness(now)
+        self.home_and_rally.update(now)
         if not self.armed and now >= self._next_prearm_s:
             self._next_prearm_s += PREARM_TEXT_S
             self.announce_refusals("prearm", now)
@@ -342,7 +342,7 @@ class Autopilot:
     # -- position -----------------------------------------------------------------------------------------
 
     def position_known(self, now: float) -> bool:
-        """Return True with a position estimate good enough for navigation."""
+        """Return True if the position estimate is good enough for navigation."""
         return self.readiness.position(now) and self.body.position_ok
 
     def here(self) -> GeodeticPosition:
@@ -363,7 +363,7 @@ class Autopilot:
         return self.arming.arm(now, force=force)
 
     def disarm(self, *, force: bool) -> bool:
-        """Stop the motors on request; in the air only if forced, and then the vehicle falls."""
+        """Stop the motors on request and return True; False in the air without `force`."""
         return self.arming.disarm(force=force)
 
     def _landed(self) -> None:
@@ -384,9 +384,9 @@ class Autopilot:
         return self.mission.set_current(self.flight.pilot, index)
 
     def mission_changed(self, index: int) -> None:
-        """React to a changed item `index`, or to a shortened list (-1), while the mission is flown.
+        """React to a change of item `index`, or to a shortened list (-1), during the mission.
 
-        A change farther ahead than SEEN_AHEAD navigation commands has no effect.
+        A change farther ahead than LOOKAHEAD_COMMANDS has no effect.
         """
         if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
             return

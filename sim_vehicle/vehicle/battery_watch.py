@@ -1,8 +1,9 @@
-"""Battery failsafe: the level of one vehicle's battery, and the action when it gets worse.
+"""Battery failsafe: the level of one vehicle's battery, and the action at a worse level.
 
-Levels count up from 0: warning (not on every autopilot), low, critical. While armed, a level only gets worse.
-While disarmed, a latching autopilot does not check and keeps its level until it reboots. Other autopilots
-follow the battery while disarmed, and do not act in flight on a level reached before arming.
+Level 0 is normal; the next levels are warning (some autopilots only), low and critical. The level of an armed
+vehicle never improves. A disarmed autopilot that latches does not check the battery and keeps the level until
+a reboot. Other disarmed autopilots follow the battery, and take no action in flight on a level reached before
+arming.
 """
 
 import math
@@ -58,7 +59,7 @@ class BatteryWatch:
         return stage.action if found > self._level_at_arming else FailsafeAction.WARN
 
     def _find(self, now: float) -> int:
-        """Return the worst level that holds now; a low voltage counts after the delay."""
+        """Return the present level; a low voltage counts after `battery_delay_s`."""
         body, delay_s = self._vehicle.body, self._vehicle.flight_parameters.battery_delay_s
         voltage_v, share = body.voltage_v, body.battery_remaining
         found = 0

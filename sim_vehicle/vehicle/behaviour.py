@@ -1,4 +1,4 @@
-"""Flight modes as data: the behaviour of a vehicle in each, and the attributes a ground station sees."""
+"""Flight modes as data: the vehicle's behaviour, and the attributes reported to ground stations."""
 
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -15,7 +15,7 @@ class Behaviour(Enum):
     LAND = auto()
     SINK = auto()  # descends at the pilot's rate: the throttle stick reads its minimum
     CRUISE = auto()  # a plane: straight on at the present altitude
-    DROP = auto()  # the same without altitude control (a plane glides)
+    DROP = auto()  # falls: throttle stick at its minimum without altitude control (a plane glides)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,5 +31,5 @@ class Mode:
     setpoints_only: bool = False  # requires a stream of set-points (OFFBOARD)
     selectable: bool = True  # by a ground station
     standard: int = 0  # MAV_STANDARD_MODE
-    needs_pilot: bool = False  # cannot run armed without manual control (see FlightParameters.pilot_missing)
-    terminates: bool = False  # ends the flight; only a reboot leaves it
+    needs_pilot: bool = False  # needs manual control while armed (see FlightParameters.pilot_missing)
+    terminates: bool = False  # ends the flight; only a reboot leaves the mode

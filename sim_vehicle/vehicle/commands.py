@@ -1,7 +1,7 @@
 """MAV_CMD commands, as COMMAND_LONG or COMMAND_INT; each handler returns a MAV_RESULT.
 
-This module has the handlers that both autopilots share and those of ArduPilot. A personality replaces and
-adds handlers by its own table.
+This module has the common handlers and the handlers of ArduPilot. The table of a personality replaces and
+adds handlers.
 """
 
 import math
@@ -110,9 +110,9 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     if not guided and not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
         return FAILED
     if vehicle.body.plane:
-        turns = -1.0 if command.param4 and math.isfinite(command.param4) else 1.0
+        sign = -1.0 if command.param4 and math.isfinite(command.param4) else 1.0
         radius_m = finite(command.param3) or vehicle.flight_parameters.loiter_radius_m
-        vehicle.flight.limit(loiter_radius_m=math.copysign(radius_m, turns))
+        vehicle.flight.limit(loiter_radius_m=math.copysign(radius_m, sign))
         if command.param1 > 0:
             vehicle.flight.change_speed(mavlink.SPEED_TYPE_AIRSPEED, command.param1)
     vehicle.flight.guided_go(*place, up_m)
@@ -159,14 +159,14 @@ def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
     interval_us = _interval_us(vehicle, message_id)
-    # 0: the message does not exist here; -1: it does not stream.
+    # 0: unknown message; -1: known message that is not streamed.
     known = vehicle.rates.can(message_id) or message_id in vehicle.one_shot_messages
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED
 
 
 def _interval_us(vehicle: Vehicle, message_id: int) -> int:
-    """Return the interval as in MESSAGE_INTERVAL: -1 if the message does not stream."""
+    """Return the interval as in MESSAGE_INTERVAL [us]; -1 if the message is not streamed."""
     interval_s = vehicle.rates.interval_s(message_id)
     return -1 if interval_s is None else round(min(interval_s * 1e6, LONGEST_INTERVAL_US))
 
@@ -198,7 +198,7 @@ def set_home(vehicle: Vehicle, command: Command, now: float) -> int:
     place = command.place()
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
-    # COMMAND_LONG carries no frame; its altitude is above mean sea level here.
+    # COMMAND_LONG has no frame; ArduPilot reads its altitude as above mean sea level.
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
     vehicle.home_and_rally.set_home(GeodeticPosition(*place, up_m), now, locked=True)
     return ACCEPTED
@@ -228,7 +228,7 @@ def condition_yaw(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def fence_enable(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Override FENCE_ENABLE until it changes or the vehicle reboots; the parameter itself stays."""
+    """Override FENCE_ENABLE until that parameter changes or the vehicle reboots."""
     if command.param1 not in (0, 1):
         return FAILED
     vehicle.fence_watch.set_enabled(on=command.param1 == 1)
@@ -250,7 +250,7 @@ def run_prearm_checks(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Calibrate gyroscopes, level or pressure: a few seconds on the ground, which can be cancelled."""
+    """Calibrate gyroscopes, level or pressure on the ground for CALIBRATION_S; COMMAND_CANCEL ends it."""
     wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
     if not any(value > 0 for value in wanted if math.isfinite(value)):
         return UNSUPPORTED
@@ -260,7 +260,7 @@ def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept: every parameter change is stored at once, so there is nothing to save or load."""
+    """Accept loading and saving without effect: every parameter change is stored at once."""
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 

@@ -63,13 +63,14 @@ class Failsafes:
         """Battery level as MAV_BATTERY_CHARGE_STATE."""
         return int(mavlink.MAV_BATTERY_CHARGE_STATE_OK) + self._battery.level
 
-    def note_ground_station(self, sysid: int, now: float) -> None:
-        wanted = self._vehicle.flight_parameters.gcs_sysid
-        if wanted is None or sysid == wanted:
+    def receive_heartbeat(self, sysid: int, now: float) -> None:
+        """Process a heartbeat of the ground station `sysid` at `now` [s]."""
+        expected = self._vehicle.flight_parameters.gcs_sysid
+        if expected is None or sysid == expected:
             self._gcs_heartbeat_s = now
 
     def update(self, now: float) -> float:
-        """Check every failsafe; return when to check again at the latest [s]."""
+        """Check every failsafe; return the latest time of the next check [s]."""
         self._watch_gcs(now)
         self.act(self._unless_landing(self._battery.update(now)), now)
         self._watch_rc(now)
@@ -87,15 +88,15 @@ class Failsafes:
 
     @property
     def gcs_missing(self) -> bool:
-        """True if ground stations are watched and none was heard since the boot."""
+        """True if heartbeats of ground stations are watched but none has arrived since the boot."""
         return self._gcs_heartbeat_s is None and not math.isinf(self._vehicle.flight_parameters.gcs_timeout_s)
 
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = False) -> None:
         """Carry out the action of a failsafe or of the fence.
 
-        In the air: with `failsafe_delay_s`, the vehicle first holds that long, and a ground station can
-        choose another mode meanwhile; `at_once` skips the hold. On the ground the action stops the motors if
-        the personality says so, otherwise nothing happens.
+        A flying vehicle first holds for `failsafe_delay_s`; `at_once` skips the hold. A ground station can
+        choose another mode during the hold. On the ground the action stops the motors if `failsafe_disarms`
+        of the personality is set, else nothing happens.
         """
         vehicle = self._vehicle
         delay_s = vehicle.flight_parameters.failsafe_delay_s
@@ -115,7 +116,7 @@ class Failsafes:
         ):
             self._held_action = (action, now + delay_s)
             vehicle.announce("failsafe_waits", seconds=round(delay_s))
-            vehicle.modes.by_itself(Behaviour.HOLD)
+            vehicle.modes.enter_behaviour(Behaviour.HOLD)
             return
         vehicle.announce("failsafe")
         if action is not FailsafeAction.WARN:
@@ -170,8 +171,8 @@ class Failsafes:
         """Return the mode for `action` or the next best one; None if no change is needed."""
         vehicle, behaviour = self._vehicle, _BEHAVIOURS[action]
         if behaviour is Behaviour.MISSION:
-            goes_on = vehicle.mode.behaviour is behaviour or not vehicle.modes.mission_ready(now)
-            return None if goes_on else vehicle.personality.mode_of(behaviour)
+            unchanged = vehicle.mode.behaviour is behaviour or not vehicle.modes.mission_ready(now)
+            return None if unchanged else vehicle.personality.mode_of(behaviour)
         needs_position = behaviour in (Behaviour.RETURN, Behaviour.HOLD, Behaviour.GUIDED)
         if needs_position and not vehicle.position_known(now):
             behaviour = Behaviour.LAND
@@ -182,7 +183,7 @@ class Failsafes:
         return mode
 
     def _go_to_return_point(self) -> None:
-        """Fly to the fence's return point, else home, at the height set for it."""
+        """Fly to the fence's return point, else home, at `fence_return_height_m` above home."""
         vehicle = self._vehicle
         place_deg = vehicle.fence.return_point_deg or vehicle.home_and_rally.home_deg
         up_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence_return_height_m
@@ -196,12 +197,12 @@ class Failsafes:
         return now - self._gcs_heartbeat_s > flight_parameters.gcs_timeout_s
 
     def _handle_lost_link(
-        self, link: str, normal: FailsafeAction, otherwise: Mapping[int, FailsafeAction], now: float
+        self, link: str, normal: FailsafeAction, by_mode: Mapping[int, FailsafeAction], now: float
     ) -> None:
-        """Announce a lost link and act; in the air the action may depend on the mode."""
+        """Announce a lost link and act; in the air the mode can replace the normal action (`by_mode`)."""
         vehicle = self._vehicle
         mode, flying = vehicle.mode, vehicle.flight.flying
-        action = otherwise.get(mode.number, normal) if flying else normal
+        action = by_mode.get(mode.number, normal) if flying else normal
         if action is not FailsafeAction.NOTHING or normal is FailsafeAction.NOTHING:
             vehicle.announce(f"{link}_lost")
         elif mode.behaviour is Behaviour.MISSION:

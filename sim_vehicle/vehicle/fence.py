@@ -28,7 +28,7 @@ _INCLUSIONS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A polygon (its vertices), or with `radius_m` a circle (its centre); latitudes, longitudes [deg]."""
+    """A polygon with its vertices, or with `radius_m` a circle with its centre; latitude, longitude [deg]."""
 
     inclusion: bool
     points_deg: tuple[tuple[float, float], ...]
@@ -38,8 +38,8 @@ class Zone:
 def zones_of(items: Sequence[Item]) -> list[Zone]:
     """Return the zones of fence items.
 
-    The first vertex of a polygon gives the number of its vertices. A polygon with too few vertices is no
-    zone, and neither is a return point.
+    The first vertex of a polygon gives the number of vertices. Return points and polygons with too few
+    vertices are left out.
     """
     zones, index = [], 0
     while index < len(items):
@@ -81,7 +81,7 @@ class Fence:
 
     @property
     def total(self) -> int:
-        """FENCE_TOTAL of ArduPilot: vertices and circles, plus two if there are at least three."""
+        """FENCE_TOTAL of ArduPilot: the number of vertices and circles plus 2; 0 for fewer than 3."""
         points = sum(item.command in POLYGONS or item.command in CIRCLES for item in self.items)
         return points + 2 if points >= 3 else 0
 
@@ -104,7 +104,7 @@ class Fence:
         return bool(self.zones) and self.margin_m(lat_deg, lon_deg) < 0
 
     def margin_m(self, lat_deg: float, lon_deg: float) -> float:
-        """Return the distance to the nearest edge [m], negative beyond the worst one; inf without zones."""
+        """Return the smallest distance to an edge [m], negative on its forbidden side; inf without zones."""
         if not self.zones:
             return float("inf")
         return float(self._margins_m(lat_deg, lon_deg, *metres_per_degree(lat_deg)).min())
@@ -128,7 +128,7 @@ class Fence:
         self._sign = np.where([zone.inclusion for zone in self.zones], 1.0, -1.0)
 
     def _margins_m(self, lat_deg: float, lon_deg: float, north_m: float, east_m: float) -> Floats:
-        """Return, for each zone, the distance of a position on the permitted side of its edge [m]."""
+        """Return the distance of a position to each zone's edge [m], positive on the permitted side."""
         place = np.array([lat_deg, lon_deg])
         scale = np.array([north_m, east_m])
         inside = []
@@ -153,7 +153,7 @@ def _wrapped(offsets_deg: Floats) -> Floats:
 def _inside_polygons_m(
     points_m: Floats, following: npt.NDArray[np.int64], starts: npt.NDArray[np.int64]
 ) -> Floats:
-    """Return how far the origin is inside each polygon [m], negative outside; points (n, 2)."""
+    """Return the depth of the origin inside each polygon [m], negative outside; points (n, 2)."""
     north_m, east_m = points_m[:, 0], points_m[:, 1]
     edge_north_m, edge_east_m = north_m[following] - north_m, east_m[following] - east_m
     # From inside, a ray to the east crosses the edges of a polygon an odd number of times.

@@ -1,7 +1,7 @@
 """Enforcement of one vehicle's geofence: breaches, texts and actions.
 
-A breach acts once, when it begins, so that a pilot can override it. A breach of a circle or an altitude acts
-again some 20 m farther out. Breaches stay on record while no action is due.
+The fence acts once at the begin of a breach, so that a pilot can override the action. Beyond a circle or an
+altitude the fence acts again some 20 m farther out. A breach without an action is recorded too.
 """
 
 import math
@@ -14,8 +14,8 @@ from sim_vehicle.vehicle.rally import distance_m
 
 ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"
 NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}
-NEXT_BREACH_M = 20.0  # farther out a breach acts again
-NEXT_BREACH_PLANE_M = 100.0  # the same for a plane and the circle around home
+NEXT_BREACH_M = 20.0  # distance farther out at which the fence acts again
+NEXT_BREACH_PLANE_M = 100.0  # the same distance for a plane beyond the circle around home
 RECOVERY_S = 10.0  # no action after a mode change by the pilot
 _KINDS = (  # FENCE_STATUS reports the first of several breaches
     ({CIRCLE, POLYGON}, int(mavlink.FENCE_BREACH_BOUNDARY)),
@@ -26,7 +26,7 @@ _KINDS = (  # FENCE_STATUS reports the first of several breaches
 
 def names_of(breaches: frozenset[str]) -> str:
     """Return the names of breached limits, as in "Max Alt, Circle and Polygon fences"."""
-    names = [name for which, name in NAMES.items() if which in breaches]
+    names = [name for limit, name in NAMES.items() if limit in breaches]
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     return f"{listed} fence{'s' if len(names) > 1 else ''}"
 
@@ -36,7 +36,7 @@ class FenceWatch:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        # set by MAV_CMD_DO_FENCE_ENABLE; overrides the parameter until that changes
+        # set by MAV_CMD_DO_FENCE_ENABLE; overrides the parameter until the parameter changes
         self.switch: bool | None = None
         self.breached: frozenset[str] = frozenset()
         self.count = 0
@@ -44,7 +44,7 @@ class FenceWatch:
         self._parameter = vehicle.flight_parameters.fence_enabled
         self._latched_limits = self._configured()
         self._above_floor = False
-        # breached limit -> distance beyond it at which the breach acts again
+        # breached limit -> distance beyond the limit at which the fence acts again
         self._next_breach_m: dict[str, float] = {}
         self._recovers_until_s = -math.inf
 
@@ -58,19 +58,19 @@ class FenceWatch:
             self._latched_limits = self._configured()
 
     def set_enabled(self, *, on: bool) -> None:
-        """Enable or disable the fence by command, which overrides the parameter until that changes."""
+        """Enable or disable the fence by command; a change of the parameter ends the override."""
         self.switch = on
         self._latched_limits = self._latched_limits | self._configured() if on else frozenset()
 
     def _configured(self) -> frozenset[str]:
         """Return the limits set by the parameters, without the minimum altitude."""
         flight_parameters = self._vehicle.flight_parameters
-        says = {
+        is_set = {
             ALTITUDE_MAX: math.isfinite(flight_parameters.fence_max_height_m),
             CIRCLE: math.isfinite(flight_parameters.fence_radius_m),
             POLYGON: flight_parameters.fence_polygons,
         }
-        return frozenset(which for which, is_so in says.items() if is_so)
+        return frozenset(limit for limit, has_value in is_set.items() if has_value)
 
     @property
     def active(self) -> bool:
@@ -101,14 +101,16 @@ class FenceWatch:
     @property
     def kind(self) -> int:
         """FENCE_BREACH of the present breach."""
-        return next((kind for which, kind in _KINDS if which & self.breached), int(mavlink.FENCE_BREACH_NONE))
+        return next(
+            (kind for limits, kind in _KINDS if limits & self.breached), int(mavlink.FENCE_BREACH_NONE)
+        )
 
     def find(self, lat_deg: float, lon_deg: float, height_m: float) -> frozenset[str]:
         """Return the limits that a position (height above home [m]) breaches."""
         return frozenset(self._beyond_m(lat_deg, lon_deg, height_m))
 
     def refusal(self) -> str | None:
-        """Return the reason against arming at the present position, None if there is none."""
+        """Return the fence's reason against arming at the present position, None without one."""
         found = self._beyond_here_m() if self.enabled else {}
         return f"Vehicle breaching {names_of(frozenset(found))}" if found else None
 
@@ -126,25 +128,25 @@ class FenceWatch:
             self.breached, self._above_floor = frozenset(), False
             self._next_breach_m.clear()
             return
-        self._note_floor()
+        self._update_floor()
         found = self._beyond_here_m()
         self.breached = frozenset(found)
         new = frozenset(
-            which
-            for which, beyond_m in found.items()
-            if beyond_m >= self._next_breach_m.get(which, -math.inf)
+            limit
+            for limit, beyond_m in found.items()
+            if beyond_m >= self._next_breach_m.get(limit, -math.inf)
         )
         self._next_breach_m = {
-            which: beyond_m + self._to_next_breach_m(which) if which in new else self._next_breach_m[which]
-            for which, beyond_m in found.items()
+            limit: beyond_m + self._to_next_breach_m(limit) if limit in new else self._next_breach_m[limit]
+            for limit, beyond_m in found.items()
         }
         if new:
-            self._record({which: found[which] for which in new}, before, now)
+            self._record({limit: found[limit] for limit in new}, before, now)
         elif before and not found and vehicle.flight.flying:
             vehicle.announce("fence_cleared")
 
-    def _note_floor(self) -> None:
-        """Arm the minimum altitude once the vehicle has been above it by the margin, until it lands."""
+    def _update_floor(self) -> None:
+        """Enforce the minimum altitude from the first time above it plus the margin, until the landing."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._above_floor = False
@@ -171,14 +173,14 @@ class FenceWatch:
         if flight_parameters.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
         if vehicle.personality.fence_limits_latch:
-            counts = self._latched_limits | {ALTITUDE_MIN}
-            beyond_m = {which: by_m for which, by_m in beyond_m.items() if which in counts}
-        return {which: by_m for which, by_m in beyond_m.items() if by_m >= 0}
+            enforced = self._latched_limits | {ALTITUDE_MIN}
+            beyond_m = {limit: distance for limit, distance in beyond_m.items() if limit in enforced}
+        return {limit: distance for limit, distance in beyond_m.items() if distance >= 0}
 
-    def _to_next_breach_m(self, which: str) -> float:
-        if which == POLYGON:
+    def _to_next_breach_m(self, limit: str) -> float:
+        if limit == POLYGON:
             return math.inf
-        return NEXT_BREACH_PLANE_M if which == CIRCLE and self._vehicle.body.plane else NEXT_BREACH_M
+        return NEXT_BREACH_PLANE_M if limit == CIRCLE and self._vehicle.body.plane else NEXT_BREACH_M
 
     def _record(self, new: dict[str, float], before: frozenset[str], now: float) -> None:
         """Count, announce and act on new breaches; `new` has the distance beyond each limit [m]."""
@@ -189,8 +191,8 @@ class FenceWatch:
         if not vehicle.flight.flying or now < self._recovers_until_s:
             return
         vehicle.announce("fence_breached", names=names_of(frozenset(new)))
-        for which in sorted(new):
-            vehicle.announce(f"fence_{which}")
+        for limit in sorted(new):
+            vehicle.announce(f"fence_{limit}")
         action, given_up = (
             vehicle.flight_parameters.fence_action,
             max(new.values()) > vehicle.flight_parameters.fence_give_up_m,

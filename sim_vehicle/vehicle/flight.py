@@ -65,7 +65,7 @@ class Flight:
         self._ground_since_s = -math.inf
         self._manoeuvre: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
-        # limits set in flight, by the name of the parameter limit they replace
+        # limits set in flight, by the name of the replaced flight parameter
         self._set_in_flight: dict[str, float] = {}
 
     # -- state --------------------------------------------------------------------------------------------
@@ -103,7 +103,7 @@ class Flight:
         return flight_parameters.landing_speed_high_m_s
 
     def limit(self, **limits: float) -> None:
-        """Apply limits (see `Body.limit`) instead of the parameters' until the mode changes."""
+        """Apply limits (see `Body.limit`) until the mode changes; they replace limits of the parameters."""
         self._set_in_flight.update(limits)
         self.body.limit(**limits)
 
@@ -114,11 +114,11 @@ class Flight:
 
     def parameters_changed(self, before: FlightParameters) -> None:
         """Apply changed parameters; a limit set in flight stays unless its own parameter changed."""
-        now = self.flight_parameters
+        after = self.flight_parameters
         self._set_in_flight = {
             name: value
             for name, value in self._set_in_flight.items()
-            if getattr(before, name) == getattr(now, name)
+            if getattr(before, name) == getattr(after, name)
         }
         self.apply_limits()
 
@@ -147,7 +147,7 @@ class Flight:
         self.body.set_battery(capacity_mah=flight_parameters.capacity_mah, full_v=flight_parameters.full_v)
 
     def next_run_s(self, now: float) -> float:
-        """Return when to run again at the latest [s], unless the body reports an event before."""
+        """Return the latest time of the next run [s]; an event of the body requires a run at once."""
         if self.behaviour is Behaviour.MISSION:
             busy = self.pilot.busy or self.mission.waiting or not self.flying
         else:
@@ -158,7 +158,7 @@ class Flight:
     # -- modes --------------------------------------------------------------------------------------------
 
     def enter(self, mode: Mode) -> None:
-        """Leave the present behaviour and begin that of `mode`."""
+        """Leave the present behaviour and begin the behaviour of `mode`."""
         returns = mode.behaviour is Behaviour.RETURN and self.flying
         by_mission = self._return_by_mission() if returns else None  # depends on the previous behaviour
         if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
@@ -187,8 +187,8 @@ class Flight:
         if self.behaviour is not Behaviour.TAKEOFF:
             self.takeoff_amsl_m = None
         elif self.armed:
-            least_m = self.home().alt_amsl_m + self.flight_parameters.takeoff_height_m
-            wanted_m = least_m if self.takeoff_amsl_m is None else max(self.takeoff_amsl_m, least_m)
+            minimum_m = self.home().alt_amsl_m + self.flight_parameters.takeoff_height_m
+            wanted_m = minimum_m if self.takeoff_amsl_m is None else max(self.takeoff_amsl_m, minimum_m)
             self.climb_to(max(wanted_m, self.body.alt_amsl_m))
 
     def run(self, now: float) -> None:
@@ -200,11 +200,11 @@ class Flight:
         if self.behaviour is Behaviour.MISSION:
             self.mission.update(self.pilot, now)
         elif self.armed:
-            self._run_alone(now)
+            self._run_without_mission(now)
         by_mission = isinstance(self._manoeuvre, ReturnByMission) and self._manoeuvre.lands
         self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing or by_mission
 
-    def _run_alone(self, now: float) -> None:
+    def _run_without_mission(self, now: float) -> None:
         if self.behaviour in (Behaviour.SINK, Behaviour.DROP):
             self._sink()
         elif self.behaviour in (Behaviour.LAND, Behaviour.RETURN):
@@ -246,7 +246,7 @@ class Flight:
             self.body.fly_to(*target_m, pass_speed_m_s)
 
     def takeoff_to(self, up_m: float) -> bool:
-        """Take off to an altitude above mean sea level; False unless on the ground, armed and below it."""
+        """Take off to an altitude above mean sea level; False if disarmed, in the air or not below it."""
         if not self.armed or self.body.airborne or up_m <= self.body.alt_amsl_m:
             return False
         self.climb_to(up_m)
@@ -271,7 +271,7 @@ class Flight:
             self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
 
     def pause(self) -> bool:
-        """Carry out MAV_CMD_DO_PAUSE_CONTINUE, pause; False in a mode without a pause."""
+        """Pause as MAV_CMD_DO_PAUSE_CONTINUE does; False in a mode without a pause."""
         if self.behaviour is Behaviour.MISSION:
             if not self.mission.pause():
                 return False
@@ -282,7 +282,7 @@ class Flight:
         return True
 
     def resume(self) -> bool:
-        """Carry out MAV_CMD_DO_PAUSE_CONTINUE, continue; False if there is nothing to continue."""
+        """Continue as MAV_CMD_DO_PAUSE_CONTINUE does; False if nothing is paused."""
         if self.behaviour is Behaviour.MISSION and self.mission.paused:
             return self.mission.resume(self.pilot)
         if self.behaviour is Behaviour.GUIDED and self.guided_target_m is not None and self.body.airborne:
@@ -318,9 +318,9 @@ class Flight:
         return True
 
     def altitude_amsl_m(self, frame: int, z_m: float) -> float:
-        """Return the altitude of an item [m above mean sea level]; the present one for NaN.
+        """Return the altitude of an item [m above mean sea level]; the present altitude for NaN.
 
-        The ground is flat, so terrain altitudes count from the ground at the start.
+        The ground is flat, so a terrain altitude is relative to the ground at the start.
         """
         if not math.isfinite(z_m):
             return self.body.alt_amsl_m

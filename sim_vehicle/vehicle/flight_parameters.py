@@ -60,7 +60,7 @@ class FlightParameters:
     # arming and starting
     arming_checks: bool
     mission_mode_armable: bool  # arming is possible in the mission mode
-    mission_takes_off: bool  # arming there starts the take-off
+    mission_takes_off: bool  # arming in the mission mode starts the take-off
     mission_restarts: bool  # entering the mission mode begins at the first item
     # automatic disarming; inf: never
     disarm_landed_s: float  # after a landing
@@ -76,7 +76,7 @@ class FlightParameters:
     battery_critical_share: float
     battery_critical_action: FailsafeAction
     battery_delay_s: float  # duration of a low voltage before it counts
-    rc_required: bool  # RC is required although none is connected
+    rc_required: bool  # RC is required; no vehicle has RC, so the link counts as lost
     rc_action: FailsafeAction
     setpoint_timeout_s: float
     setpoint_action: FailsafeAction
@@ -87,7 +87,7 @@ class FlightParameters:
     fence_max_height_m: float  # above home; inf: none
     fence_min_height_m: float  # above home, once reached; -inf: none
     fence_radius_m: float  # around home; inf: none
-    fence_polygons: bool  # stored polygons and circles count
+    fence_polygons: bool  # stored polygons and circles are enforced
     fence_margin_m: float
     # copter
     begins_legs_at_rest: bool = False  # after an interrupted leg the vehicle brakes first
@@ -103,18 +103,18 @@ class FlightParameters:
     loiter_leaves_aligned: bool = False  # a circle to an altitude always ends toward the next position
     return_lands: int = 0  # by the mission's nearest landing; 1: after circling over home, 2: at once, 0: no
     waypoints_set_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m for all
-    # altitude tolerance at a waypoint; beyond it the plane circles until it is met
+    # altitude tolerance at a waypoint; a plane outside the tolerance circles to the altitude
     waypoint_height_m: float = math.inf
     circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
-    takeoff_along: bool = False  # straight towards the take-off position up to its altitude; else in circles
+    takeoff_along: bool = False  # climbs straight towards the take-off position; else in circles
     # environment by parameter (SIM_*)
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0
-    # what only some autopilots have
+    # parameters of some autopilots only
     battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
     failsafe_delay_s: float = 0.0  # hold before a failsafe acts
     gcs_never_heard_is_lost: bool = False  # a ground station never heard since the boot counts as lost
-    # Actions in the air by mode number, instead of gcs_action and so on.
+    # Actions in the air by mode number; they replace gcs_action, rc_action and rc_short_action.
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_short_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
@@ -124,25 +124,24 @@ class FlightParameters:
     rc_timeout_s: float = 0.0  # time without a frame until the loss
     rc_long_s: float = 0.0  # time from the short action, or the last frame, to rc_action
     position_watched: bool = True
-    position_lost_everywhere: bool = False  # acts also in modes without a position
-    pilot_missing: bool = False  # no manual control for the modes that need it
+    position_lost_everywhere: bool = False  # acts also in modes that need no position
+    pilot_missing: bool = False  # modes that need manual control cannot run
     takeoff_speed_m_s: float | None = None  # None: climb_m_s
     after_takeoff: Behaviour | None = None  # behaviour after the take-off mode; None: hold in it
-    landing_slowing_below_m: float = (
-        0.0  # above home; from here down to landing_slow_below_m the descent slows evenly
-    )
+    # Above home; from this height down to landing_slow_below_m the descent slows evenly.
+    landing_slowing_below_m: float = 0.0
     return_hover_height_m: float | None = None  # height of the wait above home; None: the travel height
     # Height above home at the end of a return, with remote control; None: landing.
     return_ends_m: float | None = None
     zero_keeps_altitude: bool = False  # altitude 0 of a mission item is the present altitude
-    rally_limit_m: float = math.inf  # farther rally points do not count
+    rally_limit_m: float = math.inf  # farther rally points are ignored
     rally_altitude: RallyAltitude = RallyAltitude.GROUND
-    rally_includes_home: bool = True  # home counts if it is nearer than all rally points
+    rally_includes_home: bool = True  # home replaces rally points that are farther away
     return_descends: bool = False  # descends to return_height_m from above
     gcs_only: bool = False  # messages of systems other than gcs_sysid are dropped
     # (distance from home, height above it) [m] -> return height [m]; None: return_height_m.
     return_height_at: Callable[[float, float], float] | None = None
     return_under_fence: bool = False  # limited by the fence's maximum altitude
-    # distance beyond a limit at which the vehicle lands, for every fence action
+    # distance beyond a limit at which the vehicle lands instead of the fence action
     fence_give_up_m: float = math.inf
     logs: LogWhen = LogWhen.ARMED

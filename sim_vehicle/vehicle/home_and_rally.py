@@ -19,17 +19,18 @@ class HomeAndRally:
     def reset(self) -> None:
         """Forget home and origin, as a reboot does."""
         self.home: GeodeticPosition | None = None
-        self.home_locked = False  # set by a ground station or a mission; arming does not move it
+        self.home_locked = False  # home was set by a ground station or a mission; arming does not move home
         self.origin: GeodeticPosition | None = None
         self.origin_m = (0.0, 0.0, 0.0)  # east, north, up in the fleet's frame
 
-    def note_readiness(self, now: float) -> None:
-        """Set the origin and home as soon as the autopilot knows them."""
+    def update(self, now: float) -> None:
+        """Set the origin and home as soon as the autopilot knows its position."""
         vehicle = self._vehicle
         if self.origin is None and vehicle.readiness.home(now):
             self.set_origin(vehicle.here(), now)
-        late = vehicle.personality.home_with_position
-        if self.home is None and (vehicle.position_known(now) if late else vehicle.readiness.home(now)):
+        needs_position = vehicle.personality.home_with_position
+        ready = vehicle.position_known(now) if needs_position else vehicle.readiness.home(now)
+        if self.home is None and ready:
             self.set_home(vehicle.here(), now)
 
     def set_origin(self, place: GeodeticPosition, now: float) -> None:
@@ -46,12 +47,12 @@ class HomeAndRally:
 
     @property
     def home_or_here(self) -> GeodeticPosition:
-        """Home, or the present position without a home."""
+        """Home, or the present position while home is not set."""
         return self.home or self._vehicle.here()
 
     @property
     def home_deg(self) -> tuple[float, float]:
-        """Latitude and longitude [deg] of home, or of the vehicle without a home."""
+        """Latitude and longitude [deg] of home, or of the vehicle while home is not set."""
         return (self.home.lat_deg, self.home.lon_deg) if self.home else self._vehicle.body.lat_lon_deg
 
     @property

@@ -1,4 +1,4 @@
-"""Injected faults of one vehicle, apart from its link: written by faults, read by vehicle and fleet."""
+"""Injected faults of one vehicle, without link faults: written by faults, read by vehicle and fleet."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from sim_vehicle.wire.status import Status
 
 
 class ModeStuck(Enum):
-    """Answer to a mode change by a vehicle that ignores it."""
+    """Answer of a vehicle with a stuck mode to a mode change."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"
@@ -46,8 +46,8 @@ class FaultEffect:
 class InjectedFaults:
     """The combined effects on one vehicle, as attributes with the names of `FaultEffect`.
 
-    Offsets, sags, lost motors and drifts add up. For delays and shares the largest counts, for refusals and
-    stuck modes the latest. `changed(faults, now)` is called after each change.
+    Offsets, sags, lost motors and drifts add up. The largest delay and share apply, and the latest refusal
+    and stuck mode. `changed(faults, now)` is called after each change.
     """
 
     def __init__(
@@ -58,24 +58,24 @@ class InjectedFaults:
         self._rng = rng
         self._changed = changed
         self._effects: dict[int, FaultEffect] = {}
-        self._begun = 0
+        self._next_key = 0
         self._clock_offset_s = 0.0
         self._clock_since_s = 0.0
         self._combine()
 
     def begin(self, effect: FaultEffect, now: float) -> Callable[[float], None]:
         """Add an effect at `now` [s]; return a function that ends it at a given time [s]."""
-        key = self._begun
-        self._begun += 1
+        key = self._next_key
+        self._next_key += 1
         self._set(key, effect, now)
         return lambda end_s: self._set(key, None, end_s)
 
     def loses_ack(self) -> bool:
-        """Draw whether the next acknowledgement is lost."""
+        """Draw at random; return True if the next acknowledgement is lost."""
         return self.ack_loss > 0 and bool(self._rng.random() < self.ack_loss)
 
     def clock_offset_s(self, now: float) -> float:
-        """Return the lead of the vehicle's clock at `now` [s]; an accumulated drift stays."""
+        """Return the lead of the vehicle's clock at `now` [s], including drift of ended faults."""
         return self._clock_offset_s + (now - self._clock_since_s) * self.clock_drift_ppm * 1e-6
 
     def _set(self, key: int, effect: FaultEffect | None, now: float) -> None:
@@ -113,7 +113,7 @@ class InjectedFaults:
 
 
 class FaultEffectWriter:
-    """Writer of the columns that faults change; call it with the vehicle's faults after each change."""
+    """Writer of one vehicle's faults into the fleet's columns, called after each change of the faults."""
 
     def __init__(self, world: World, status: Status, index: int) -> None:
         self._world, self._status, self._index = world, status, index
@@ -132,13 +132,13 @@ class FaultEffectWriter:
         world.events[i] = True  # wakes the autopilot
 
     def _take_charge(self, at_most: float) -> None:
-        """Reduce the charge to `at_most` (share of the full charge); return it when the limit rises."""
+        """Limit the charge to `at_most` (share of the full charge); give charge back when the limit rises."""
         if at_most == self._at_most:
             return
         self._at_most = at_most
         batteries, i = self._world.batteries, self._index
         batteries.used_mah[i] -= self._taken_mah
         capacity_mah = float(batteries.capacity_mah[i])
-        left_mah = capacity_mah - float(batteries.used_mah[i])
-        self._taken_mah = max(left_mah - at_most * capacity_mah, 0.0)
+        remaining_mah = capacity_mah - float(batteries.used_mah[i])
+        self._taken_mah = max(remaining_mah - at_most * capacity_mah, 0.0)
         batteries.used_mah[i] += self._taken_mah

@@ -1,4 +1,4 @@
-"""Narrow protocols through which the parts of one vehicle use each other without importing each other.
+"""Narrow protocols between the parts of one vehicle, so that the parts do not import each other.
 
 `personalities.base.Vehicle` composes them into the whole vehicle.
 """
@@ -23,7 +23,7 @@ class MessageOutput(Protocol):
         """Send bytes that are no MAVLink (boot text)."""
 
     def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Send one of STREAMS; False if the vehicle has no data for it yet."""
+        """Send one message of STREAMS; False if the vehicle has no data for the message yet."""
         ...
 
 
@@ -39,7 +39,7 @@ class ModeControl(Protocol):
 
     def set_behaviour(self, behaviour: Behaviour, now: float) -> bool: ...
 
-    def by_itself(self, behaviour: Behaviour) -> None: ...
+    def enter_behaviour(self, behaviour: Behaviour) -> None: ...
 
     def enter(self, number: int) -> None: ...
 
@@ -166,7 +166,7 @@ class SetpointControl(Protocol):
 
 
 class MissionIds(Protocol):
-    """The vehicle's side of the mission protocol, as far as telemetry reports it."""
+    """Ids of the stored mission, fence and rally points for telemetry."""
 
     @property
     def ids(self) -> tuple[int, int, int]: ...

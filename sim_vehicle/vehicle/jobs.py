@@ -41,14 +41,14 @@ class Jobs:
         return True
 
     def cancel(self, message: Any) -> None:
-        """Process COMMAND_CANCEL: end the running command if it is the one named."""
+        """Process COMMAND_CANCEL: end the running command if the message names that command."""
         job = self._job
         if job is not None and job.command == message.command:
             self._job = None
             self._acknowledge(job.command, CANCELLED, 0, job.sender)
 
     def tick(self, now: float) -> float:
-        """Report progress or the result; return when to call again [s]."""
+        """Report progress or the result; return the time of the next call [s]."""
         job = self._job
         if job is None:
             return float("inf")

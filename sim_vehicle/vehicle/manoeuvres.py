@@ -1,4 +1,4 @@
-"""Manoeuvres as machines: landing, return to launch, climb after take-off, circles.
+"""Manoeuvres as state machines: landing, return to launch, climb after take-off, circles.
 
 The constructor begins a manoeuvre; `update(now)` continues it and returns True once it is done.
 """
@@ -13,7 +13,7 @@ from sim_vehicle.vehicle.interface import FlightControl
 NEAR_M = 1.0
 TAKEOFF_NEAR_M = 0.3
 ALIGNED_RAD = math.radians(10.0)  # largest heading error of a plane that leaves a circle
-INSIDE_SHARE = 1.05
+INSIDE_SHARE = 1.05  # largest distance from the centre, in radii, that counts as inside a circle
 
 
 class Manoeuvre(Protocol):
@@ -25,9 +25,9 @@ class Manoeuvre(Protocol):
 
 
 class Landing:
-    """Landing: fly to a position (or stay) at this altitude, then descend; done after 1 s on the ground.
+    """Landing at a position, or here: level flight, descent, and 1 s on the ground.
 
-    A plane glides there along a straight line, or with `circles` spirals down around it.
+    A plane glides to the position along a straight line, or with `circles` spirals down around it.
     """
 
     def __init__(
@@ -57,9 +57,9 @@ class Landing:
 
 
 class Return:
-    """Return to launch: climb, fly home or to the nearest rally point, wait, land.
+    """Return to launch: climb, flight home or to the nearest rally point, wait, landing.
 
-    With `return_ends_m` the vehicle stays at that height instead of landing (`ModeRTL::run`).
+    With `return_ends_m` the vehicle hovers at that height instead of landing (`ModeRTL::run`).
     """
 
     def __init__(self, flight: FlightControl) -> None:
@@ -80,7 +80,7 @@ class Return:
         self._land_at_s: float | None = None
         self._landing: Landing | None = None
         self._stays = False
-        # The mission flies the vehicle home and continues from there.
+        # The landing sequence of the mission replaces the landing of the return.
         self._mission_lands = flight.behaviour is Behaviour.RETURN and flight_parameters.return_lands in (
             1,
             2,
@@ -106,12 +106,12 @@ class Return:
         if flight_parameters.return_height_at is None:
             return flight_parameters.return_height_m
         east_m, north_m, up_m = body.position_m
-        there_m = body.locate(self._place.lat_deg, self._place.lon_deg)
-        distance_m = math.dist((east_m, north_m), there_m)
+        place_m = body.locate(self._place.lat_deg, self._place.lon_deg)
+        distance_m = math.dist((east_m, north_m), place_m)
         return flight_parameters.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
-        """Descend to the hover height if that is below; True if a descent begins."""
+        """Begin a descent to the hover height; False if the vehicle is not above that height."""
         hover_m = self._flight.flight_parameters.return_hover_height_m
         self._hovers = True
         if hover_m is None or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + NEAR_M:
@@ -168,19 +168,19 @@ class Takeoff:
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
-        there = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_NEAR_M
-        return body.airborne and body.reached and there
+        at_altitude = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_NEAR_M
+        return body.airborne and body.reached and at_altitude
 
 
 class CircleToAltitude:
-    """Circle of a plane until it has an altitude, and further until it heads for the next position.
+    """Circle of a plane to an altitude, and further until the plane heads for the next position.
 
     Parameters
     ----------
     centre_m: east, north, up [m].
     radius_m: counter-clockwise if negative.
     next_m: east, north of the next position; None: the circle ends at the altitude.
-    near_m: altitude tolerance [m]; None: that of the body.
+    near_m: altitude tolerance [m]; None: the tolerance of the body.
     """
 
     def __init__(
@@ -200,7 +200,8 @@ class CircleToAltitude:
         up_m = flight.body.alt_amsl_m if self._approaching else centre_m[2]
         flight.body.loiter(*centre_m[:2], up_m, radius_m)
 
-    def _is_there(self) -> bool:
+    def _is_at_altitude(self) -> bool:
+        """Return True at the altitude; begin the change of altitude once the plane circles."""
         body = self._flight.body
         if self._approaching:
             if body.reached:
@@ -213,7 +214,7 @@ class CircleToAltitude:
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
-        self._at_altitude = self._at_altitude or self._is_there()
+        self._at_altitude = self._at_altitude or self._is_at_altitude()
         if not self._at_altitude or self._next_m is None:
             return self._at_altitude
         east_m, north_m, _ = body.position_m
@@ -242,19 +243,19 @@ class Circling:
         self._points_left = math.ceil(turns * self.POINTS_A_TURN) if radius_m else 0
         self._turns = turns
         self._flown_rad = 0.0
-        self._seen_rad: float | None = None
+        self._last_bearing_rad: float | None = None
         if flight.body.plane:
             flight.body.loiter(*centre_m, radius_m or flight.flight_parameters.loiter_radius_m)
         else:
             self._fly_to_point()
 
-    def _round_rad(self) -> float:
-        """Return the angle a plane has flown on the circle [rad]."""
+    def _flown_angle_rad(self) -> float:
+        """Return the angle that a plane has flown on the circle [rad]."""
         east_m, north_m, _ = self._flight.body.position_m
         bearing_rad = math.atan2(east_m - self._centre_m[0], north_m - self._centre_m[1])
-        if self._seen_rad is not None:
-            self._flown_rad += math.remainder(bearing_rad - self._seen_rad, 2 * math.pi)
-        self._seen_rad = bearing_rad
+        if self._last_bearing_rad is not None:
+            self._flown_rad += math.remainder(bearing_rad - self._last_bearing_rad, 2 * math.pi)
+        self._last_bearing_rad = bearing_rad
         return abs(self._flown_rad)
 
     def _fly_to_point(self) -> None:
@@ -269,7 +270,7 @@ class Circling:
         if not body.reached:
             return False
         if body.plane:
-            return self._round_rad() >= 2 * math.pi * self._turns
+            return self._flown_angle_rad() >= 2 * math.pi * self._turns
         if self._points_left == 0:
             return True
         self._points_left -= 1

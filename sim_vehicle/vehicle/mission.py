@@ -1,8 +1,8 @@
 """The stored mission and its execution: index, jumps, delays; without the upload protocol.
 
-`Mission` executes as ArduPilot does. A *navigation* command moves the vehicle and is current until it is
-done. The *do* and *condition* commands between two navigation commands run in order, from the end of the
-first one, during the flight of the second. `mission_px4` has PX4's execution.
+`Mission` executes as ArduPilot does. A *navigation* command moves the vehicle and is current until the
+command is done. The *do* and *condition* commands between two navigation commands run in order during the
+second navigation command. `mission_px4` has PX4's execution.
 """
 
 from collections.abc import Callable, Sequence
@@ -85,7 +85,7 @@ class Pilot(Protocol):
         ...
 
     def do(self, item: Item) -> None:
-        """Carry out a do-command, or begin the turn that CONDITION_YAW waits for."""
+        """Carry out a do-command, or begin the turn of CONDITION_YAW."""
 
     def condition_met(self, item: Item) -> bool:
         """Return True once CONDITION_DISTANCE (param1 [m] from the target) or CONDITION_YAW is met."""
@@ -96,7 +96,7 @@ class Pilot(Protocol):
     def mission_item_reached(self, index: int, item: Item) -> None: ...
 
     def mission_ended(self) -> None:
-        """React to the end of the mission: the last command is done, or none is left."""
+        """React to the end of the mission."""
 
     def no_mission(self) -> None:
         """React to the mission mode without a flyable mission (PX4)."""
@@ -106,8 +106,8 @@ class Pilot(Protocol):
 class Mission:
     """Items (item 0 is home, read from `home`), the current index, and progress.
 
-    Items change through `put`, `cut` and `clear` only, which keep all records by index consistent. The index
-    outlives its item: after the deletion of the current item the vehicle continues to its position and still
+    Items change only through `put`, `cut` and `clear`, which keep the records by index consistent. The index
+    outlives its item: if the current item is deleted, the vehicle still flies to the position of the item and
     reports the index.
     """
 
@@ -118,12 +118,12 @@ class Mission:
     paused: bool = False
     without_approach: bool = False  # the previous item in the list was not flown before this one
     disarms_on_landing: bool = True  # a landing item ends the mission and stops the motors
-    stays_landed: bool = False  # the mission never ends: the index stays at the landing, also after disarming
-    in_landing: bool = False  # the latest item begun belongs to a landing
+    stays_landed: bool = False  # a landing does not end the mission; the index stays, also after disarming
+    in_landing: bool = False  # the last begun item belongs to a landing
     _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)
     _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
-    _condition_begun_s: float | None = None  # of the first pending one
+    _condition_begun_s: float | None = None  # start of the first pending command
 
     @property
     def items(self) -> Sequence[Item]:
@@ -154,9 +154,9 @@ class Mission:
     # -- changes ------------------------------------------------------------------------------------------
 
     def put(self, index: int, item: Item) -> bool:
-        """Store an item at an index or append it; return True if that changed the mission.
+        """Store an item at an index or append the item; return True if the mission changed.
 
-        IndexError beyond the end.
+        IndexError for an index beyond the end.
         """
         if index == self.count:
             self._items.append(item)
@@ -172,7 +172,7 @@ class Mission:
         return True
 
     def cut(self, count: int) -> bool:
-        """Keep the first `count` items; return True if that removed any."""
+        """Keep the first `count` items; return True if items were removed."""
         if count >= self.count:
             return False
         del self._items[count:]
@@ -202,7 +202,10 @@ class Mission:
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
-        """Return the index of the nearest DO_LAND_START; one without a position has that of the next item."""
+        """Return the index of the nearest DO_LAND_START; None without a DO_LAND_START.
+
+        A DO_LAND_START without a position has the position of the next item.
+        """
         found: list[tuple[float, int]] = []
         for index in range(1, self.count):
             if self.items[index].command == mavlink.MAV_CMD_DO_LAND_START:
@@ -214,14 +217,14 @@ class Mission:
 
     def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:
         """Return the index of the next navigation command from `start`; append do-commands to `passed`."""
-        index, in_a_row = start, 0
+        index, jumps_in_a_row = start, 0
         while 1 <= index < self.count:
             item = self.items[index]
             if item.command in NAVIGATION:
                 return index
             if item.command == mavlink.MAV_CMD_DO_JUMP:
-                in_a_row += 1
-                if in_a_row > MAX_JUMPS_IN_A_ROW:
+                jumps_in_a_row += 1
+                if jumps_in_a_row > MAX_JUMPS_IN_A_ROW:
                     return None
                 done = jumps.get(index, 0)
                 if item.param2 < 0 or done < item.param2:
@@ -243,7 +246,7 @@ class Mission:
         return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
-        """Continue from the current command; from the first one after the end, or with `restart`."""
+        """Continue from the current command; after the end or with `restart`, start at the first."""
         if restart or self._starts_over:
             self.in_landing = False
             self._jumps.clear()
@@ -255,17 +258,17 @@ class Mission:
             self._advance(pilot, self.index)  # the changed list has a do-command here
 
     def pause(self) -> bool:
-        """Pause; False if no mission is being flown."""
+        """Pause the mission; False if no mission is active."""
         if self.state is not MissionState.ACTIVE or self.empty:
             return False
         self.paused = True
         return True
 
     def resume(self, pilot: Pilot) -> bool:
-        """Continue after a pause; False if there is nothing to continue."""
+        """Continue after a pause; False without a command to continue."""
         self.paused = False
         if not self.restart_current(pilot) and self.flown is not None:
-            pilot.start_navigation(self.flown, None)  # its item was deleted
+            pilot.start_navigation(self.flown, None)  # the item was deleted
         return self.flown is not None
 
     def next_navigation(self, count: int) -> list[int]:
@@ -278,7 +281,7 @@ class Mission:
         return found
 
     def stop(self) -> None:
-        """Suspend the mission: another mode has taken over."""
+        """Suspend the mission after a change to another mode."""
         self.paused = False
         if self.state is MissionState.ACTIVE:
             self.state = MissionState.PAUSED
@@ -324,7 +327,7 @@ class Mission:
         return True
 
     def restart_current(self, pilot: Pilot) -> bool:
-        """Start the current command again (in a pause: at its end); False if it no longer exists."""
+        """Restart the current command, now or at the end of a pause; False if its item was deleted."""
         if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
             return False
         if self.items[self.index].command not in NAVIGATION:

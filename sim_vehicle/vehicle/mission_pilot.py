@@ -14,7 +14,7 @@ from sim_vehicle.vehicle.numbers import finite, whole
 LocalPoint = tuple[float, float, float]
 AHEAD_M = 50_000.0  # length of a leg that ends at an altitude
 MIN_DIRECTION_M = 0.1  # shortest distance that gives a direction
-CLIMB_MARGIN_M = 10.0  # climb beyond the take-off altitude of a plane that climbs straight on
+CLIMB_MARGIN_M = 10.0  # target above the take-off altitude of a plane that climbs straight on
 ALTITUDE_REACHED_M = 5.0
 LEG_START_SPEED_M_S = 1.0  # speed below which a leg begins after braking
 YAW_REACHED_RAD = math.radians(2.0)
@@ -65,16 +65,16 @@ class MissionPilot:
 
     @property
     def busy(self) -> bool:
-        """True while time alone, or a manoeuvre, advances the mission."""
-        waits = self._wait_until_s is not None or self._after_braking_m_s is not None
-        return self._manoeuvre is not None or waits
+        """True while a wait, braking or a manoeuvre is in progress."""
+        waiting = self._wait_until_s is not None or self._after_braking_m_s is not None
+        return self._manoeuvre is not None or waiting
 
     @property
     def landing(self) -> bool:
         return isinstance(self._manoeuvre, Landing)
 
     def forget(self) -> None:
-        """Forget the current command: another mode has taken over."""
+        """Forget the current command after a mode change."""
         self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
         self._under_way, self._after_braking_m_s = False, None
 
@@ -136,7 +136,10 @@ class MissionPilot:
         return self._flight.body.plane and self._flight.flight_parameters.takeoff_along
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
-        """Return a point far beyond the take-off position, or straight ahead at that position [m]."""
+        """Return a point far ahead, east and north [m].
+
+        The direction is that of the take-off position, or the heading if the vehicle is there already.
+        """
         body = self._flight.body
         east_m, north_m, _ = body.position_m
         heading_rad = body.heading_rad
@@ -175,14 +178,14 @@ class MissionPilot:
             return self._landing_done(item, now)
         if self._manoeuvre is not None:
             return self._manoeuvre.update(now)
-        if self._brakes():
+        if self._brake():
             return False
         done = self._waypoint_done(item, now)
         self._under_way = self._under_way and not done
         return done
 
-    def _brakes(self) -> bool:
-        """Return True while braking before a leg, and begin the leg at the end."""
+    def _brake(self) -> bool:
+        """Return True while braking before a leg; begin the leg once the vehicle is slow."""
         if self._after_braking_m_s is None:
             return False
         flight, pass_speed_m_s = self._flight, self._after_braking_m_s
@@ -228,7 +231,7 @@ class MissionPilot:
             reached = abs(flight.body.alt_amsl_m - self._target_m[2]) < ALTITUDE_REACHED_M
         elif flight.body.airborne:
             reached = flight.body.reached
-        else:  # a disarmed vehicle does not move, but its mission does
+        else:  # a disarmed vehicle does not move, but its mission advances
             reached = (
                 math.dist(self._target_m, flight.body.position_m)
                 <= flight.flight_parameters.waypoint_radius_m
@@ -309,7 +312,7 @@ class MissionPilot:
 
 
 def target_of(flight: FlightControl, item: Item) -> LocalPoint:
-    """Return the target of an item: east, north, up [m]; missing coordinates are the present ones."""
+    """Return the target of an item: east, north, up [m]; present coordinates replace missing ones."""
     body = flight.body
     east_m, north_m, up_m = body.position_m
     keeps_altitude = item.z == 0 and (item.place_deg is None or flight.flight_parameters.zero_keeps_altitude)
@@ -321,7 +324,7 @@ def target_of(flight: FlightControl, item: Item) -> LocalPoint:
 def circle_to_altitude(
     flight: FlightControl, item: Item, following: Item | None, near_m: float | None = None
 ) -> CircleToAltitude:
-    """Return the circle of an item, left toward the next item if the item (or `near_m`) asks for it."""
+    """Return the circle of an item; the item or `near_m` can require an exit towards the next item."""
     aligned = flight.flight_parameters.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
     place_deg = following.place_deg if following is not None and aligned else None
     next_m = None if place_deg is None else flight.body.locate(*place_deg)
@@ -331,40 +334,40 @@ def circle_to_altitude(
 
 
 class ReturnByMission:
-    """Return by mission: climb on the spot to an altitude, then fly items and land at the last one.
+    """Return by mission: a climb on the spot to an altitude, the items, and the landing at the last item.
 
-    Every item has a position and is flown through without a stop, except for circles of a plane that changes
-    its altitude.
+    Every item has a position. The vehicle does not stop there; only a plane circles to change its altitude.
     """
 
     def __init__(self, flight: FlightControl, items: Sequence[Item], least_amsl_m: float) -> None:
         self._flight = flight
-        self._left = list(items)
+        self._remaining_items = list(items)
         self._manoeuvre: Manoeuvre | None = None
         if flight.body.alt_amsl_m < least_amsl_m:
             east_m, north_m, _ = flight.body.position_m
             flight.body.loiter(east_m, north_m, least_amsl_m)
         else:
-            self._go_on()
+            self._begin_next()
 
     @property
     def lands(self) -> bool:
         """True during the landing."""
         return isinstance(self._manoeuvre, Landing)
 
-    def _go_on(self) -> None:
-        flight, item = self._flight, self._left.pop(0)
+    def _begin_next(self) -> None:
+        flight, item = self._flight, self._remaining_items.pop(0)
         if item.command in LANDINGS:
             self._manoeuvre = Landing(flight, item.place_deg)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
-            self._manoeuvre = circle_to_altitude(flight, item, self._left[0] if self._left else None)
+            following = self._remaining_items[0] if self._remaining_items else None
+            self._manoeuvre = circle_to_altitude(flight, item, following)
         else:
             self._manoeuvre = None
             flight.body.fly_to(*target_of(flight, item), flight.flight_parameters.speed_m_s)
 
     def update(self, now: float) -> bool:
         done = self._flight.body.reached if self._manoeuvre is None else self._manoeuvre.update(now)
-        if not done or self.lands or not self._left:
+        if not done or self.lands or not self._remaining_items:
             return done
-        self._go_on()
+        self._begin_next()
         return False

@@ -1,8 +1,8 @@
 """The mission as PX4 executes it: one item after another, without a home placeholder.
 
 The index includes do-commands, and each item is reported as reached. The index outlives a landing, an upload
-and a mode change. Only a vehicle that was disarmed at the last item starts over. Nothing advances while
-disarmed.
+and a mode change. A vehicle starts over only if it was disarmed at the last item. A disarmed vehicle does not
+advance.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ def _nothing() -> None:
 
 
 class Px4Mission(Mission):
-    """Items from 0 on; a mission that `feasible` rejects is stored but not flown.
+    """Mission with items from index 0; the vehicle stores but does not fly an infeasible mission.
 
     A return item calls `go_home`, which leaves the mission mode. The item stays current and is never reported
     as reached.
@@ -70,7 +70,7 @@ class Px4Mission(Mission):
         return self.items[index]
 
     def starts_with_takeoff(self) -> bool:
-        first = self._resolve(self._first(), count=False)
+        first = self._resolve(self._start_index(), count=False)
         return first is not None and self.items[first].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def replace(self, pilot: Pilot, items: Sequence[Item], current: int = -1) -> None:
@@ -139,9 +139,9 @@ class Px4Mission(Mission):
             if not item.autocontinue:
                 self.flown = None  # the vehicle stays at this item
                 return
-            self._go_on(pilot)
+            self._continue(pilot)
 
-    def _first(self) -> int:
+    def _start_index(self) -> int:
         starts_over = self._disarmed_since and self.index + 1 == self.count
         return 0 if starts_over else self.index
 
@@ -160,7 +160,7 @@ class Px4Mission(Mission):
         self.state, self.without_approach = MissionState.ACTIVE, True
         self._begin(pilot, found)
 
-    def _go_on(self, pilot: Pilot) -> None:
+    def _continue(self, pilot: Pilot) -> None:
         found = self._resolve(self.index + 1, count=True)
         if found is not None:
             self.without_approach = False
@@ -192,7 +192,10 @@ class Px4Mission(Mission):
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _resolve(self, index: int, *, count: bool) -> int | None:
-        """Return the item flown at `index` after jumps (counted if `count`); None beyond the end."""
+        """Return the index of the item after the jumps at `index`; None beyond the end.
+
+        With `count` the jumps are counted.
+        """
         for _ in range(MAX_JUMPS_IN_A_ROW):
             if not 0 <= index < self.count:
                 return None
@@ -211,7 +214,7 @@ class Px4Mission(Mission):
         return None
 
     def _following(self, index: int) -> Item | None:
-        """Return the next navigation command after `index`, for the corner at it."""
+        """Return the next navigation command after `index`, which sets the corner speed at `index`."""
         for _ in range(MAX_PER_UPDATE):
             found = self._resolve(index + 1, count=False)
             if found is None:

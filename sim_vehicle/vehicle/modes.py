@@ -27,7 +27,7 @@ class Modes:
         return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
 
     def set(self, number: int, now: float) -> bool:
-        """Change mode by its wire number as a ground station does; return whether that is acknowledged."""
+        """Change mode by its wire number as a ground station does; False if the change is refused."""
         vehicle = self._vehicle
         if vehicle.injected_faults.mode_stuck is not None:
             return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
@@ -50,16 +50,16 @@ class Modes:
         """Return True if an armed vehicle can enter the mode; announce the reason if not."""
         vehicle = self._vehicle
         if mode.needs_position and not vehicle.position_known(now):
-            unsupported_messages = "mode_needs_position"
+            refusal = "mode_needs_position"
         elif mode.setpoints_only and not vehicle.setpoints.streaming(now):
-            unsupported_messages = "mode_needs_setpoints"
+            refusal = "mode_needs_setpoints"
         elif mode.needs_pilot and vehicle.flight_parameters.pilot_missing:
-            unsupported_messages = "mode_needs_pilot"
+            refusal = "mode_needs_pilot"
         elif mode.behaviour is Behaviour.MISSION and not self._mission_may_start(now):
-            unsupported_messages = "mode_needs_mission"
+            refusal = "mode_needs_mission"
         else:
             return True
-        vehicle.announce(unsupported_messages, mode=mode.name)
+        vehicle.announce(refusal, mode=mode.name)
         return False
 
     def _mission_may_start(self, now: float) -> bool:
@@ -73,18 +73,18 @@ class Modes:
         return True
 
     def mission_ready(self, now: float) -> bool:
-        """True with a flyable mission whose check after the upload is complete."""
+        """Return True if the mission is flyable and its check after the upload is complete."""
         mission = self._vehicle.mission
         return not mission.empty and mission.flyable and now + EPSILON_S >= self.mission_checked_s
 
     # -- by the vehicle ----------------------------------------------------------------------------------
 
-    def by_itself(self, behaviour: Behaviour) -> None:
+    def enter_behaviour(self, behaviour: Behaviour) -> None:
         """Change to the mode of this behaviour without any check."""
         self._enter(self._vehicle.personality.mode_of(behaviour))
 
     def enter(self, number: int) -> None:
-        """Change to a mode by its number without any check, also to one that is not selectable."""
+        """Change to a mode by its number without any check, also to a mode that is not selectable."""
         self._enter(self._vehicle.personality.modes[number])
 
     def _enter(self, mode: Mode) -> None:
@@ -96,7 +96,7 @@ class Modes:
         self._forget_landing(mode)
 
     def _forget_landing(self, mode: Mode) -> None:
-        """Reset a mission that has landed when a pilot's mode is entered."""
+        """Reset a landed mission on the entry into a pilot's mode."""
         vehicle, mission = self._vehicle, self._vehicle.mission
         flown_by_hand = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
         if mission.stays_landed and mission.in_landing and flown_by_hand and not vehicle.armed:
@@ -104,7 +104,7 @@ class Modes:
             mission.reset()
 
     def mode_switch_read(self) -> None:
-        """Obey the RC mode switch, which is read for the first time after a boot, while disarmed."""
+        """Enter the mode of the RC mode switch at its first reading after a boot, while disarmed."""
         personality = self._vehicle.personality
         if personality.rereads_mode_switch and not self._vehicle.armed:
             boot_mode = personality.modes[personality.boot_mode]
@@ -119,18 +119,18 @@ class Modes:
     def taken_off(self) -> None:
         """Change mode after the climb of a take-off."""
         vehicle = self._vehicle
-        then = vehicle.flight_parameters.after_takeoff
-        if then is None:
+        behaviour = vehicle.flight_parameters.after_takeoff
+        if behaviour is None:
             return
-        if then is Behaviour.MISSION and not self.mission_ready(vehicle.now):
-            then = Behaviour.HOLD
-        aim_m = vehicle.flight.guided_target_m
-        self.by_itself(then)
-        if then is Behaviour.HOLD and aim_m is not None:
-            vehicle.flight.go(aim_m)  # completes the climb
+        if behaviour is Behaviour.MISSION and not self.mission_ready(vehicle.now):
+            behaviour = Behaviour.HOLD
+        target_m = vehicle.flight.guided_target_m
+        self.enter_behaviour(behaviour)
+        if behaviour is Behaviour.HOLD and target_m is not None:
+            vehicle.flight.go(target_m)  # completes the climb
 
     def mission_over(self) -> None:
         """Change mode after the last item of a mission."""
         ends_in = self._vehicle.personality.mission_ends_in
         if ends_in is not None and self._vehicle.flight.flying:
-            self.by_itself(ends_in)
+            self.enter_behaviour(ends_in)

@@ -1,6 +1,6 @@
 """One-shot messages: a vehicle sends them on request only.
 
-Each is a function of the vehicle and the request's second parameter, and returns the messages to send.
+Each function takes the vehicle and the request's second parameter, and returns the messages to send.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from sim_vehicle.personalities.base import OneShotMessage, Vehicle
 
 
 def autopilot_version(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
-    """Return AUTOPILOT_VERSION; uid2 is `sim_vehicle` and the system id, as no aircraft has it."""
+    """Return AUTOPILOT_VERSION; uid2 is `sim_vehicle` and the system id, unlike any real aircraft."""
     uid2 = list(b"sim_vehicle".ljust(17, b"\0") + bytes([vehicle.sysid]))
     nothing = [0] * 8
     personality = vehicle.personality

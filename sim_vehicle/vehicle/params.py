@@ -14,14 +14,14 @@ from sim_vehicle.wire.frame import header_bytes
 HASH_NAME = "_HASH_CHECK"
 FRAME_BYTES = 37  # one PARAM_VALUE on the link
 UNINDEXED = 0xFFFF
-USUAL_BITS = 32
+DEFAULT_BITS = 32
 WIRE_TYPES = {
     8: int(mavlink.MAV_PARAM_TYPE_INT8),
     16: int(mavlink.MAV_PARAM_TYPE_INT16),
     32: int(mavlink.MAV_PARAM_TYPE_INT32),
 }
-# ArduPilot adds it before it truncates a float, so that 2.999 becomes 3.
-CUT_ADDS = 0.01
+# ArduPilot adds this before the truncation of a float, so that 2.999 becomes 3.
+TRUNCATION_OFFSET = 0.01
 
 
 def as_float32(value: float) -> float:
@@ -30,16 +30,19 @@ def as_float32(value: float) -> float:
 
 
 class Parameters:
-    """Named numbers in the autopilot's units; the list is fixed, and an int default makes an integer.
+    """Named numbers in the autopilot's units.
+
+    The list of names is fixed. A parameter with an int default is an integer.
 
     Parameters
     ----------
-    defaults: of the firmware.
-    start: initial values of this vehicle; they become its defaults.
+    defaults: default values of the firmware.
+    start: initial values of this vehicle, which become its defaults.
     bits: width of integers other than 32 bits.
-    read_only: names with a fixed value; PARAM_SET is answered with that value.
-    byte_wise: integers travel as their four bytes in the float field (PX4), else as the nearest float
-        (ArduPilot, which also truncates fractions; PX4 refuses the message).
+    read_only: names with a fixed value, which is the answer to PARAM_SET.
+    byte_wise: PX4's encoding: integers travel as their four bytes in the float field, and a PARAM_SET of
+        another type is dropped. Otherwise ArduPilot's: integers travel as the nearest float, and fractions
+        are truncated.
     """
 
     def __init__(
@@ -55,7 +58,7 @@ class Parameters:
         self._byte_wise = byte_wise
         self._values = {name: defaults[name] for name in sorted(defaults)}
         for name, value in {**defaults, **start}.items():
-            self._values[name] = self._kept(name, value)
+            self._values[name] = self._stored_value(name, value)
         self.defaults = dict(self._values)
         self._names = list(self._values)
         self._index = {name: index for index, name in enumerate(self._names)}
@@ -78,7 +81,7 @@ class Parameters:
 
     def bits(self, name: str) -> int:
         """Return the width of an integer parameter; 0 for a float."""
-        return self._bits.get(name, USUAL_BITS) if isinstance(self._values[name], int) else 0
+        return self._bits.get(name, DEFAULT_BITS) if isinstance(self._values[name], int) else 0
 
     def set(self, name: str, value: float) -> None:
         """Set a known parameter within its type and range; KeyError for an unknown name.
@@ -88,18 +91,18 @@ class Parameters:
         if name not in self._values:
             raise KeyError(name)
         if name not in self._read_only and math.isfinite(value):
-            self._values[name] = self._kept(name, value)
+            self._values[name] = self._stored_value(name, value)
 
-    def keep(self, name: str, value: float) -> None:
+    def set_internal(self, name: str, value: float) -> None:
         """Set a parameter that only the vehicle writes (a count of stored items)."""
-        self._values[name] = self._kept(name, value)
+        self._values[name] = self._stored_value(name, value)
 
-    def _kept(self, name: str, value: float) -> float | int:
+    def _stored_value(self, name: str, value: float) -> float | int:
         """Return a value as stored: of the parameter's type, within its range."""
         bits = self.bits(name)
         if not bits:
             return as_float32(value)
-        whole = round(value) if self._byte_wise else int(value + math.copysign(CUT_ADDS, value))
+        whole = round(value) if self._byte_wise else int(value + math.copysign(TRUNCATION_OFFSET, value))
         return min(max(whole, -(1 << bits - 1)), (1 << bits - 1) - 1)
 
     @property
@@ -135,7 +138,7 @@ class Parameters:
         if message.param_id == HASH_NAME and self._byte_wise:
             if kind == "PARAM_REQUEST_READ":
                 send(self._hash_message())
-            else:  # a ground station sends the hash if it has the values: the list ends
+            else:  # the ground station has cached the values, so the list ends
                 self._list_index = len(self._names)
         if message.param_id not in self._values:
             return None
@@ -148,7 +151,7 @@ class Parameters:
 
     def _from_wire(self, message: Any) -> float:
         if self._byte_wise and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
-            # The original bytes; a float conversion changes those of a signalling NaN.
+            # The original bytes, because a float conversion changes the bytes of a signalling NaN.
             frame = bytes(message.get_msgbuf())
             start = header_bytes(frame)
             value = frame[start : start + 4] or struct.pack("<f", message.param_value)
@@ -159,7 +162,7 @@ class Parameters:
         return WIRE_TYPES.get(self.bits(name), int(mavlink.MAV_PARAM_TYPE_REAL32))
 
     def hash(self) -> int:
-        """Return the CRC-32 over names and values; a ground station compares it with that of its cache."""
+        """Return the CRC-32 over names and values, for a comparison with a ground station's cache."""
         crc = 0xFFFFFFFF
         for name, value in self._values.items():
             packed = struct.pack("<i" if isinstance(value, int) else "<f", value)

@@ -26,7 +26,7 @@ class Rally:
     ) -> Item | None:
         """Return the nearest rally point, or None for home.
 
-        Only points within `limit_m` count. With `include_home`, only points nearer than home count.
+        Points beyond `limit_m` are ignored. With `include_home`, points farther than home are ignored too.
         """
         if include_home:
             limit_m = min(limit_m, distance_m(here_deg, home_deg))
@@ -39,7 +39,7 @@ def _distance_to_m(here_deg: tuple[float, float], item: Item) -> float:
 
 
 def distance_m(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
-    """Return the distance of two positions near each other (latitude, longitude [deg]) [m]."""
+    """Return the distance [m] between two positions near each other (latitude, longitude [deg])."""
     north_m, east_m = metres_per_degree(a_deg[0])
     longitude_deg = (b_deg[1] - a_deg[1] + 180.0) % 360.0 - 180.0
     return math.hypot((b_deg[0] - a_deg[0]) * north_m, longitude_deg * east_m)

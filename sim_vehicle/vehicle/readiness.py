@@ -8,13 +8,13 @@ from sim_vehicle.epoch import EPSILON_S
 FULL_READY_S = 41.0
 GPS_FIX_S = 10.0
 HOME_S = 20.0
-MODE_SWITCH_READ_S = 2.0  # first reading of the RC mode switch; it undoes earlier mode changes
+MODE_SWITCH_READ_S = 2.0  # first reading of the RC mode switch, which undoes earlier mode changes
 MILESTONES_S = (MODE_SWITCH_READ_S, GPS_FIX_S, HOME_S, FULL_READY_S)
 
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """Milestones after a boot at `boot_s` [s], scaled to a position estimate after `ready_s` [s]."""
+    """Milestones after a boot at `boot_s` [s]; the position estimate is ready `ready_s` [s] later."""
 
     boot_s: float
     ready_s: float

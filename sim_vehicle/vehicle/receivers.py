@@ -1,4 +1,4 @@
-"""Handlers of the messages that neither the mission transfer nor the storage takes."""
+"""Handlers of all messages except those of the mission transfer and the storage."""
 
 from collections.abc import Callable
 from typing import Any
@@ -63,8 +63,8 @@ def _on_timesync(vehicle: Vehicle, message: Any, now: float) -> None:
 
 
 def _on_ping(vehicle: Vehicle, message: Any, _now: float) -> None:
-    asked = message.target_system == message.target_component == 0
-    if asked and vehicle.personality.answers_ping:
+    is_request = message.target_system == message.target_component == 0
+    if is_request and vehicle.personality.answers_ping:
         sender = (message.get_srcSystem(), message.get_srcComponent())
         vehicle.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
 

@@ -1,7 +1,6 @@
 """Remote control failsafe of one vehicle, with one or two stages of a loss.
 
-The mode change of the short stage is undone when the remote control returns. After the long stage the mode
-stays.
+The return of the remote control undoes the mode change of the short stage, but not that of the long stage.
 """
 
 import math
@@ -19,10 +18,10 @@ class RemoteWatch:
         self._vehicle = vehicle
         self.lost = False
         self._since_s = math.inf
-        self._loss_counts = True  # the present loss counts
+        self._loss_counts = True  # the failsafe acts on the present loss
         self._stage: str | None = None
         self._long_due_s = math.inf
-        self._mode_before, self._mode_then = 0, 0
+        self._mode_before, self._mode_after = 0, 0
 
     @property
     def next_s(self) -> float:
@@ -54,9 +53,9 @@ class RemoteWatch:
             return LONG
         return None
 
-    def record_mode_change(self, before: int, then: int) -> None:
-        """Record the mode change of a stage, to be undone."""
-        self._mode_before, self._mode_then = before, then
+    def record_mode_change(self, before: int, after: int) -> None:
+        """Record the mode change of the short stage; the end of the loss undoes this change."""
+        self._mode_before, self._mode_after = before, after
 
     def _end_loss(self) -> None:
         if math.isinf(self._since_s):
@@ -67,5 +66,5 @@ class RemoteWatch:
         if was_lost:
             self._vehicle.announce("rc_short_back" if stage == SHORT else "rc_back")
         modes = self._vehicle.modes
-        if stage == SHORT and modes.mode.number == self._mode_then != self._mode_before:
+        if stage == SHORT and modes.mode.number == self._mode_after != self._mode_before:
             modes.enter(self._mode_before)

@@ -1,4 +1,4 @@
-"""Sender of one vehicle: acknowledgements, texts of its personality, and the effect of faults on both."""
+"""Sender of one vehicle: messages, the personality's texts, and acknowledgements under faults."""
 
 import heapq
 import math
@@ -29,18 +29,18 @@ class Sender:
         self._texts, self._injected_faults = texts, injected_faults
         self._send, self._clock, self._record = send, clock, record
         # Heap of acknowledgements that a fault delays: due time [s], number, message.
-        self._late: list[tuple[float, int, Any]] = []
-        self._held_back = 0
+        self._delayed: list[tuple[float, int, Any]] = []
+        self._delayed_count = 0
         self._text_id = 0
 
     def reset(self) -> None:
         """Drop delayed acknowledgements, as a reboot does."""
-        self._late.clear()
+        self._delayed.clear()
 
     @property
     def next_s(self) -> float:
         """Time of the next delayed message [s]."""
-        return self._late[0][0] if self._late else math.inf
+        return self._delayed[0][0] if self._delayed else math.inf
 
     def send(self, message: Any) -> None:
         """Send one message; faults can delay or drop an acknowledgement."""
@@ -49,8 +49,8 @@ class Sender:
                 return
             if self._injected_faults.ack_delay_s > 0:
                 due_s = self._clock() + self._injected_faults.ack_delay_s
-                heapq.heappush(self._late, (due_s, self._held_back, message))
-                self._held_back += 1
+                heapq.heappush(self._delayed, (due_s, self._delayed_count, message))
+                self._delayed_count += 1
                 return
         self._send(message)
 
@@ -67,7 +67,7 @@ class Sender:
             self.send(mavlink.MAVLink_statustext_message(severity, part, self._text_id, chunk))
 
     def announce(self, event: str, **values: Any) -> None:
-        """Send the personality's text for an event; no text, no message."""
+        """Send the personality's text for an event, if it has one."""
         if event in self._texts:
             severity, template = self._texts[event]
             self.send_text(severity, template.format(**values))
@@ -82,7 +82,7 @@ class Sender:
         """Send COMMAND_ACK."""
         self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *sender))
 
-    def send_late(self, now: float) -> None:
+    def send_delayed(self, now: float) -> None:
         """Send the delayed messages due by `now` [s]."""
-        while self._late and self._late[0][0] <= now + EPSILON_S:
-            self._send(heapq.heappop(self._late)[2])
+        while self._delayed and self._delayed[0][0] <= now + EPSILON_S:
+            self._send(heapq.heappop(self._delayed)[2])

@@ -1,8 +1,8 @@
 """Set-points of a ground station or companion: positions, velocities and attitudes, and their duration.
 
-SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET are obeyed in guided
-modes. A position is flown to and kept. A velocity, an acceleration or an attitude expires unless new ones
-arrive.
+A vehicle in a guided mode obeys SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and
+SET_ATTITUDE_TARGET. The vehicle flies to a position and holds it. A velocity, an acceleration or an attitude
+expires without a successor.
 """
 
 import math
@@ -28,7 +28,7 @@ NEVER_S = -math.inf
 
 
 def _usable(message: Any) -> bool:
-    """Return True if the message has a known frame and a usable value; others keep no mode alive."""
+    """Return True if the message has a known frame and a finite value; other messages are ignored."""
     if message.get_type() == "SET_ATTITUDE_TARGET":
         return True
     is_global = message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
@@ -62,18 +62,18 @@ class Setpoints:
         self._attitude.reset()
 
     def streaming(self, now: float) -> bool:
-        """True if the latest set-point is recent enough to enter a mode that needs them."""
+        """Return True if the latest set-point is recent enough to enter a mode that needs set-points."""
         return now - self._last_received_s < self._vehicle.flight_parameters.setpoint_timeout_s
 
     @property
     def next_deadline_s(self) -> float:
-        """Time at which the current set-point, or the mode that needs a stream of them, expires [s]."""
+        """Time [s] at which the current set-point or, in a set-point mode, the stream expires; inf: never."""
         vehicle = self._vehicle
         expires = vehicle.flight.flying if vehicle.mode.setpoints_only else self._expires
         return self._last_received_s + vehicle.flight_parameters.setpoint_timeout_s if expires else math.inf
 
     def expire(self, now: float) -> None:
-        """End the current set-point if it is due: act on a lost stream, or stop in guided flight."""
+        """End an expired set-point: act on a lost stream, or stop in guided flight."""
         if now + EPSILON_S < self.next_deadline_s:
             return
         vehicle = self._vehicle
@@ -129,7 +129,7 @@ class Setpoints:
         self._vehicle.body.face(self._yaw_rad(message))
 
     def _local_m(self, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Convert north/forward, east/right, down [m] in a local frame to east, north, up in the fleet's."""
+        """Convert north/forward, east/right, down of a local frame to east, north, up of the fleet's [m]."""
         body = self._vehicle.body
         if frame in BODY_FRAMES:
             x, y = self._turned(x, y)
@@ -158,18 +158,18 @@ class Setpoints:
         self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _acceleration(self, message: Any, since_s: float) -> None:
-        """Apply an acceleration; a plane changes its velocity by it instead, as it banks to turn."""
+        """Apply an acceleration; for a plane, which banks to turn, integrate it into a velocity."""
         north, east, down = message.afx, message.afy, message.afz
         if not all(math.isfinite(a) for a in (north, east, down)):
             return
         if message.coordinate_frame in BODY_FRAMES:
             north, east = self._turned(north, east)
         body = self._vehicle.body
-        lasts_s = since_s if since_s < self._vehicle.flight_parameters.setpoint_timeout_s else 0.0
+        duration_s = since_s if since_s < self._vehicle.flight_parameters.setpoint_timeout_s else 0.0
         velocity_m_s = body.velocity_m_s
-        climb_m_s = velocity_m_s[2] - down * lasts_s
+        climb_m_s = velocity_m_s[2] - down * duration_s
         if body.plane:
-            moved = (velocity_m_s[0] + east * lasts_s, velocity_m_s[1] + north * lasts_s, climb_m_s)
+            moved = (velocity_m_s[0] + east * duration_s, velocity_m_s[1] + north * duration_s, climb_m_s)
             self._move(moved, message)
             return
         self._expires, self._vehicle.flight.taking_off = True, False

@@ -9,7 +9,7 @@ from sim_vehicle.files.filesystem import FileSystem
 from sim_vehicle.files.ftp import FtpServer
 from sim_vehicle.files.ftp_rules import FtpRules
 from sim_vehicle.files.log_transfer import LogRules, LogTransfer
-from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogFacts, LogWhen, Sample
+from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogStart, LogWhen, Sample
 from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
@@ -36,11 +36,11 @@ class Storage:
 
     Parameters
     ----------
-    vehicle: their owner.
-    new_log: makes an empty log in the autopilot's format.
-    files: makes the file tree, which can include the logs.
-    ftp_rules, log_rules: the rules of serving them.
-    limits: the size of recordings.
+    vehicle: the owner of the logs and files.
+    new_log: creates an empty log in the autopilot's format.
+    files: creates the file tree, which can include the logs.
+    ftp_rules, log_rules: the autopilot's rules for transfers of files and logs.
+    limits: size limits of the logs.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Storage:
         self._transfer.tick(now)
 
     def next_s(self, now: float) -> float:
-        """Return when `tick` has work [s]."""
+        """Return the time of the next `tick` with work [s]."""
         return now + SEND_EVERY_S if self._ftp.busy or self._transfer.busy else math.inf
 
     def reboot(self, now: float) -> None:
@@ -97,7 +97,7 @@ class Storage:
 
     # -- recording ---------------------------------------------------------------------------------------
 
-    def note(self, now: float) -> None:
+    def record_changes(self, now: float) -> None:
         """Record changes of the vehicle's state; begin and end logs when required."""
         self._begin_if_required(now)
         if not self.recorder.recording:
@@ -128,7 +128,7 @@ class Storage:
         self.recorder.sample(now, sample)
 
     def text(self, now: float, severity: int, text: str) -> None:
-        """Record a STATUSTEXT, that of the arming and that of the disarming included."""
+        """Record a STATUSTEXT, including the texts of arming and disarming."""
         self._begin_if_required(now)
         log = self.recorder.event(now)
         if log is not None:
@@ -150,7 +150,7 @@ class Storage:
         vehicle, personality = self._vehicle, self._vehicle.personality
         self.recorder.begin(
             now,
-            LogFacts(
+            LogStart(
                 utc_s=EPOCH_US / 1e6 + now,
                 boot_s=vehicle.readiness.boot_s,
                 banner=personality.banner,
@@ -165,9 +165,9 @@ class Storage:
     def _log_changes(self, log: FlightLog, now: float, seen: _LoggedState) -> None:
         before, mission = self._seen, self._vehicle.mission
         if seen.origin is not None and seen.origin != before.origin:
-            log.origin(now, *_numbers(seen.origin))
+            log.origin(now, *_coordinates(seen.origin))
         if seen.home is not None and seen.home != before.home:
-            log.home(now, *_numbers(seen.home))
+            log.home(now, *_coordinates(seen.home))
         if seen.armed != before.armed:
             log.armed(now, seen.armed)
         if seen.mode != before.mode:
@@ -182,7 +182,7 @@ class Storage:
             log.command(now, item, mission.count, mission.item(item))
 
 
-def _numbers(place: GeodeticPosition) -> tuple[float, float, float]:
+def _coordinates(place: GeodeticPosition) -> tuple[float, float, float]:
     return place.lat_deg, place.lon_deg, place.alt_amsl_m
 
 

@@ -25,9 +25,9 @@ TimedFrames = list[tuple[bytes, float]]
 class Stage(Protocol):
     """One impairment of one direction.
 
-    Called with a frame and the time it leaves the previous stage [s]. Returns the resulting frames, each with
-    the time it leaves this stage, never earlier than its arrival. A stage with `in_order` keeps frames in
-    order.
+    A call takes a frame and the time at which the frame leaves the previous stage [s]. The result is a list
+    of frames with the times at which they leave this stage, never earlier than the argument. A stage with
+    `in_order` keeps the order of the frames.
     """
 
     @property
@@ -41,11 +41,11 @@ class _Lane:
 
     def __init__(self) -> None:
         self.stages: list[Stage] = []
-        self.under_way: list[tuple[float, int, bytes]] = []
+        self.in_transit: list[tuple[float, int, bytes]] = []  # heap of due time [s], number, frame
         self.last_due_s = -math.inf
 
     def due_s(self) -> float:
-        return self.under_way[0][0] if self.under_way else math.inf
+        return self.in_transit[0][0] if self.in_transit else math.inf
 
 
 class Channel:
@@ -64,35 +64,38 @@ class Channel:
     def put(self, direction: Direction, frame: bytes, now: float) -> None:
         """Send one frame at `now` [s]."""
         lane = self._lanes[direction]
-        passing: TimedFrames = [(frame, now)]
+        timed_frames: TimedFrames = [(frame, now)]
         for stage in lane.stages:
-            passing = [left for entered in passing for left in stage(*entered)]
-        # After the end of a stage, later frames must not overtake those it still holds.
+            timed_frames = [output for timed in timed_frames for output in stage(*timed)]
+        # Later frames must not overtake frames that a removed stage has delayed.
         if all(stage.in_order for stage in lane.stages):
-            passing = [(frame, max(due_s, lane.last_due_s)) for frame, due_s in passing]
-            lane.last_due_s = max((due_s for _, due_s in passing), default=lane.last_due_s)
-        for left, due_s in passing:
-            self.inject(direction, left, due_s)
+            timed_frames = [(frame, max(due_s, lane.last_due_s)) for frame, due_s in timed_frames]
+            lane.last_due_s = max((due_s for _, due_s in timed_frames), default=lane.last_due_s)
+        for output, due_s in timed_frames:
+            self.inject(direction, output, due_s)
 
     def inject(self, direction: Direction, frame: bytes, due_s: float) -> None:
-        """Let a frame arrive at `due_s` [s] without passing the stages (a radio's own frame)."""
-        heapq.heappush(self._lanes[direction].under_way, (due_s, next(self._order), frame))
+        """Add a frame that skips the stages and arrives at `due_s` [s] (a radio's own frame)."""
+        heapq.heappush(self._lanes[direction].in_transit, (due_s, next(self._order), frame))
 
     def take(self, direction: Direction, now: float) -> TimedFrames:
         """Return the frames that arrive by `now` [s] in order of arrival, each with its time."""
-        under_way = self._lanes[direction].under_way
+        in_transit = self._lanes[direction].in_transit
         arrived = []
-        while under_way and under_way[0][0] <= now:
-            due_s, _, frame = heapq.heappop(under_way)
+        while in_transit and in_transit[0][0] <= now:
+            due_s, _, frame = heapq.heappop(in_transit)
             arrived.append((frame, due_s))
         return arrived
 
     def next_due_s(self, direction: Direction | None = None) -> float:
-        """Return the arrival of the next frame [s], in one direction or in any; inf if none is in transit."""
+        """Return the arrival time of the next frame [s] in one direction or, with None, in both.
+
+        inf: no frame is in transit.
+        """
         lanes = self._lanes.values() if direction is None else (self._lanes[direction],)
         return min(lane.due_s() for lane in lanes)
 
     @property
     def idle(self) -> bool:
-        """True without stages and frames in transit: the channel can be removed."""
-        return not any(lane.stages or lane.under_way for lane in self._lanes.values())
+        """True without stages and frames in transit, so that the channel can be removed."""
+        return not any(lane.stages or lane.in_transit for lane in self._lanes.values())

@@ -71,7 +71,7 @@ def layout_of(message_id: int) -> Layout:
 
 
 class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message unknown to the dialect, from its layout; packs like pymavlink's own."""
+    """A message missing in the dialect, from its layout; packs like pymavlink's messages."""
 
     def __init__(self, layout: Layout, **fields: Any) -> None:
         super().__init__(layout.message_id, layout.name)
@@ -86,10 +86,9 @@ class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
     """Return the payloads of `n` vehicles from columns (scalars, (n,) or (n, length)); other fields are 0.
 
-    Numbers for integer fields are rounded and limited to the field's range, where a cast would wrap around.
-    NaN becomes 0.
+    Numbers for integer fields are rounded and limited to the field's range. NaN becomes 0.
     """
-    made = np.zeros(n, layout.dtype)
+    payloads = np.zeros(n, layout.dtype)
     for name, values in columns.items():
         base = layout.dtype[name].base
         array = np.asarray(values)
@@ -98,8 +97,8 @@ def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
             array = np.minimum(np.maximum(np.rint(array), lowest), highest)
             if np.isnan(array).any():
                 array = np.nan_to_num(array)
-        made[name] = array
-    return made
+        payloads[name] = array
+    return payloads
 
 
 def frames(
@@ -109,14 +108,14 @@ def frames(
     size, blob = layout.dtype.itemsize, payloads.tobytes()
     id_0, id_1, id_2 = layout.message_id & 0xFF, layout.message_id >> 8 & 0xFF, layout.message_id >> 16
     pack, extra, crc = _HEADER.pack, layout.crc_extra, _CRC.pack
-    made = []
+    encoded = []
     start = 0
     for system, sequence in zip(systems, sequences, strict=True):
         payload = blob[start : start + size].rstrip(b"\0") or b"\0"
         start += size
         body = pack(len(payload), 0, 0, sequence, system, component, id_0, id_1, id_2) + payload
-        made.append(MAGIC + body + crc(mcrf4xx(body + extra)))
-    return made
+        encoded.append(MAGIC + body + crc(mcrf4xx(body + extra)))
+    return encoded
 
 
 class Encoder:
@@ -125,7 +124,7 @@ class Encoder:
     Parameters
     ----------
     systems: system id of each vehicle.
-    component: component id of all of them.
+    component: component id of all vehicles.
     """
 
     def __init__(self, systems: Sequence[int], component: int) -> None:
@@ -142,7 +141,7 @@ class Encoder:
         return bytes(message.pack(self._codec))
 
     def frames(self, layout: Layout, payloads: Records, vehicles: npt.NDArray[np.int64]) -> list[bytes]:
-        """Pack one message of each of several vehicles."""
+        """Pack one message of each vehicle in `vehicles`."""
         sequences = self._sequences[vehicles].tolist()
         self._sequences[vehicles] += 1
         return frames(layout, payloads, self._systems[vehicles].tolist(), sequences, self._component)

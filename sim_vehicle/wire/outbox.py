@@ -23,7 +23,7 @@ class Outbox:
         self._frames: Frames = []
 
     def take(self) -> Frames:
-        """Return everything since the last call."""
+        """Return and forget the frames since the last call."""
         frames, self._frames = self._frames, []
         return frames
 
@@ -36,7 +36,7 @@ class Outbox:
         self._frames.append((vehicle, data))
 
     def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Pack one message of STREAMS of one vehicle; False if it has no data for it yet."""
+        """Pack one vehicle's message of STREAMS; False if the vehicle has no data for the message yet."""
         return self._send(message_id, np.array([vehicle]), now) == 1
 
     def stream(self, streams: Streams, now: float) -> None:

@@ -1,4 +1,4 @@
-"""Parser from the bytes of one stream to messages."""
+"""Parser of the bytes of one stream."""
 
 import struct
 from typing import Any
@@ -14,18 +14,18 @@ _UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
 
 
 class Parser:
-    """Parser of a stream that can be cut anywhere; unreadable parts come out as BAD_DATA or UNKNOWN_n."""
+    """Parser of a stream in pieces of any length; unreadable parts become BAD_DATA or UNKNOWN_n."""
 
     def __init__(self) -> None:
         self._codec = mavlink.MAVLink(None)
         self._codec.robust_parsing = True
 
     def feed(self, data: bytes) -> list[Any]:
-        """Return the messages that are complete now."""
+        """Return the messages that `data` completes."""
         codec = self._codec
         messages = codec.parse_buffer(data) or []
-        # pymavlink frees read bytes only if a stream pauses between two frames; a stream without pauses
-        # would be kept in memory as a whole.
+        # pymavlink frees read bytes only when a stream pauses between two frames. Without this, a stream
+        # without pauses would stay in memory.
         del codec.buf[: codec.buf_index]
         codec.buf_index = 0
         return [_known(message) for message in messages]
@@ -37,7 +37,7 @@ class Parser:
 
 
 class CommandCancel(mavlink.MAVLink_message):  # type: ignore[misc]
-    """COMMAND_CANCEL."""
+    """COMMAND_CANCEL, which pymavlink's dialect lacks."""
 
     def __init__(self, target_system: int, target_component: int, command: int) -> None:
         super().__init__(COMMAND_CANCEL, "COMMAND_CANCEL")
@@ -49,7 +49,7 @@ class CommandCancel(mavlink.MAVLink_message):  # type: ignore[misc]
 
 
 def _known(message: Any) -> Any:
-    """Return a message that only vehicles know, decoded, or any other message unchanged."""
+    """Return COMMAND_CANCEL decoded, or any other message unchanged."""
     return _cancel(message) or message if message.get_type() == _UNKNOWN_CANCEL else message
 
 

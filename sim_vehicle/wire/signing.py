@@ -1,7 +1,4 @@
-"""MAVLink 2 signing (https://mavlink.io/en/guide/message_signing.html), on the simulation's clock.
-
-It works on complete frames, independent of their source.
-"""
+"""MAVLink 2 signing of complete frames in simulated time (mavlink.io/en/guide/message_signing.html)."""
 
 import hashlib
 import hmac
@@ -23,10 +20,10 @@ NO_KEY = bytes(32)
 
 
 def _crc_changes() -> list[int]:
-    """Return the changes of a frame's checksum by the flip of bit SIGNED, by the number of bytes after it.
+    """Return the change of a frame's checksum by the bit SIGNED, indexed by the number of bytes after it.
 
-    The checksum is linear: the effect of a flipped bit depends only on its place. So a frame gets its new
-    checksum without the seed of its message.
+    The checksum is linear, so the effect of a changed bit depends only on its place. The new checksum needs
+    no CRC_EXTRA of the message.
     """
     changes = []
     crc, byte = 0, SIGNED
@@ -47,20 +44,20 @@ class Signing:
 
     def __init__(self) -> None:
         self._key: bytes | None = None
-        self._timestamp = 0  # latest one sent or received
+        self._timestamp = 0  # latest time stamp sent or received
         self._ahead = 0  # time stamp at second 0 of the simulation
         self._streams: dict[tuple[int, int, int], int] = {}
         self.refused = 0
 
     @property
     def active(self) -> bool:
-        """True if messages are signed and have to be."""
+        """True while a key is set: sent messages are signed, received messages need a signature."""
         return self._key is not None
 
     def set_key(self, key: bytes, timestamp: int, now: float) -> None:
-        """Set a key of 32 bytes and the present time stamp [10 us]; both all zero: signing ends.
+        """Set a key of 32 bytes and the present time stamp [10 us]; a zero key at time 0 ends signing.
 
-        The lower 48 bits of the time stamp count.
+        Only the lower 48 bits of the time stamp are used.
         """
         if len(key) != len(NO_KEY):
             raise ValueError(f"a signing key has {len(NO_KEY)} bytes, found {len(key)}")
@@ -70,23 +67,23 @@ class Signing:
         self._ahead = timestamp - int(now * TICKS_PER_S)
 
     def set_up(self, message: Any, now: float, *, armed: bool) -> bool:
-        """Process SETUP_SIGNING that `accepts` has passed; False while the vehicle is armed."""
+        """Process an accepted SETUP_SIGNING; do nothing and return False while the vehicle is armed."""
         if not armed:
             self.set_key(bytes(message.secret_key), message.initial_timestamp, now)
         return not armed
 
     def reboot(self) -> None:
-        """Forget streams after a reboot; key and time stay."""
+        """Forget the known streams; key and time stay."""
         self._streams.clear()
 
     def sign(self, frame: bytes, link_id: int, now: float) -> bytes:
-        """Return the frame with a signature; anything but an unsigned MAVLink 2 frame stays unchanged."""
+        """Return an unsigned MAVLink 2 frame with a signature, or any other frame unchanged."""
         if self._key is None or not _is_unsigned_mavlink2(frame):
             return frame
-        # At its limit the time stamp stays: receivers then reject the vehicle, which keeps running.
+        # A time stamp at its limit stays there; receivers then reject the messages of the vehicle.
         self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
-        crc ^= CRC_CHANGES[len(frame) - 4]  # the bytes after the flags, with the seed instead of the checksum
+        crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flags, with CRC_EXTRA instead of the checksum
         covered = b"".join(
             (
                 frame[:2],
@@ -99,7 +96,7 @@ class Signing:
         return covered + self._hash(covered)
 
     def accepts(self, frame: bytes, now: float) -> bool:
-        """Return True if a frame with a valid checksum, received at `now` [s], can be obeyed."""
+        """Return True if a vehicle may obey a frame with a valid checksum, received at `now` [s]."""
         if self._key is None:
             return True
         signed = frame[0] == MAVLINK2 and bool(frame[2] & SIGNED)

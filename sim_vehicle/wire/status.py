@@ -1,4 +1,4 @@
-"""State of the autopilots as arrays over the fleet: the columns of telemetry other than physics.
+"""State of the autopilots as arrays over the fleet: the columns of telemetry besides physics.
 
 Each vehicle writes its own row (`publish.publish`) after changes; telemetry reads whole columns.
 """
@@ -48,7 +48,7 @@ class Status:
         self.origin_m = np.zeros((n, 3))  # east, north, up in the fleet's frame
         self.origin_e7 = np.zeros((n, 2), dtype="i4")
         # targets
-        self.has_place = column("?")  # a place on earth
+        self.has_place = column("?")  # a global position
         self.has_setpoint = column("?")  # a position or a velocity in local coordinates
         # mission
         self.mission_seq = column("u2")
@@ -61,7 +61,7 @@ class Status:
         self.fence_breaches = column("u2")
         self.fence_type = column("u1")
         self.fence_time_ms = column("u4")
-        # the rest
+        # battery, threats, processor load
         self.battery_state = column("u1")  # MAV_BATTERY_CHARGE_STATE
         self.threatened = column("?")  # hostiles can strike
         self.strikes = column("i4")

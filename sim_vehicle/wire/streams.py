@@ -20,7 +20,7 @@ STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
 
 
 class Streams:
-    """Intervals of n vehicles; `tick_s` [s] is the shortest."""
+    """Intervals of n vehicles; `tick_s` [s] is the shortest interval."""
 
     def __init__(self, n: int, tick_s: float) -> None:
         self._tick_s = tick_s
@@ -31,9 +31,10 @@ class Streams:
     def set_interval(
         self, vehicle: int, message_id: int, interval_s: float, now: float, *, first_s: float | None = None
     ) -> None:
-        """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops it. KeyError: not a stream.
+        """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops the stream.
 
-        `first_s` is the time of the first message, one interval from now by default.
+        `first_s` is the time of the first message [s], one interval after `now` by default. KeyError for a
+        message that is not in STREAMS.
         """
         row = ROWS[message_id]
         if interval_s <= 0:
@@ -45,7 +46,7 @@ class Streams:
         self._row_due_s[row] = self._due_s[row].min()
 
     def interval_s(self, vehicle: int, message_id: int) -> float | None:
-        """Return the interval [s]; None if the message does not stream. KeyError: not a stream."""
+        """Return the interval [s], None without a stream; KeyError for a message that is not in STREAMS."""
         interval_s = float(self._interval_s[ROWS[message_id], vehicle])
         return None if math.isinf(interval_s) else interval_s
 
@@ -55,7 +56,7 @@ class Streams:
         self._row_due_s = self._due_s.min(axis=1)
 
     def due(self, now: float) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """Yield (message id, vehicles) due by `now`; each counts as sent."""
+        """Yield (message id, vehicles) due by `now` [s] and schedule their next messages."""
         for row in np.flatnonzero(self._row_due_s <= now + EPSILON_S).tolist():
             due_s = self._due_s[row]
             vehicles = np.flatnonzero(due_s <= now + EPSILON_S)
@@ -65,7 +66,7 @@ class Streams:
 
 
 class Rates:
-    """One vehicle's intervals: the messages its autopilot can stream, and those it streams by default."""
+    """One vehicle's intervals, limited to the messages of its autopilot, and their defaults."""
 
     def __init__(
         self,
@@ -84,7 +85,10 @@ class Rates:
         return message_id in STREAMS and message_id not in self._unsupported
 
     def set(self, message_id: int, interval_s: float, now: float) -> None:
-        """Set an interval; a first stream also starts the strike messages. KeyError: not a stream."""
+        """Set an interval; the first stream after a boot also starts the strike messages.
+
+        KeyError for a message that is not in STREAMS.
+        """
         self._streams.set_interval(self._vehicle, message_id, interval_s, now)
         if message_id == STRIKES:
             self._strikes_decided = True
@@ -99,7 +103,7 @@ class Rates:
         self.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
     def interval_s(self, message_id: int) -> float | None:
-        """Return the interval [s]; None if the message does not stream here."""
+        """Return the interval [s]; None if this vehicle does not stream the message."""
         return self._streams.interval_s(self._vehicle, message_id) if self.can(message_id) else None
 
     def boot(self, now: float, first_s: float) -> None:

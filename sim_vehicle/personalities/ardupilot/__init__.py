@@ -53,7 +53,7 @@ _STREAMS = {
     ),
 }
 
-# PX4's messages, which ArduPilot does not stream.
+# PX4's messages that ArduPilot does not stream.
 _UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
@@ -137,7 +137,7 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
         store_item=personality.store_item,
         send=vehicle.send,
         send_text=vehicle.send_text,
-        stored=lambda kind, total: vehicle.params.keep(parameters.TOTALS[kind], total),
+        stored=lambda kind, total: vehicle.params.set_internal(parameters.TOTALS[kind], total),
         guided=lambda item, altitude_only: _fly_guided(vehicle, item, altitude_only=altitude_only),
         refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
@@ -167,14 +167,14 @@ _UNHEALTHY = {
 
 
 def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """Return the reasons against arming a copter that even force does not override."""
+    """Return the reasons against arming a copter, forced or not."""
     flight_parameters = vehicle.flight_parameters
     if vehicle.position_known(now):
         return []
     if vehicle.mode.needs_position:
         return ["Need Position Estimate"]
-    around = math.isfinite(flight_parameters.fence_radius_m) or flight_parameters.fence_polygons
-    return ["Fence enabled, need position estimate"] if vehicle.fence_watch.enabled and around else []
+    horizontal = math.isfinite(flight_parameters.fence_radius_m) or flight_parameters.fence_polygons
+    return ["Fence enabled, need position estimate"] if vehicle.fence_watch.enabled and horizontal else []
 
 
 def _refusals(vehicle: Vehicle, now: float) -> list[str]:
@@ -186,9 +186,9 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
         return ["Need Position Estimate"]
     if vehicle.flight_parameters.arming_checks and not vehicle.readiness.home(now):
         return ["AHRS: waiting for home"]
-    outside = vehicle.fence_watch.refusal()
-    if outside is not None:
-        return [outside]
+    breach = vehicle.fence_watch.refusal()
+    if breach is not None:
+        return [breach]
     if not vehicle.flight_parameters.arming_checks:
         return []
     unhealthy = vehicle.injected_faults.unhealthy_sensors
@@ -215,7 +215,7 @@ def _battery_refusals(vehicle: Vehicle) -> list[str]:
         ),
         (vehicle.failsafes.battery > 0, "Battery failsafe"),
     )
-    return [text for below, text in limits if below][:1]
+    return [text for violated, text in limits if violated][:1]
 
 
 # A plane reports its mode after a failsafe has acted.
@@ -318,7 +318,9 @@ _PLANE = replace(
     start_landing=start_landing,
     mandatory_refusals=lambda _vehicle, _now: [],
     mission_ends_in=Behaviour.RETURN,
-    texts=MappingProxyType({k: v for k, v in _TEXTS.items() if k not in _COPTER_ONLY} | _PLANE_TEXTS),
+    texts=MappingProxyType(
+        {event: text for event, text in _TEXTS.items() if event not in _COPTER_ONLY} | _PLANE_TEXTS
+    ),
 )
 
 ARDUPILOT = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

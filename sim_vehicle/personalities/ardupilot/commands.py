@@ -15,12 +15,12 @@ from sim_vehicle.vehicle.rally import distance_m
 def start_landing(vehicle: Vehicle, now: float) -> bool:
     """Start AUTO at the nearest landing sequence of the mission, regardless of MIS_RESTART."""
 
-    def away_m(item: Item) -> float:
+    def distance_to_m(item: Item) -> float:
         place_deg = item.place_deg
         assert place_deg is not None
         return distance_m(vehicle.body.lat_lon_deg, place_deg)
 
-    index = vehicle.mission.land_start(away_m) if vehicle.position_known(now) else None
+    index = vehicle.mission.land_start(distance_to_m) if vehicle.position_known(now) else None
     if index is None or not vehicle.set_current(index):
         vehicle.announce("no_landing_sequence")
         return False
@@ -38,7 +38,7 @@ def land_start(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def takeoff(_vehicle: Vehicle, _command: Command, _now: float) -> int:
-    """Refuse: only quadplanes support it; other planes take off in mode TAKEOFF or by mission."""
+    """Refuse the take-off command of quadplanes; other planes take off in mode TAKEOFF or by mission."""
     return FAILED
 
 

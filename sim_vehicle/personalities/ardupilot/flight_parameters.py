@@ -31,7 +31,7 @@ _PLANE_BATTERY_ACTIONS = {
     4: FailsafeAction.LAND,  # QLAND: without VTOL motors the same as LAND
     5: FailsafeAction.WARN,  # no simulated vehicle has a parachute
     6: FailsafeAction.LAND,
-    7: FailsafeAction.RETURN,  # "AUTOLAND or RTL": without the automatic take-off for AUTOLAND it is RTL
+    7: FailsafeAction.RETURN,  # "AUTOLAND or RTL": RTL, as AUTOLAND requires an automatic take-off
 }
 _LINK_ACTIONS = {
     0: FailsafeAction.NOTHING,
@@ -70,7 +70,7 @@ _PLANE_FENCE_ACTIONS = {
 }
 _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
 EKF_LANDS_EVERYWHERE = 3
-# Modes of a plane by number. With FS_LONG_ACTN 0 a long link loss lets AUTO and GUIDED continue; the plane
+# Modes of a plane by number. With FS_LONG_ACTN 0, AUTO and GUIDED continue after a long link loss; the plane
 # returns from the modes in _LONG_RETURNS. A short loss has no action in the modes of _SHORT_NEVER.
 FBWA, FBWB = 5, 6
 _PILOTED = (0, 2, FBWA, FBWB, 7)
@@ -115,7 +115,10 @@ def _logs(params: Parameters) -> LogWhen:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float]:
-    """Return the height of a return: RTL_ALT or RTL_CLIMB_MIN, reduced near home by RTL_CONE_SLOPE."""
+    """Return the function for the height of a return (`FlightParameters.return_height_at`).
+
+    The height is RTL_ALT or RTL_CLIMB_MIN, reduced near home by RTL_CONE_SLOPE.
+    """
     full_m, climb_m = params["RTL_ALT"] / 100, max(params["RTL_CLIMB_MIN"], 0.0) / 100
     slope = params["RTL_CONE_SLOPE"]
 
@@ -128,7 +131,10 @@ def _return_height(params: Parameters) -> Callable[[float, float], float]:
 
 
 def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
-    """Return FailsafeAction.NOTHING for each mode whose bit in `options` is set; `modes` are (bit, modes)."""
+    """Return FailsafeAction.NOTHING for each mode whose bit in `options` is set.
+
+    `modes`: pairs of a bit and its mode numbers.
+    """
     return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
 
 
@@ -241,7 +247,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         return_height_m=params["RTL_ALTITUDE"] if params["RTL_ALTITUDE"] >= 0 else -math.inf,
         return_descends=params["RTL_ALTITUDE"] >= 0,
         return_speed_m_s=params["AIRSPEED_CRUISE"],
-        return_wait_s=math.inf,  # circles over home; lands only by a mission
+        return_wait_s=math.inf,  # circles over home; only a mission lands the plane
         loiter_leaves_aligned=True,
         return_lands=int(params["RTL_AUTOLAND"]),
         landing_speed_m_s=2.0,

@@ -44,11 +44,8 @@ PLANE_MODES = _table(
 )
 
 
-# Targets that the vehicles report, global and local (`Personality.targets`).
-
-
 def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """Return (global, local): global in navigating modes, local in GUIDED."""
+    """Return the reported targets (global, local): global in navigating modes, local in GUIDED."""
     flight, behaviour = vehicle.flight, vehicle.mode.behaviour
     if behaviour is Behaviour.GUIDED:
         place_m = None if flight.taking_off else flight.guided_target_m
@@ -57,5 +54,5 @@ def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
 
 
 def plane_targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """Return (global, local): always global, never local without rotors."""
+    """Return the reported targets (global, local): global except in MANUAL, never local."""
     return vehicle.mode.number != PLANE_MANUAL, False

@@ -1,7 +1,7 @@
 """Parameters of ArduCopter and ArduPlane 4.6, with their names, units and defaults.
 
-They have an effect here, except those marked as "to be read" by ground stations. Integers are those of the
-firmware; ArduPilot sends them as floats.
+Parameters marked "to be read" have no effect here; ground stations read them. The integer parameters are
+those of the firmware; ArduPilot sends their values as floats.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,7 +14,7 @@ _COMMON: dict[str, float | int] = {
     "BATT_FS_CRT_ACT": 0,
     "BATT_FS_LOW_ACT": 0,
     "BATT_LOW_MAH": 0.0,  # mAh left, 0: not watched
-    "BATT_LOW_TIMER": 10,  # s for which the voltage has to be low
+    "BATT_LOW_TIMER": 10,  # s of low voltage before the failsafe
     "BATT_LOW_VOLT": 10.5,  # V, 0: not watched
     "BATT_MONITOR": 4,  # to be read
     "FENCE_ALT_MAX": 100.0,  # m above home
@@ -22,25 +22,25 @@ _COMMON: dict[str, float | int] = {
     "FENCE_ENABLE": 0,
     "FENCE_MARGIN": 2.0,  # m
     "FENCE_RADIUS": 300.0,  # m around home
-    "FENCE_TOTAL": 0,  # points stored, by the vehicle's own count
+    "FENCE_TOTAL": 0,  # stored points
     "FORMAT_VERSION": 120,  # to be read
     "LOG_BACKEND_TYPE": 1,
     "LOG_DISARMED": 0,
     "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
-    "MIS_TOTAL": 0,  # commands stored
+    "MIS_TOTAL": 0,  # stored commands
     "RALLY_TOTAL": 0,
-    "RC_FS_TIMEOUT": 1.0,  # s without a frame, then the remote control is lost
+    "RC_FS_TIMEOUT": 1.0,  # s without a frame until the remote control counts as lost
     "SIM_BATT_VOLTAGE": 12.6,  # V, full and at rest
-    "SIM_ENGINE_FAIL": 0,  # bits of motors that SIM_ENGINE_MUL applies to
-    "SIM_ENGINE_MUL": 1.0,  # share of their thrust that is left
+    "SIM_ENGINE_FAIL": 0,  # bits of the failing motors
+    "SIM_ENGINE_MUL": 1.0,  # remaining thrust of the failing motors, as a share
     "SIM_GPS_DISABLE": 0,
     "SIM_GPS_GLITCH_X": 0.0,  # deg of latitude
     "SIM_GPS_GLITCH_Y": 0.0,  # deg of longitude
     "SIM_GPS_GLITCH_Z": 0.0,  # m
     "SIM_RC_FAIL": 0,  # 1: no pulses
-    "SIM_WIND_DIR": 180.0,  # deg the wind comes from
+    "SIM_WIND_DIR": 180.0,  # deg, origin direction of the wind
     "SIM_WIND_SPD": 0.0,  # m/s
-    "SYSID_ENFORCE": 0,  # 1: only SYSID_MYGCS is heard
+    "SYSID_ENFORCE": 0,  # 1: only messages of SYSID_MYGCS are processed
     "SYSID_MYGCS": 255,
     "SYSID_THISMAV": 1,
 }
@@ -57,7 +57,8 @@ COPTER: dict[str, float | int] = _COMMON | {
     "FS_EKF_THRESH": 0.8,  # of the variances, 0: not watched
     "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 and 3 as 1, 4 and 5 land, 6 as 1, 7 brake or land
     "FS_GCS_TIMEOUT": 5.0,  # s
-    "FS_OPTIONS": 16,  # goes on, bits: 0 AUTO, 2 GUIDED without RC; 1 AUTO, 4 pilot's modes without a GCS
+    # modes that continue, by bit; without RC: 0 AUTO, 2 GUIDED; without a GCS: 1 AUTO, 4 pilot's modes
+    "FS_OPTIONS": 16,
     "FS_THR_ENABLE": 1,  # 0 nothing, 1 RTL, 2 as 1, 3 land, 4 as 1, 5 land, 6 as 1, 7 brake or land
     "GUID_TIMEOUT": 3.0,  # s after which a set-point of velocity or attitude ends
     "LAND_ALT_LOW": 1000,  # cm above home, below which LAND_SPEED applies
@@ -65,12 +66,12 @@ COPTER: dict[str, float | int] = _COMMON | {
     "LAND_SPEED_HIGH": 0,  # cm/s, 0: WPNAV_SPEED_DN
     "PILOT_SPEED_DN": 0,  # cm/s, 0: PILOT_SPEED_UP
     "PILOT_SPEED_UP": 250,  # cm/s
-    "RALLY_INCL_HOME": 1,  # 0: home only where there is no rally point
-    "RALLY_LIMIT_KM": 0.3,  # km, 0: none
+    "RALLY_INCL_HOME": 1,  # 0: home only if no rally point is in range
+    "RALLY_LIMIT_KM": 0.3,  # km, 0: no limit
     "RTL_ALT": 1500,  # cm above home
-    "RTL_ALT_FINAL": 0,  # cm above home, where a return ends and stays; 0: it lands
+    "RTL_ALT_FINAL": 0,  # cm above home, hover height at the end of a return; 0: landing
     "RTL_CLIMB_MIN": 0,  # cm
-    "RTL_CONE_SLOPE": 3.0,  # height to distance from home, below which it climbs no higher; below 0.5: none
+    "RTL_CONE_SLOPE": 3.0,  # largest ratio of return height to distance from home; below 0.5: no limit
     "RTL_LOIT_TIME": 5000,  # ms
     "RTL_SPEED": 0,  # cm/s, 0: WPNAV_SPEED
     "WPNAV_ACCEL": 250.0,  # cm/s/s
@@ -89,30 +90,32 @@ PLANE: dict[str, float | int] = _COMMON | {
     "BATT_LOW_VOLT": 0.0,  # V, 0: not watched
     "FENCE_ACTION": 1,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through, 8 AUTOLAND or RTL
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
-    "FENCE_TYPE": 4,  # as the copter's
+    "FENCE_TYPE": 4,  # bits as for the copter
     "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
-    "FS_LONG_ACTN": 0,  # 0 go on in AUTO and GUIDED, else RTL; 1 RTL, 2 glide, 4 AUTO, 5 AUTOLAND or RTL
+    # 0 AUTO and GUIDED continue, other modes RTL; 1 RTL, 2 glide, 4 AUTO, 5 AUTOLAND or RTL
+    "FS_LONG_ACTN": 0,
     "FS_LONG_TIMEOUT": 5.0,  # s
-    "FS_SHORT_ACTN": 0,  # 0 go on in AUTO, GUIDED, LOITER, else CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB
+    # 0 AUTO, GUIDED and LOITER continue, other modes CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB
+    "FS_SHORT_ACTN": 0,
     "LAND_FLARE_SEC": 2.0,  # s, to be read
     "LAND_DISARMDELAY": 20,  # s, 0 never
-    "Q_ENABLE": 0,  # to be read: none hovers
-    "RALLY_INCL_HOME": 0,  # 0: home only where there is no rally point
-    "RALLY_LIMIT_KM": 5.0,  # km, 0: none
+    "Q_ENABLE": 0,  # to be read: no simulated plane hovers
+    "RALLY_INCL_HOME": 0,  # 0: home only if no rally point is in range
+    "RALLY_LIMIT_KM": 5.0,  # km, 0: no limit
     "ROLL_LIMIT_DEG": 45.0,  # deg
-    "RTL_ALTITUDE": 100.0,  # m above home, -1: the present one
-    "RTL_AUTOLAND": 0,  # 1 RTL lands by the mission's DO_LAND_START once home, 2 at once, else not
+    "RTL_ALTITUDE": 100.0,  # m above home, -1: the present altitude
+    "RTL_AUTOLAND": 0,  # landing of RTL by the mission's DO_LAND_START: 0 never, 1 from home, 2 at once
     "RTL_RADIUS": 0,  # m, negative: counter-clockwise; 0: WP_LOITER_RAD
     "TECS_CLMB_MAX": 5.0,  # m/s
     "TECS_SINK_MAX": 5.0,  # m/s
     "THR_FAILSAFE": 1,
     "TKOFF_ALT": 50.0,  # m
     "WP_LOITER_RAD": 60,  # m, negative: counter-clockwise
-    "WP_MAX_RADIUS": 0,  # m, to be read: no waypoint is circled until it is hit
+    "WP_MAX_RADIUS": 0,  # m, to be read: a plane passes a waypoint without circling
     "WP_RADIUS": 90,  # m
 }
 
-# Width of each integer; add a new integer here, too.
+# Width of each integer parameter; every integer parameter needs an entry.
 _INT8 = (
     "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FENCE_ACTION FENCE_ENABLE"
     " FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE FS_LONG_ACTN"

@@ -18,7 +18,7 @@ from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import MISSION, item_from_message, item_message
 
-_NOBODY = (0, 0)
+_NO_PEER = (0, 0)  # target of the items in a file
 
 
 def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
@@ -39,9 +39,9 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
     def set_items(kind: int, upload: UploadedMission) -> bool:
         if vehicle.injected_faults.mission_refusal is not None:
             return False
-        taken = _take(stores[kind], upload, may_update=kind == MISSION)
-        params.keep(TOTALS[kind], stores[kind].total)
-        return taken
+        stored = _write(stores[kind], upload, may_update=kind == MISSION)
+        params.set_internal(TOTALS[kind], stores[kind].total)
+        return stored
 
     return Storage(
         vehicle,
@@ -70,11 +70,14 @@ def _items(store: Store, kind: int) -> Iterator[Any]:
     for seq in range(store.count):
         item = store.read(seq)
         if isinstance(item, Item):
-            yield item_message(_NOBODY, seq, item, kind, as_int=True, autocontinue=store.autocontinue)
+            yield item_message(_NO_PEER, seq, item, kind, as_int=True, autocontinue=store.autocontinue)
 
 
-def _take(store: Store, upload: UploadedMission, *, may_update: bool) -> bool:
-    """Write an uploaded file to a store; a mission is written item by item, so an error leaves a mixture."""
+def _write(store: Store, upload: UploadedMission, *, may_update: bool) -> bool:
+    """Write an uploaded file to a store; return False on an error.
+
+    A mission is written item by item, so an error leaves a mixture of old and new items.
+    """
     last = upload.start + len(upload.items) - 1
     if last >= store.max_items or not (upload.clear or may_update):
         return False

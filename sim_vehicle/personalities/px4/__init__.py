@@ -29,7 +29,7 @@ READY_S = 37.0
 def _mission(vehicle: Vehicle) -> Px4Mission:
     def go_home() -> None:
         vehicle.announce("returning")
-        vehicle.modes.by_itself(Behaviour.RETURN)
+        vehicle.modes.enter_behaviour(Behaviour.RETURN)
 
     return Px4Mission(feasible=lambda items: feasible(vehicle, items), go_home=go_home)
 
@@ -38,7 +38,7 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
     mission = vehicle.mission
     assert isinstance(mission, Px4Mission)
 
-    def take(items: Sequence[Item], current: int) -> None:
+    def replace_mission(items: Sequence[Item], current: int) -> None:
         vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
         mission.replace(vehicle.flight.pilot, items, current)
 
@@ -54,15 +54,15 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
         max_items=MAX_MISSION_ITEMS,
         send=vehicle.send,
         send_text=vehicle.send_text,
-        replace=take,
+        replace=replace_mission,
         set_current=set_current,
-        changed=lambda kind: _drop_violated(vehicle) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None,
+        changed=lambda kind: _check_fence(vehicle) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None,
         refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
 
 
-def _drop_violated(vehicle: Vehicle) -> None:
-    """Store but do not enforce the zones of a new fence that home or the airborne vehicle violates."""
+def _check_fence(vehicle: Vehicle) -> None:
+    """Stop enforcing the zones of a new fence that home or the flying vehicle violates."""
     if vehicle.home_and_rally.home is not None and vehicle.fence.discard_violated(
         *vehicle.home_and_rally.home_deg
     ):
@@ -72,9 +72,9 @@ def _drop_violated(vehicle: Vehicle) -> None:
         vehicle.announce("fence_without_vehicle")
 
 
-# Each receiver of PX4 checks the target of a message by a rule of its own.
+# Each receiver in PX4 has its own rule for the target of a message.
 _COMPONENTS = frozenset({int(mavlink.MAV_COMP_ID_ALL), int(mavlink.MAV_COMP_ID_AUTOPILOT1)})
-# Accepted for any system and any component: programs send them before they know the vehicle's ids.
+# Commands accepted with any target: programs send these commands before they know the vehicle's ids.
 _TO_ANY_TARGET = frozenset(
     {mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION}
 )
@@ -91,10 +91,9 @@ _TO_ALL_SYSTEMS = frozenset(
 
 
 def _is_addressed(sysid: int, message: Any) -> bool:
-    """Return whether a vehicle processes a message, by the message's target.
+    """Return True if a vehicle processes a message with this target.
 
-    Messages of other types are always processed. Among them are those of the mission protocol, which checks
-    the target itself, because it also answers messages to other systems.
+    Messages of other types are always processed. `Px4Transfer` checks the targets of the mission protocol.
     """
     kind = message.get_type()
     if kind in _COMMANDS and message.command in _TO_ANY_TARGET:
@@ -225,7 +224,7 @@ _COPTER = Personality(
     active_when_armed=True,
     force_arms=False,
     landing_disarms=False,
-    lands_amid_mission=True,
+    stays_armed_in_mission=True,
     disarm_restores_mode=True,
     failsafe_modes=MappingProxyType({FailsafeAction.TERMINATE: TERMINATION}),
     answers_ping=True,

@@ -1,7 +1,7 @@
 """Commands of PX4 1.15 that differ from the common ones.
 
-Most commands change the mode. On the ground every mode can be selected. In the air a mode that cannot run is
-TEMPORARILY_REJECTED with a text.
+Most commands change the mode. A disarmed vehicle accepts every selectable mode. An armed vehicle answers
+TEMPORARILY_REJECTED and a text for a mode that cannot run.
 """
 
 import math
@@ -36,11 +36,14 @@ def _change(vehicle: Vehicle, number: int, now: float) -> int:
 
 
 def set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Set the mode: param1 base_mode, param2 main mode, param3 sub mode; an unknown one changes nothing."""
+    """Set the mode: param1 base_mode, param2 main mode, param3 sub mode.
+
+    An unknown mode is accepted without a change.
+    """
     base_mode, main, sub = (whole(value) & 0xFF for value in (command.param1, command.param2, command.param3))
     number = _wanted_mode(base_mode, main, sub)
     if number is None:
-        return ACCEPTED  # and nothing changes
+        return ACCEPTED
     return _change(vehicle, number, now)
 
 
@@ -70,7 +73,7 @@ def set_standard_mode(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Arm or disarm; a forced arming is checked like any other, a forced disarming is not."""
+    """Arm or disarm; force skips the check of disarming only."""
     action = round(command.param1) if math.isfinite(command.param1) else -1
     if action == 1:
         return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
@@ -81,14 +84,14 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Take off to param7 above mean sea level; NaN, or too low: MIS_TAKEOFF_ALT above home."""
+    """Take off to param7 [m above mean sea level]; for NaN or a low value to MIS_TAKEOFF_ALT above home."""
     if not vehicle.modes.set(modes.TAKEOFF, now):
         return TEMPORARILY_REJECTED
-    aim_m = command.z if math.isfinite(command.z) else None
-    least_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.takeoff_height_m
-    if aim_m is not None and aim_m < least_m - 0.1:
+    target_m = command.z if math.isfinite(command.z) else None
+    minimum_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.takeoff_height_m
+    if target_m is not None and target_m < minimum_m - 0.1:
         vehicle.announce("takeoff_raised", height=vehicle.flight_parameters.takeoff_height_m)
-    vehicle.flight.takeoff_amsl_m = aim_m
+    vehicle.flight.takeoff_amsl_m = target_m
     vehicle.flight.begin_takeoff()
     return ACCEPTED
 
@@ -108,7 +111,7 @@ def return_to_launch(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Start the mission, armed. param1: first item, -1: the current one."""
+    """Arm and start the mission at item param1; -1: at the current item."""
     if not vehicle.modes.mission_ready(now):
         vehicle.announce("no_mission_to_start")
         return DENIED
@@ -125,7 +128,7 @@ def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Start the mission at its landing sequence, armed as in any start; always accepted."""
+    """Arm and start the mission at its landing sequence; always return ACCEPTED."""
     landing = mission_landing(vehicle.mission.items)
     if landing is not None:
         mission_start(vehicle, replace(command, param1=float(landing[0])), now)
@@ -133,7 +136,7 @@ def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Fly to a position in Hold; the altitude is above mean sea level in every frame. NaN: unchanged."""
+    """Fly to a position in Hold; the altitude is above mean sea level in every frame. NaN: present value."""
     if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):
@@ -161,7 +164,7 @@ def _go(vehicle: Vehicle, place: GeodeticPosition) -> None:
 
 
 def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Change to altitude param1 above mean sea level at the present position."""
+    """Change the altitude at the present position to param1 [m above mean sea level]."""
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     if math.isfinite(command.param1):
@@ -171,14 +174,17 @@ def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Set the cruising speed for any speed type; no valid speed restores the default."""
+    """Set the cruising speed for any speed type; an invalid speed restores the default."""
     if not vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param2):
         vehicle.flight.restore_speed()
     return ACCEPTED
 
 
 def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Circle a point, a plane in Hold. param1: radius [m], counter-clockwise if negative; param2: speed."""
+    """Circle around a point, a plane in Hold.
+
+    param1: radius [m], counter-clockwise if negative; param2: speed [m/s].
+    """
     if not vehicle.flight.flying or not vehicle.position_known(now):
         vehicle.announce("orbit_refused")
         return TEMPORARILY_REJECTED
@@ -225,7 +231,7 @@ def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Reboot: 0 nothing, 1 reboot, 3 bootloader (which reboots as well); refused while armed."""
+    """Reboot for param1 1 or 3 (bootloader), do nothing for 0; refuse while armed."""
     if command.param1 == 0:
         return ACCEPTED
     if command.param1 not in (1, 3) or vehicle.armed:
@@ -235,7 +241,7 @@ def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Calibrate with progress in texts; calibrations that need the vehicle turned by hand fail."""
+    """Report a calibration in texts; calibrations that require turning by hand fail."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
     wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
@@ -294,7 +300,7 @@ def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def actuator_test(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept an actuator test when it is allowed; it has no visible effect."""
+    """Accept an actuator test without effect if COM_MOT_TEST_EN allows the test."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
     output = whole(command.lat_deg)

@@ -12,7 +12,7 @@ from sim_vehicle.vehicle.params import Parameters
 SLOWEST_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0
 STICKS_DISABLED = 4  # COM_RC_IN_MODE
-DELAY_WORTH_S = 0.1  # a shorter COM_FAIL_ACT_T counts as none
+MIN_DELAY_S = 0.1  # a shorter COM_FAIL_ACT_T counts as 0
 
 # NAV_DLL_ACT and NAV_RCL_ACT
 _LINK_ACTIONS = {
@@ -58,13 +58,13 @@ _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.A
 
 
 def _offboard_lost(params: Parameters) -> FailsafeAction:
-    """Return the action of a lost offboard link; pilot modes cannot run here, so a return replaces them."""
+    """Return the action of a lost offboard link; a return replaces pilot modes without stick input."""
     without_pilot = FailsafeAction.RETURN if _pilot_missing(params) else FailsafeAction.HOLD
     return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
 
 
 def _pilot_missing(params: Parameters) -> bool:
-    # No vehicle has a receiver here; with stick input disabled PX4 does not require one.
+    # No simulated vehicle has an RC receiver; with stick input disabled PX4 does not require one.
     return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
 
 
@@ -73,11 +73,7 @@ def _continuing_modes(params: Parameters) -> dict[int, FailsafeAction]:
     return {n: FailsafeAction.NOTHING for bit, ns in _RC_EXCEPTIONS.items() if excepted & bit for n in ns}
 
 
-def _seconds(value: float) -> float:
-    return value if value > 0 else math.inf
-
-
-def _limit(value: float) -> float:
+def _positive_or_inf(value: float) -> float:
     return value if value > 0 else math.inf
 
 
@@ -107,8 +103,8 @@ def _common(params: Parameters) -> dict[str, object]:
         "mission_mode_armable": True,
         "mission_takes_off": True,
         "mission_restarts": False,
-        "disarm_landed_s": _seconds(params["COM_DISARM_LAND"]),
-        "disarm_unflown_s": _seconds(params["COM_DISARM_PRFLT"]),
+        "disarm_landed_s": _positive_or_inf(params["COM_DISARM_LAND"]),
+        "disarm_unflown_s": _positive_or_inf(params["COM_DISARM_PRFLT"]),
         "gcs_sysid": None,
         "gcs_timeout_s": math.inf if gcs is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
         "gcs_action": gcs,
@@ -130,13 +126,13 @@ def _common(params: Parameters) -> dict[str, object]:
         "setpoint_timeout_s": params["COM_OF_LOSS_T"],
         "setpoint_action": _offboard_lost(params),
         "position_lost_action": FailsafeAction.LAND,
-        "failsafe_delay_s": delay_s if delay_s > DELAY_WORTH_S else 0.0,
+        "failsafe_delay_s": delay_s if delay_s > MIN_DELAY_S else 0.0,
         "logs": _LOGS.get(int(params["SDLOG_MODE"]), LogWhen.ARMED),
         "fence_enabled": fence is not FailsafeAction.NOTHING,
         "fence_action": fence,
-        "fence_max_height_m": _limit(params["GF_MAX_VER_DIST"]),
+        "fence_max_height_m": _positive_or_inf(params["GF_MAX_VER_DIST"]),
         "fence_min_height_m": -math.inf,
-        "fence_radius_m": _limit(params["GF_MAX_HOR_DIST"]),
+        "fence_radius_m": _positive_or_inf(params["GF_MAX_HOR_DIST"]),
         "fence_polygons": True,
         "fence_margin_m": 0.0,
         "wind_m_s": params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
@@ -145,10 +141,10 @@ def _common(params: Parameters) -> dict[str, object]:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float] | None:
-    """Return the height of a return: RTL_RETURN_ALT, limited near home by a cone; no climb at home.
+    """Return the function for the height of a return (`FlightParameters.return_height_at`), None for no cone.
 
-    Outside the acceptance radius the height is at least twice that radius, so that the vehicle does not touch
-    the ground while it moves sideways.
+    The height is RTL_RETURN_ALT, limited near home by a cone, without a climb at home. Outside the acceptance
+    radius the height is at least twice that radius, so that a vehicle in level flight stays off the ground.
     """
     full_m, cone_deg, radius_m = params["RTL_RETURN_ALT"], params["RTL_CONE_ANG"], params["NAV_ACC_RAD"]
     near_m = params["RTL_MIN_DIST"]

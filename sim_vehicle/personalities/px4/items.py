@@ -1,4 +1,4 @@
-"""Mission, fence and rally items of PX4: accepted commands and the frame each of them needs."""
+"""Mission, fence and rally items of PX4: accepted commands and their frames."""
 
 import math
 from dataclasses import replace

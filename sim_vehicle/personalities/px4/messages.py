@@ -1,4 +1,4 @@
-"""Default streams of PX4, and its messages on request."""
+"""Default streams of PX4, and messages that PX4 sends on request."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ AVAILABLE_MODES, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE, CURRENT_MODE =
 ADVANCED, NOT_SELECTABLE = 1, 2  # MAV_MODE_PROPERTY
 _ADVANCED_MODES = frozenset({modes.ACRO, modes.STABILIZED, modes.OFFBOARD, modes.PRECISION_LAND})
 
-# The link to a ground station (MAV_x_MODE 0, "Normal") [Hz].
+# Message id -> rate on the link to a ground station (MAV_x_MODE 0, "Normal") [Hz].
 DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_ALTITUDE: 1.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 15.0,
@@ -80,10 +80,10 @@ PROTOCOL_VERSION = Layout(
 
 
 def targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """Return (global, local): global in navigator modes, local also for offboard set-points."""
+    """Return the reported targets (global, local): both in navigator modes, local in offboard mode."""
     mode = vehicle.mode
-    steered = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
-    return steered and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, steered
+    controlled = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
+    return controlled and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, controlled
 
 
 def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
@@ -102,12 +102,12 @@ def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
 
 
 def available_modes(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
-    """Return every mode (parameter 0), or the one with this index from 1."""
-    every = list(vehicle.personality.modes.values())
-    made = [_available_mode(index, len(every), mode) for index, mode in enumerate(every, start=1)]
+    """Return AVAILABLE_MODES of every mode (parameter 0), or of the mode with this index (from 1)."""
+    all_modes = list(vehicle.personality.modes.values())
+    messages = [_available_mode(index, len(all_modes), mode) for index, mode in enumerate(all_modes, start=1)]
     if parameter == 0:
-        return made
-    return made[int(parameter) - 1 : int(parameter)] if 1 <= parameter <= len(made) else []
+        return messages
+    return messages[int(parameter) - 1 : int(parameter)] if 1 <= parameter <= len(messages) else []
 
 
 def protocol_version(_vehicle: Vehicle, _parameter: float) -> Sequence[Any]:

@@ -1,7 +1,7 @@
 """Landing sequence of a PX4 1.15 mission, and its use in a return (navigator/rtl.cpp, mission_base.cpp).
 
-The sequence begins at DO_LAND_START and ends at the first landing of the list; a landing before DO_LAND_START
-is a sequence alone. RTL_TYPE decides about its use in a return.
+The sequence begins at DO_LAND_START and ends at the first landing of the list. A landing before DO_LAND_START
+is a sequence of one item. RTL_TYPE decides if a return uses the sequence.
 """
 
 import math
@@ -22,57 +22,60 @@ TO_BE_CLOSER_M = 2.0  # MIN_DIST_THRESHOLD
 
 def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
     """Return the first and last index of the landing sequence; None without one."""
-    ends = next((i for i, item in enumerate(items) if item.command in LANDINGS), None)
-    if ends is None:
+    last = next((i for i, item in enumerate(items) if item.command in LANDINGS), None)
+    if last is None:
         return None
-    starts = (i for i in range(ends) if items[i].command == mavlink.MAV_CMD_DO_LAND_START)
-    return next(starts, ends), ends
+    starts = (i for i in range(last) if items[i].command == mavlink.MAV_CMD_DO_LAND_START)
+    return next(starts, last), last
 
 
 def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
-    """Return the mission items of a return and the altitude to climb to first [m above mean sea level]."""
+    """Return the mission items of a return and the altitude to climb to first [m above mean sea level].
+
+    None: the return does not use the mission.
+    """
     mission, kind = vehicle.mission, int(vehicle.params["RTL_TYPE"])
     landing = mission_landing(mission.items) if mission.flyable else None
     if landing is None or kind not in (LANDING_OR_RALLY, BY_MISSION, CLOSEST):
         return None
-    begins, ends = landing
+    first, last = landing
     least_amsl_m = -math.inf
-    if _is_landing(vehicle, begins, ends) or (kind == BY_MISSION and _flies(vehicle)):
-        begins = mission.index
+    if _is_landing(vehicle, first, last) or (kind == BY_MISSION and _flies_mission(vehicle)):
+        first = mission.index
     elif kind != BY_MISSION:
-        if _is_elsewhere_nearer(vehicle, mission.items[ends], kind):
+        if _other_place_is_nearer(vehicle, mission.items[last], kind):
             return None
-        ground_m = vehicle.flight.altitude_amsl_m(mission.items[ends].frame, mission.items[ends].z)
+        ground_m = vehicle.flight.altitude_amsl_m(mission.items[last].frame, mission.items[last].z)
         least_amsl_m = ground_m + vehicle.flight_parameters.return_height_m
-    flown = [item for item in mission.items[begins : ends + 1] if item.place_deg is not None]
-    return (flown, least_amsl_m) if flown and flown[-1] is mission.items[ends] else None
+    flown = [item for item in mission.items[first : last + 1] if item.place_deg is not None]
+    return (flown, least_amsl_m) if flown and flown[-1] is mission.items[last] else None
 
 
-def _flies(vehicle: Vehicle) -> bool:
+def _flies_mission(vehicle: Vehicle) -> bool:
     return vehicle.flight.behaviour is Behaviour.MISSION
 
 
-def _is_elsewhere_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
-    """Return True if a rally point (or home, if it counts) is nearer than the landing of the mission."""
+def _other_place_is_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
+    """Return True if a rally point (with CLOSEST also home) is nearer than the landing of the mission."""
     here_deg = vehicle.body.lat_lon_deg
     places = [point.place_deg for point in vehicle.home_and_rally.rally.items]
     if kind == CLOSEST:
         places.append(vehicle.home_and_rally.home_deg)
     others_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
-    away_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
-    return away_m + (TO_BE_CLOSER_M if kind == CLOSEST else 0.0) >= min(others_m, default=math.inf)
+    landing_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
+    return landing_m + (TO_BE_CLOSER_M if kind == CLOSEST else 0.0) >= min(others_m, default=math.inf)
 
 
-def _is_landing(vehicle: Vehicle, begins: int, ends: int) -> bool:
-    """Return True during the mission landing: past its first position, or circling there."""
+def _is_landing(vehicle: Vehicle, first: int, last: int) -> bool:
+    """Return True during the mission landing: past its first position, or on a circle at that position."""
     mission = vehicle.mission
-    if not _flies(vehicle) or not begins < mission.index <= ends:
+    if not _flies_mission(vehicle) or not first < mission.index <= last:
         return False
-    placed = (i for i in range(begins + 1, ends + 1) if mission.items[i].place_deg is not None)
-    first = next(placed, ends)
-    item = mission.items[first]
-    if mission.index > first or item.command != mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
-        return mission.index > first
+    placed = (i for i in range(first + 1, last + 1) if mission.items[i].place_deg is not None)
+    entry = next(placed, last)
+    item = mission.items[entry]
+    if mission.index > entry or item.command != mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
+        return mission.index > entry
     radius_m = abs(finite(item.param2) or vehicle.flight_parameters.loiter_radius_m)
-    away_m = distance_m(vehicle.body.lat_lon_deg, item.place_deg or (0.0, 0.0))
-    return away_m <= radius_m + vehicle.flight_parameters.waypoint_radius_m
+    centre_m = distance_m(vehicle.body.lat_lon_deg, item.place_deg or (0.0, 0.0))
+    return centre_m <= radius_m + vehicle.flight_parameters.waypoint_radius_m

@@ -1,7 +1,7 @@
 """Flight modes of PX4 1.15: numbers, and behaviour without stick input.
 
-custom_mode on the wire is sub mode << 24 | main mode << 16. A pilot's mode (`needs_pilot`) can be selected on
-the ground. Without manual control it can neither be armed in nor entered in the air.
+custom_mode on the wire is sub mode << 24 | main mode << 16. A disarmed vehicle accepts a pilot's mode
+(`needs_pilot`). Without manual control, arming in such a mode and a change to it while armed are refused.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink

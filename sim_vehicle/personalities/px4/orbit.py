@@ -5,12 +5,12 @@ import math
 from sim_vehicle.physics.body import Body
 
 CORRECTION_PER_S = 0.5  # correction speed per distance from the circle
-CENTRIPETAL_M_S2 = 2.0  # centripetal acceleration of the airframe, which limits the speed on a narrow circle
+CENTRIPETAL_M_S2 = 2.0  # largest centripetal acceleration, which limits the speed on a narrow circle
 NARROWEST_M, WIDEST_M = 1.0, 1000.0
 
 
 class Orbit:
-    """A circle without an end: `update` always returns False.
+    """An endless circle: `update` always returns False.
 
     centre_m: east, north [m]; up_m: altitude above mean sea level; radius_m: counter-clockwise if negative.
     """
@@ -29,8 +29,7 @@ class Orbit:
         distance_m = math.hypot(*away_m)
         east, north = (away_m[0] / distance_m, away_m[1] / distance_m) if distance_m > 0.1 else (1.0, 0.0)
         outward_m_s = self._limited((self._radius_m - distance_m) * CORRECTION_PER_S)
-        # The tangential speed grows near the circle; clockwise is the tangent (north, -east) of (east,
-        # north).
+        # The tangential speed grows near the circle. Clockwise tangent at (east, north): (north, -east).
         nearness = max(0.0, 1.0 - abs(self._radius_m - distance_m) / self._radius_m)
         along_m_s = self._turns * self._speed_m_s * nearness
         velocity_m_s = (
@@ -38,7 +37,7 @@ class Orbit:
             outward_m_s * north - along_m_s * east,
             self._limited((self._up_m - up_m) * CORRECTION_PER_S),
         )
-        # The velocity turns on a circle, so the target velocity leads by the lag of the airframe.
+
         self._body.move(velocity_m_s, yaw_rad=math.atan2(-east, -north))
         return False
 

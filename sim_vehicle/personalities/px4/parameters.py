@@ -106,11 +106,11 @@ _COMMON: dict[str, float | int] = _READ | {
     "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
     # arming, home, modes
     "COM_ARM_MIS_REQ": 0,  # 1: a valid mission is required to arm
-    "COM_ARM_WO_GPS": 1,  # 0: a fix is required to arm, in modes of a pilot too
+    "COM_ARM_WO_GPS": 1,  # 0: arming requires a GPS fix in every mode
     "COM_DISARM_LAND": 2.0,  # s after a landing, 0 or less never
     "COM_DISARM_PRFLT": 10.0,  # s after arming without a take-off, less than 0 never
     "COM_FLIGHT_UUID": 0,
-    "COM_HOME_EN": 1,  # 0: home is neither set by itself nor by a command
+    "COM_HOME_EN": 1,  # 0: commands to set home are denied
     "COM_MOT_TEST_EN": 1,
     "COM_TAKEOFF_ACT": 0,  # after a take-off: 0 hold, 1 mission
     # links
@@ -118,11 +118,11 @@ _COMMON: dict[str, float | int] = _READ | {
     "COM_FAIL_ACT_T": 5.0,  # s in hold before a failsafe acts
     "COM_OBL_RC_ACT": 0,  # offboard lost: 0-2 a pilot's mode, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm
     "COM_OF_LOSS_T": 1.0,  # s without a set-point
-    "COM_RCL_EXCEPT": 0,  # goes on without a remote control, bits: 0 mission, 1 hold and take-off, 2 offboard
+    "COM_RCL_EXCEPT": 0,  # modes that continue without RC, bits: 0 mission, 1 hold and take-off, 2 offboard
     "COM_RC_LOSS_T": 0.5,  # s without a remote control
     "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input at all
     "NAV_DLL_ACT": 0,  # 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm
-    "NAV_RCL_ACT": 2,  # the same
+    "NAV_RCL_ACT": 2,  # as NAV_DLL_ACT
     # fence
     "GF_ACTION": 2,  # 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land
     "GF_MAX_HOR_DIST": 0.0,  # m from home, 0 none
@@ -139,8 +139,8 @@ _COMMON: dict[str, float | int] = _READ | {
     "SDLOG_MODE": 1,
     "SYS_FAILURE_EN": 0,  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     # environment of the simulation
-    "SIM_WIND_DIR": 180.0,  # deg, origin of the wind; not a PX4 parameter: its simulators set the wind
-    "SIM_WIND_SPD": 0.0,  # m/s, 0: the scenario's
+    "SIM_WIND_DIR": 180.0,  # deg, origin direction of the wind; not a parameter of PX4
+    "SIM_WIND_SPD": 0.0,  # m/s, 0: the scenario's wind; not a parameter of PX4
 }
 
 COPTER: dict[str, float | int] = (
@@ -153,7 +153,7 @@ COPTER: dict[str, float | int] = (
         "MPC_ACC_HOR": 3.0,  # m/s^2
         "MPC_ACC_UP_MAX": 4.0,  # m/s^2
         "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows
-        "MPC_LAND_ALT2": 5.0,  # m above home, below which it is at MPC_LAND_SPEED
+        "MPC_LAND_ALT2": 5.0,  # m above home, below which a landing has MPC_LAND_SPEED
         "MPC_LAND_SPEED": 0.7,  # m/s
         "MPC_TKO_SPEED": 1.5,  # m/s
         "MPC_XY_CRUISE": 5.0,  # m/s
@@ -193,7 +193,8 @@ PLANE: dict[str, float | int] = (
         "NPFG_DAMPING": 0.7,
         "NPFG_PERIOD": 10.0,  # s
         "NPFG_SW_DST_MLT": 0.32,
-        "RTL_TYPE": 1,  # 0 home, 1 landing of the mission, 2 along it, 3 the nearest; rally points but for 2
+        # 0 home or rally point, 1 mission landing or rally point, 2 along the mission, 3 the nearest of all
+        "RTL_TYPE": 1,
         "RTL_DESCEND_ALT": 100.0,  # m above home
         "RTL_LAND_DELAY": -1.0,  # s over home, -1: does not land
         "RTL_RETURN_ALT": 100.0,  # m above home

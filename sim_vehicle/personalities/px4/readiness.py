@@ -66,7 +66,7 @@ def _mode(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _battery(vehicle: Vehicle) -> list[str]:
-    """Return the reasons of the battery: below COM_ARM_BAT_MIN, or else at the critical level or worse."""
+    """Return the battery's reason against arming: a charge below COM_ARM_BAT_MIN, else below critical."""
     share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
     least_share = vehicle.params["COM_ARM_BAT_MIN"]
     if share >= (least_share if least_share >= 0 else flight_parameters.battery_low_share):
@@ -88,7 +88,7 @@ def _system(vehicle: Vehicle) -> list[str]:
 
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
-    """Return True for a mission that PX4 flies; announce the reason if not."""
+    """Return True for a mission that PX4 flies; else send the reason as a text."""
     refusal = _far(vehicle, items)
     if refusal is None and vehicle.body.plane:
         refusal = _outside(vehicle, items)
@@ -102,7 +102,7 @@ def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
 
 
 def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Return the reason if the first position is too far from the vehicle; 0, 0 is in the Atlantic."""
+    """Return the refusal of a first position too far from the vehicle; 0, 0 is a position too."""
     limit_m = vehicle.params["MIS_DIST_1WP"]
     first = next((item for item in items if item.command in _PLACED), None)
     if first is None or limit_m <= 0 or not vehicle.position_known(vehicle.now):
@@ -112,9 +112,9 @@ def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
 
 def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Return the reason if a position of the mission is outside the fence, for every fence action.
+    """Return the refusal of a position outside the fence, under any fence action.
 
-    This check applies to fixed wings only: for multicopters the refusal was not observed.
+    The check applies to fixed wings only: the refusal was not observed for multicopters.
     """
     home_m = vehicle.flight.home().alt_amsl_m
     for number, item in enumerate(items, start=1):

@@ -40,7 +40,7 @@ def _metadata_of(vehicle: Vehicle) -> ComponentMetadata:
 
 @cache
 def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> ComponentMetadata:
-    """Return one object for all vehicles of a kind, made on the first call."""
+    """Return the metadata common to all vehicles of a kind, created on the first call."""
     version = ".".join(str(flight_sw_version >> shift & 0xFF) for shift in (24, 16, 8))
     values = parameters.PLANE if plane else parameters.COPTER
     described = [ParameterMeta(name, value) for name, value in sorted(values.items())]
@@ -48,12 +48,12 @@ def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> Compone
 
 
 def _message(message_id: int) -> Callable[[Vehicle, float], Sequence[Any]]:
-    def made(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
+    def messages(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
         boot_ms = round((vehicle.now - vehicle.readiness.boot_s) * 1000)
         message = _metadata_of(vehicle).message(message_id, boot_ms)
         return [] if message is None else [message]
 
-    return made
+    return messages
 
 
 ONE_SHOT_MESSAGES = {

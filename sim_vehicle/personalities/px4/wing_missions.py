@@ -11,8 +11,8 @@ from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.numbers import finite
 from sim_vehicle.vehicle.rally import distance_m
 
-STEEPER_DEG = 0.1  # tolerance of the glide slope
-LEAST_M = 1e-6
+SLOPE_TOLERANCE_DEG = 0.1
+MIN_DESCENT_M = 1e-6
 _ABOVE_SEA = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 
 
@@ -31,7 +31,7 @@ def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> s
 
 
 def _pattern(items: Sequence[Item]) -> str | None:
-    """Return the error in the order of landing sequences, None without one."""
+    """Return the error in the order of the landing items, None without an error."""
     starts = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_DO_LAND_START]
     ends = [i for i, item in enumerate(items) if item.command in LANDINGS]
     if len(starts) > 1:
@@ -47,23 +47,23 @@ def _pattern(items: Sequence[Item]) -> str | None:
 
 
 def _approach(before: Item, land: Item, home_amsl_m: float, steepest_deg: float) -> str | None:
-    """Return the error in the approach to a landing, None without one."""
+    """Return the error in the approach to a landing, None without an error."""
     down_m = _amsl_m(before, home_amsl_m) - _amsl_m(land, home_amsl_m)
-    if down_m < LEAST_M:
+    if down_m < MIN_DESCENT_M:
         return "Mission rejected: the approach waypoint must be above the landing point."
     assert before.place_deg is not None
-    way_m = distance_m(before.place_deg, land.place_deg or (0.0, 0.0))
+    approach_m = distance_m(before.place_deg, land.place_deg or (0.0, 0.0))
     if before.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
         radius_m = abs(finite(before.param2))
-        if way_m <= radius_m:
+        if approach_m <= radius_m:
             return "Mission rejected: the landing point must be outside the orbit radius."
-        way_m = math.sqrt(way_m**2 - radius_m**2)
+        approach_m = math.sqrt(approach_m**2 - radius_m**2)
     elif before.command != mavlink.MAV_CMD_NAV_WAYPOINT:
         return (
             "Mission rejected: unsupported landing approach entrance waypoint type. "
             "Only ORBIT_TO_ALT or WAYPOINT allowed."
         )
-    if down_m > math.tan(math.radians(steepest_deg + STEEPER_DEG)) * way_m:
+    if down_m > math.tan(math.radians(steepest_deg + SLOPE_TOLERANCE_DEG)) * approach_m:
         return (
             "Mission rejected: the landing glide slope is steeper than the vehicle setting of "
             f"{steepest_deg:.1f} degrees."

@@ -1,8 +1,8 @@
-"""The vehicle's side of the mission protocol: one machine per autopilot, without I/O.
+"""The vehicle's side of the mission protocol: one state machine per autopilot, without I/O.
 
 ArduPilot serves missions, fences and rally points by three independent servers and writes a mission item by
-item. PX4 has one machine with one partner for all three lists and swaps in a complete list at the end. The
-conversion of items to messages is common (`wire`).
+item. PX4 has one state machine and one partner for all three lists; a complete list replaces the stored one
+at the end. `wire` converts items to messages for both.
 """
 
 from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer

@@ -1,8 +1,8 @@
 """The mission protocol of ArduPilot: three independent servers.
 
-The vehicle requests an upload item by item with MISSION_REQUEST. The store (`stores`) decides about
-atomicity: missions and rally points are written as items arrive, so an aborted upload leaves a mixture. A
-fence is written at the end. Downloads have no state.
+The vehicle requests an upload item by item with MISSION_REQUEST. Each store (`stores`) decides when to write.
+Missions and rally points are written as items arrive, so an aborted upload leaves a mixture of old and new
+items. A fence is written at the end. Downloads have no state.
 """
 
 import math
@@ -251,7 +251,7 @@ class ArduPilotTransfer:
             self._stored(kind, server.total)
 
     def tick(self, now: float) -> None:
-        """Repeat requests or give up, by the time `now` [s]."""
+        """Repeat requests, or abandon uploads after a timeout, at `now` [s]."""
         for server in self._servers.values():
             server.tick(now)
 
@@ -279,9 +279,9 @@ class ArduPilotTransfer:
         item = item_from_message(message)
         if item is None:
             return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
-        kept = self._store_item(item)
-        if not isinstance(kept, Item):
-            return kept
+        stored = self._store_item(item)
+        if not isinstance(stored, Item):
+            return stored
         altitude_only = message.current == ALTITUDE
-        obeyed = self._guided(kept, altitude_only)
+        obeyed = self._guided(stored, altitude_only)
         return ACCEPTED if obeyed or altitude_only else ERROR

@@ -1,8 +1,8 @@
-"""The mission protocol of PX4: one machine and one partner for missions, fences and rally points.
+"""The mission protocol of PX4: one state machine and one partner for missions, fences and rally points.
 
 A complete new list replaces the stored one; a failed upload changes nothing. The vehicle requests items with
-MISSION_REQUEST until the ground station has sent an _INT message. Another system than the partner of the last
-transfer gets a text.
+MISSION_REQUEST until the ground station has sent an _INT message. A system other than the partner of the last
+transfer receives a text.
 """
 
 import dataclasses
@@ -69,11 +69,11 @@ class Px4Transfer:
 
     Parameters
     ----------
-    mission, fence, rally: lists to read, and (except the mission) to write.
-    sysid: messages for this system and its autopilot are processed; broadcasts are not.
+    mission, fence, rally: the stored lists; fence and rally points are also written here.
+    sysid: own system id; only messages to this system are processed, no broadcasts.
     store_item: converts an item of any list to its stored form, or returns the MAV_MISSION_RESULT of a
         refusal.
-    max_items: longer missions are refused with NO_SPACE.
+    max_items: largest accepted mission; a longer one is refused with NO_SPACE.
     send: receives each outgoing message.
     send_text: sends a STATUSTEXT (severity, text).
     replace: takes a complete new mission and its current index, -1 if none was marked.
@@ -143,8 +143,8 @@ class Px4Transfer:
         """Time when `tick` has work [s]; inf without a transfer."""
         if self._state is _State.IDLE:
             return math.inf
-        again_s = self._requested_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
-        return min(again_s, self._last_received_s + TIMEOUT_S)
+        repeat_s = self._requested_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
+        return min(repeat_s, self._last_received_s + TIMEOUT_S)
 
     def handles(self, message_type: str) -> bool:
         return message_type in self._handlers or message_type == "MISSION_WRITE_PARTIAL_LIST"
@@ -160,7 +160,7 @@ class Px4Transfer:
             handler(message, peer_of(message), now)
 
     def tick(self, now: float) -> None:
-        """Repeat requests or give up, by the time `now` [s]."""
+        """Repeat requests, or end the transfer after a timeout, at `now` [s]."""
         if self._state is _State.IDLE:
             return
         if now - self._last_received_s >= TIMEOUT_S - EPSILON_S:
@@ -231,14 +231,14 @@ class Px4Transfer:
                 self._take(message, now)
 
     def _take(self, message: Any, now: float) -> None:
-        kept = self._kept(message)
-        if not isinstance(kept, Item):
-            if kept != ERROR:
+        stored = self._stored_form(message)
+        if not isinstance(stored, Item):
+            if stored != ERROR:
                 self._send_text(CRITICAL, "IGN MISSION_ITEM: Invalid item")
             self._state = _State.IDLE
-            self._acknowledge(self._partner, kept)
+            self._acknowledge(self._partner, stored)
             return
-        self._new.append(kept)
+        self._new.append(stored)
         self._new_id = _checksum(message, self._new_id)
         if message.current:
             self._new_current = message.seq
@@ -252,7 +252,7 @@ class Px4Transfer:
             self._store(self._kind, self._new, self._new_current)
         self._acknowledge(self._partner, ACCEPTED, self._new_id)
 
-    def _kept(self, message: Any) -> Item | int:
+    def _stored_form(self, message: Any) -> Item | int:
         """Return the stored form of an item, or the MAV_MISSION_RESULT that ends the upload."""
         refusal = self._refusal()
         if refusal is not None and refusal.at_item == message.seq:
@@ -262,14 +262,14 @@ class Px4Transfer:
             return ERROR
         if not self._as_int and item.frame in _INT_FRAMES:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
-        kept = self._store_item(item)
-        if not isinstance(kept, Item):
-            return kept
-        if self._kind == MISSION and kept.command in _NOT_IN_A_MISSION:
+        stored = self._store_item(item)
+        if not isinstance(stored, Item):
+            return stored
+        if self._kind == MISSION and stored.command in _NOT_IN_A_MISSION:
             return ERROR
-        if self._kind == FENCE and kept.command in POLYGONS and kept.param1 < 3:
+        if self._kind == FENCE and stored.command in POLYGONS and stored.param1 < 3:
             return ERROR
-        return kept
+        return stored
 
     def _store(self, kind: int, items: list[Item], current: int) -> None:
         if kind == MISSION:
@@ -369,7 +369,7 @@ class Px4Transfer:
 
 
 def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
-    """Return the item in its read-back frame, of the _INT kind with `as_int`."""
+    """Return the item in its frame for a download, an _INT frame with `as_int`."""
     if item.frame in _ABSOLUTE or (absolute and item.frame in _RELATIVE):
         frame = _ABSOLUTE[as_int]
     elif item.frame in _RELATIVE:
@@ -380,7 +380,7 @@ def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
 
 
 def _checksum(message: Any, before: int) -> int:
-    """Return the CRC-32 over the received items up to this one; initial value 0, no inversion."""
+    """Return the CRC-32 `before`, extended by a received item; initial value 0, no inversion."""
     parameters = (message.param1, message.param2, message.param3, message.param4)
     layout = _CHECKED_INT if message.get_type() == "MISSION_ITEM_INT" else _CHECKED
     head = (message.frame, message.command, message.autocontinue)

@@ -1,4 +1,4 @@
-"""Storage of missions, fences and rally points on ArduPilot, and the time of writing."""
+"""ArduPilot's stores of missions, fences and rally points; each store decides when to write."""
 
 import math
 from collections.abc import Callable
@@ -18,10 +18,10 @@ INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 LATITUDE_E7, LONGITUDE_E7 = 900_000_000, 1_800_000_000
 
-# Storage of a simulated copter [B]: a fence needs 4, and 2 + 8 per vertex for a polygon.
+# Fence storage of a simulated copter [B]; a fence needs 4, and a polygon 2 + 8 per vertex.
 FENCE_STORAGE = 560
 RALLY_POINTS = 46
-_ANY_ALTITUDE = {
+_STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -64,7 +64,7 @@ class Store(Protocol):
     def clear(self) -> bool: ...
 
     def read(self, index: int) -> Item | int:
-        """Return an item, or the result that answers its request."""
+        """Return an item, or the MAV_MISSION_RESULT of a refused request."""
         ...
 
 
@@ -160,7 +160,7 @@ class FenceStore:
     def put(self, index: int, item: Item, last: int) -> int:
         if index >= len(self._new):
             return INVALID_SEQUENCE
-        if item.frame not in _ANY_ALTITUDE:
+        if item.frame not in _STORED_FRAME:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
         if item.command in POLYGONS:
             value = float(int(item.param1) & 0xFF) if math.isfinite(item.param1) else 0.0
@@ -201,15 +201,15 @@ class FenceStore:
 
 
 def _kept_radius_m(radius_m: float) -> float:
-    """Return a radius as stored: rounded to an integer if it is within 1 mm above one."""
+    """Return a radius as stored [m]: an integer if the radius is less than 1 mm above an integer."""
     if math.isfinite(radius_m) and 0 <= radius_m - int(radius_m) < 0.001:
         return float(int(radius_m))
     return as_float32(radius_m)
 
 
 def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
-    """Return the error of a fence as (severity, text), None if it is valid."""
-    left = whole = 0  # vertices of the current polygon
+    """Return the error of a fence as (severity, text), None for a valid fence."""
+    left = expected = 0  # vertices of the current polygon: missing, in total
     wanted: int | None = None
     seen_return_point = False
     for item in items:
@@ -218,11 +218,11 @@ def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
             return WARNING, f"Invalid vertex count ({vertices})"
         if left and item.command != wanted:
             return WARNING, f"Received incorrect vertex type (want={wanted} got={item.command})"[:50]
-        if left and vertices != whole:
-            return WARNING, f"Unexpected vertex count want={whole} got={vertices}"
+        if left and vertices != expected:
+            return WARNING, f"Unexpected vertex count want={expected} got={vertices}"
         if item.command in POLYGONS:
             if not left:
-                left = whole = vertices
+                left = expected = vertices
                 wanted = item.command
             left -= 1
         elif item.command in CIRCLES and not item.param1 > 0:
@@ -282,11 +282,11 @@ class RallyStore:
             return int(mavlink.MAV_MISSION_INVALID_PARAM6_Y)
         if not -32_768 <= item.z <= 32_767:
             return int(mavlink.MAV_MISSION_INVALID_PARAM7)
-        if item.frame not in _ANY_ALTITUDE:
+        if item.frame not in _STORED_FRAME:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
         if index > self.count or index >= self.max_items:
             return ERROR
-        point = Item(item.command, frame=_ANY_ALTITUDE[item.frame], x=item.x, y=item.y, z=float(int(item.z)))
+        point = Item(item.command, frame=_STORED_FRAME[item.frame], x=item.x, y=item.y, z=float(int(item.z)))
         self._rally.replace([*self._rally.items[:index], point, *self._rally.items[index + 1 :]])
         return ACCEPTED
 

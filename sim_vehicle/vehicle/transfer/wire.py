@@ -28,7 +28,7 @@ _OPAQUE_ID = struct.Struct("<I")
 
 
 class _MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]
-    """With the extension field opaque_id, which pymavlink's dialect does not know yet."""
+    """MISSION_ACK with the extension field opaque_id, which pymavlink's dialect lacks."""
 
     opaque_id = 0
 
@@ -39,7 +39,7 @@ class _MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]
 
 
 class _MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
-    """With the extension field opaque_id, which pymavlink's dialect does not know yet."""
+    """MISSION_COUNT with the extension field opaque_id, which pymavlink's dialect lacks."""
 
     opaque_id = 0
 

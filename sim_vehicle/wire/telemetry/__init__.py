@@ -1,8 +1,8 @@
 """Telemetry: the fields of each message, for any set of vehicles at once.
 
 A builder receives the fleet's columns and the selected vehicles, and returns the columns of its message;
-other fields are 0. Units are those of the message definitions. `STREAMS` is the table of all messages that
-can be streamed.
+other fields are 0. Units are those of the message definitions. `STREAMS` is the table of all streamable
+messages.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One message that can be streamed: its columns, and the vehicles that have data for it."""
+    """One streamable message: its columns, and the mask of the vehicles with data for the message."""
 
     layout: Layout
     columns: Builder

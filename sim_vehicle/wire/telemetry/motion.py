@@ -39,7 +39,7 @@ def global_position_int(v: View) -> Columns:
 
 
 def local_position_ned(v: View) -> Columns:
-    """Return the position relative to the origin, which is the place of the first position estimate."""
+    """Return the position relative to the origin, and the velocity."""
     offset_m = v.world.estimate_m[v.i] - v.status.origin_m[v.i]
     velocity = v.world.estimate_velocity_m_s[v.i]
     return {
@@ -140,21 +140,21 @@ def _flying(v: View) -> Bools:
 
 
 def has_global_target(v: View) -> Bools:
-    """Return the vehicles with a global target: ArduCopter on its way, PX4 in the air, ArduPlane always."""
+    """Return the mask of vehicles with a global target: moving ArduCopter, flying PX4, every ArduPlane."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     goes = px4 | (dynamics.order[i] == MotionOrder.POSITION)
     return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (goes & _flying(v))))
 
 
 def has_local_target(v: View) -> Bools:
-    """Return the vehicles with a local target: none under attitude set-points, PX4 only in the air."""
+    """Return the mask of vehicles with a local target: no attitude set-point; PX4 only in the air."""
     status, i = v.status, v.i
     controlled = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
     return np.asarray(status.has_setpoint[i] & status.has_origin[i] & controlled)
 
 
 def _set_points(v: View, px4: Bools) -> Floats:
-    """Return the set-point that PX4 reports with a position, (8, n); NaN for planes."""
+    """Return the velocity, acceleration and yaw that PX4 reports with a position, (8, n); NaN for planes."""
     dynamics, i = v.world.dynamics, v.i
     set_points = np.zeros((len(SET_POINT), len(i)))
     if px4.any():
@@ -187,7 +187,7 @@ def position_target_global_int(v: View) -> Columns:
 
 
 def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
-    """Return POSITION_TARGET_TYPEMASK of a position, or of the velocity set-point it `moves` by."""
+    """Return POSITION_TARGET_TYPEMASK of a velocity set-point for vehicles in `moves`, else of a position."""
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
     mask = np.where(moves, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
@@ -249,7 +249,7 @@ def ekf_status_report(v: View) -> Columns:
 def estimator_status(v: View) -> Columns:
     known = v.status.position_known[v.i]
     eph_m = np.where(known, v.world.gps.eph_m[v.i], np.nan)
-    # Up to PRED_POS_HORIZ_ABS both messages use the same bits.
+    # Up to PRED_POS_HORIZ_ABS the bits are equal to those of EKF_STATUS_REPORT.
     return {
         "time_usec": v.boot_us(),
         "flags": np.where(known, EKF_POSITION, EKF_NO_POSITION),

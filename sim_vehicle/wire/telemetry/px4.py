@@ -1,6 +1,6 @@
-"""Messages that only PX4 streams; defined here if pymavlink's ArduPilot dialect lacks them.
+"""Messages that only PX4 streams, with definitions of those that pymavlink's ArduPilot dialect lacks.
 
-A ground station that does not know them sees frames of unknown ids, as with the real autopilot.
+A ground station without these definitions receives frames of unknown ids, as from the real autopilot.
 """
 
 import numpy as np
@@ -68,7 +68,7 @@ def _since_boot_us(v: View, at_s: Floats) -> Floats:
 
 
 def flight_information(v: View) -> Columns:
-    """Return times since the boot, although the fields are called UTC."""
+    """Return times since the boot, although the names of the fields end in utc."""
     return {
         "time_boot_ms": v.boot_ms(),
         "arming_time_utc": _since_boot_us(v, v.status.armed_since_s[v.i]),

@@ -167,13 +167,13 @@ def power_status(_v: View) -> Columns:
 
 
 def rc_channels(v: View) -> Columns:
-    """Return no channels: no receiver is bound."""
+    """Return no channels: no vehicle has an RC receiver."""
     channels = {f"chan{n}_raw": UNKNOWN_U16 for n in range(1, 19)}
     return {"time_boot_ms": v.boot_ms(), "chancount": 0, "rssi": 255, **channels}
 
 
 def distance_sensor(_v: View) -> Columns:
-    """Return nothing: it can be requested at a rate, but no vehicle has a sensor."""
+    """Return no fields: the message can be requested at a rate, but no vehicle has a sensor."""
     return {}
 
 

@@ -1,4 +1,4 @@
-"""The path between the fleet and its ground stations: signatures and impaired links."""
+"""The link layer between the fleet and its ground stations: signatures and impaired links."""
 
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
@@ -11,26 +11,26 @@ from sim_vehicle.wire.signing import Signing
 Arrival = tuple[float, int, Any]  # time [s], vehicle's index, message
 
 
-class Wires:
+class LinkLayer:
     """Last step of outgoing frames and first step of incoming messages.
 
     Parameters
     ----------
-    signings, links: by vehicle index.
-    trusted_links: links without required signatures, like an autopilot's USB.
+    signings, links: the keys and the link number of each vehicle.
+    trusted_links: links that require no signatures, like an autopilot's USB.
     """
 
     def __init__(
         self, signings: Iterable[Signing], links: tuple[int, ...], trusted_links: Collection[int]
     ) -> None:
         self._signings, self._links, self._trusted_links = tuple(signings), links, trusted_links
-        self._signing: dict[int, Signing] = {}  # vehicles that sign
-        self._channels: dict[int, Channel] = {}  # vehicles with an impaired link
+        self._signing: dict[int, Signing] = {}  # vehicle's index -> its active signing
+        self._channels: dict[int, Channel] = {}  # vehicle's index -> its impaired link
         self._parsers: dict[int, Parser] = {}
 
     @property
     def unimpaired(self) -> bool:
-        """True without signatures and impairments: frames pass unchanged."""
+        """True without signatures and impairments, so that frames pass unchanged."""
         return not (self._signing or self._channels)
 
     def channel(self, index: int) -> Channel:
@@ -40,34 +40,34 @@ class Wires:
             self._parsers[index] = Parser()
         return self._channels[index]
 
-    def note_key(self, index: int) -> None:
-        """Register a possible change of a vehicle's key."""
+    def update_signing(self, index: int) -> None:
+        """Activate or deactivate signing after a possible change of a vehicle's key."""
         self._signing.pop(index, None)
         if self._signings[index].active:
             self._signing[index] = self._signings[index]
 
     def accepts(self, index: int, message: Any, now: float) -> bool:
-        """Return True if the signature permits a vehicle to obey a message."""
+        """Return True if a vehicle may obey a message with this signature."""
         signing = self._signing.get(index)
         if signing is None or self._links[index] in self._trusted_links:
             return True
         return signing.accepts(bytes(message.get_msgbuf()), now)
 
     def send(self, frames: Frames, now: float) -> Frames:
-        """Sign frames; return those that need no channel and put the others on theirs."""
-        through = []
+        """Sign frames; return the frames of unimpaired links and put the others into their channels."""
+        direct = []
         for index, frame in frames:
             signing = self._signing.get(index)
             signed = frame if signing is None else signing.sign(frame, self._links[index], now)
             channel = self._channels.get(index)
             if channel is None:
-                through.append((index, signed))
+                direct.append((index, signed))
             else:
                 channel.put(Direction.FROM_VEHICLE, signed, now)
-        return through
+        return direct
 
     def put_incoming(self, index: int, message: Any, now: float) -> bool:
-        """Put a message on the channel to a vehicle; False if the link is unimpaired."""
+        """Put a message into the channel to a vehicle; False if the link is unimpaired."""
         channel = self._channels.get(index)
         if channel is not None:
             channel.put(Direction.TO_VEHICLE, bytes(message.get_msgbuf()), now)
