@@ -44,16 +44,14 @@ def data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> byt
     parts: dict[int, bytes] = {}
     end: int | None = None
     for _ in range(8):
-        position = offset
-        while position in parts:
-            position += len(parts[position])
-        if position >= offset + count or position == end:
+        start = offset
+        while start in parts:
+            start += len(parts[start])
+        if start >= offset + count or start == end:
             break
         mark = vehicle.mark()
         vehicle.send(
-            mavlink.MAVLink_log_request_data_message(
-                *vehicle.target, log_id, position, offset + count - position
-            )
+            mavlink.MAVLink_log_request_data_message(*vehicle.target, log_id, start, offset + count - start)
         )
         while vehicle.wait_for("LOG_DATA", lambda m: m.id == log_id, within_s=1.5, mark=mark) is not None:
             for message in vehicle.since(mark, "LOG_DATA"):

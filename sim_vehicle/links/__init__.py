@@ -1,22 +1,26 @@
-"""The links of a fleet, one transport a file; they carry bytes and know no MAVLink."""
+"""The links of a fleet, one transport a file; links carry bytes without decoding MAVLink."""
 
 from collections.abc import Collection
 
-from sim_vehicle.links.base import Batch, Ends, Link, LinkError
+from sim_vehicle.links.base import Batch, Link, LinkCallbacks, LinkError
 from sim_vehicle.links.tcp import TcpIn, TcpOut
 from sim_vehicle.links.udp import UdpIn, UdpOut
 from sim_vehicle.links.url import Url
 
-__all__ = ["Batch", "Ends", "Link", "LinkError", "make_link"]
+__all__ = ["Batch", "Link", "LinkCallbacks", "LinkError", "make_link"]
 
 
-def make_link(url: Url, ends: Ends, *, vehicles: Collection[int]) -> Link:
-    """Return the link of a URL, not open yet, for these vehicles."""
+def make_link(url: Url, callbacks: LinkCallbacks, *, vehicles: Collection[int]) -> Link:
+    """Return the unopened link of a URL for these vehicle indices."""
     if url.serial:
         from sim_vehicle.links.serial import SerialLink  # noqa: PLC0415 - pyserial is rarely needed
 
-        return SerialLink(url, ends)
+        return SerialLink(url, callbacks)
     if url.udp:
-        return UdpIn(url, ends) if url.listens else UdpOut(url, ends, vehicles)
-    alone = len(vehicles) == 1
-    return TcpIn(url, ends, alone=alone) if url.listens else TcpOut(url, ends, alone=alone)
+        return UdpIn(url, callbacks) if url.listens else UdpOut(url, callbacks, vehicles)
+    single_vehicle = len(vehicles) == 1
+    return (
+        TcpIn(url, callbacks, single_vehicle=single_vehicle)
+        if url.listens
+        else TcpOut(url, callbacks, single_vehicle=single_vehicle)
+    )

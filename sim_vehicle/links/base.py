@@ -1,6 +1,6 @@
 """The protocol of transports, their errors and addresses.
 
-The only clock of the links is that of their event loop.
+The links' only clock is the clock of their event loop.
 """
 
 import errno
@@ -11,11 +11,11 @@ from typing import Any, Protocol
 
 from sim_vehicle.links.url import Url
 
-HEARD_S = 10.0  # a ground station silent for longer is not counted
+ACTIVE_S = 10.0  # a ground station that is silent for longer is not counted
 RECEIVE_BYTES = 8192  # bytes read at once; the rest of a longer datagram is lost
-DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # read before other sockets and the clock have their turn
-AGAIN_S = 1.0  # between two attempts to restore a link
-FULL = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # temporary shortages
+DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # limits of one read, so that other sockets are served
+RETRY_S = 1.0  # between two attempts to restore a link
+SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # temporary shortages
 Address = tuple[Any, ...]  # in the form of the socket module
 Batch = Sequence[tuple[int, bytes]]
 
@@ -25,15 +25,15 @@ class LinkError(OSError):
 
 
 @dataclass(frozen=True, slots=True)
-class Ends:
-    """The receivers of a link's input."""
+class LinkCallbacks:
+    """The functions that a link calls."""
 
     received: Callable[[bytes, Hashable, Collection[int] | None], None]
-    """called with bytes, their sender, and the vehicles they reach (None: all of the link)"""
-    gone: Callable[[Hashable], None]
-    """called at the end of a stream, with its sender"""
+    """function of bytes, their sender, and the receiving vehicles (None: all of the link)"""
+    ended: Callable[[Hashable], None]
+    """function of a sender, called at the end of its stream"""
     warn: Callable[[str], None]
-    """called with a line for the operator"""
+    """function of a line for the operator"""
 
 
 class Link(Protocol):
@@ -41,13 +41,13 @@ class Link(Protocol):
 
     @property
     def dropped(self) -> int:
-        """Datagrams or chunks dropped for slow receivers."""
+        """Return the number of datagrams or chunks dropped for slow receivers."""
 
     def open(self) -> None:
         """Open the link; LinkError if that fails."""
 
     def send(self, batch: Batch) -> None:
-        """Send (vehicle, bytes of whole frames) to every ground station; never block."""
+        """Send (vehicle, bytes of whole frames) to every ground station, without blocking."""
 
     def rebooted(self, index: int) -> None:
         """React to the end of a vehicle's reboot."""
@@ -77,7 +77,7 @@ def cannot_open(url: Url, error: OSError) -> LinkError:
     if error.errno == errno.EADDRINUSE:
         cure = "another program may use it; choose another port with --url [port-in-use]"
     elif error.errno == errno.EADDRNOTAVAIL:
-        cure = "this machine has no such address; choose another one with --url [no-such-address]"
+        cure = "this machine has no such address; choose another address with --url [no-such-address]"
     elif error.errno in (errno.EACCES, errno.EPERM):
         cure = "choose another address, or a port above 1023, with --url [not-permitted]"
     elif error.errno in (errno.EMFILE, errno.ENFILE):

@@ -6,23 +6,23 @@ import os
 
 import serial
 
-from sim_vehicle.links.base import AGAIN_S, Batch, Ends, LinkError
+from sim_vehicle.links.base import RETRY_S, Batch, LinkCallbacks, LinkError
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.url import Url
 
-BACKLOG_S = 0.5  # of the line's speed; longer backlogs would only delay telemetry
+BACKLOG_S = 0.5  # longest backlog at the line's speed; a longer backlog only delays telemetry
 BITS_PER_BYTE = 10  # with start and stop bit
 
 
 class SerialLink:
-    """A serial device, reopened after a disconnection; a slow line drops frames."""
+    """A serial device, reopened after a disconnection; frames beyond the backlog are dropped."""
 
-    def __init__(self, url: Url, ends: Ends) -> None:
-        self._url, self._ends = url, ends
+    def __init__(self, url: Url, callbacks: LinkCallbacks) -> None:
+        self._url, self._callbacks = url, callbacks
         self._dropped = 0
         self._port: serial.Serial | None = None
         self._stream: Stream | None = None
-        self._again: asyncio.TimerHandle | None = None
+        self._retry_timer: asyncio.TimerHandle | None = None
 
     @property
     def dropped(self) -> int:
@@ -45,37 +45,37 @@ class SerialLink:
             functools.partial(os.read, file),
             functools.partial(os.write, file),
             backlog_bytes=max(4096, int(BACKLOG_S * self._url.port / BITS_PER_BYTE)),
-            received=lambda data: self._ends.received(data, self._url, None),
+            received=lambda data: self._callbacks.received(data, self._url, None),
             ended=self._ended,
         )
 
-    def _ended(self, why: str) -> None:
-        self._ends.warn(
-            f"{self._url}: the device is lost ({why}); trying again every {AGAIN_S:g} s [device-lost]"
+    def _ended(self, reason: str) -> None:
+        self._callbacks.warn(
+            f"{self._url}: the device is lost ({reason}); the link retries every {RETRY_S:g} s [device-lost]"
         )
         self._close()
-        self._later()
+        self._schedule_retry()
 
-    def _later(self) -> None:
-        self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._reopen)
+    def _schedule_retry(self) -> None:
+        self._retry_timer = asyncio.get_running_loop().call_later(RETRY_S, self._reopen)
 
     def _reopen(self) -> None:
         try:
             self._open()
         except (OSError, ValueError):
-            self._later()
+            self._schedule_retry()
         else:
-            self._ends.warn(f"{self._url}: the device has returned [device-returned]")
+            self._callbacks.warn(f"{self._url}: the device is connected again [device-returned]")
 
     def send(self, batch: Batch) -> None:
         if self._stream is not None:
             self._stream.send(batch)
 
     def rebooted(self, index: int) -> None:
-        """Do nothing: the line stays."""
+        """Do nothing: the line stays open."""
 
     def stations(self) -> int:
-        """Return 1 for an open device; a line does not show its other end."""
+        """Return 1 for an open device, because a serial line does not show its ground stations."""
         return int(self._stream is not None)
 
     def _close(self) -> None:
@@ -83,12 +83,12 @@ class SerialLink:
             self._dropped += self._stream.dropped
             self._stream.detach()
             self._stream = None
-            self._ends.gone(self._url)
+            self._callbacks.ended(self._url)
         if self._port is not None:
             self._port.close()
             self._port = None
 
     def close(self) -> None:
-        if self._again is not None:
-            self._again.cancel()
+        if self._retry_timer is not None:
+            self._retry_timer.cancel()
         self._close()

@@ -1,11 +1,11 @@
-"""A connected byte stream on the event loop: whole frames or none, with a limited backlog."""
+"""A connected byte stream on the event loop, with whole frames and a limited backlog."""
 
 import asyncio
 from collections.abc import Callable
 
 from sim_vehicle.links.base import RECEIVE_BYTES, Batch
 
-STALLED_S = 30.0  # a connection is closed after this time without progress
+STALLED_S = 30.0  # time without progress after which a connection is closed
 
 
 class Stream:
@@ -21,7 +21,7 @@ class Stream:
         received: Callable[[bytes], None],
         ended: Callable[[str], None],
     ) -> None:
-        """`file`: descriptor of the non-blocking `read` and `write`; `ended` is called once with a reason."""
+        """`file`: descriptor of the non-blocking `read` and `write`. `ended`: called once with the reason."""
         self.dropped = 0
         self._file, self._read, self._write = file, read, write
         self._limit = backlog_bytes
@@ -46,7 +46,7 @@ class Stream:
             self._end("closed by the other end")
 
     def send(self, batch: Batch) -> None:
-        """Send (vehicle, frames) in order; drop frames beyond the limit."""
+        """Send (vehicle, frames) in order; frames beyond the backlog limit are dropped."""
         if not self._open:
             return
         waiting = bool(self._backlog)
@@ -59,7 +59,7 @@ class Stream:
             self._progress_s = self._loop.time()
             self._flush()
         elif self._loop.time() - self._progress_s > STALLED_S:
-            self._end(f"has read nothing for {STALLED_S:.0f} s")
+            self._end(f"the other end has read nothing for {STALLED_S:.0f} s")
 
     def _flush(self) -> None:
         try:
@@ -78,13 +78,13 @@ class Stream:
         else:
             self._loop.remove_writer(self._file)
 
-    def _end(self, why: str) -> None:
+    def _end(self, reason: str) -> None:
         if self._open:
             self.detach()
-            self._ended(why)
+            self._ended(reason)
 
     def detach(self) -> None:
-        """Stop using the descriptor, which the owner closes."""
+        """Stop using the descriptor; the owner closes it."""
         if self._open:
             self._open = False
             self._loop.remove_reader(self._file)

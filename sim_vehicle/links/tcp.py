@@ -7,7 +7,7 @@ import os
 import socket
 from collections.abc import Hashable
 
-from sim_vehicle.links.base import AGAIN_S, FULL, Address, Batch, Ends, cannot_open, resolve
+from sim_vehicle.links.base import RETRY_S, SHORTAGES, Address, Batch, LinkCallbacks, cannot_open, resolve
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.url import Url
 
@@ -19,10 +19,10 @@ RECONNECT_S = 0.5
 class _Connections:
     """The connections of one URL."""
 
-    def __init__(self, url: Url, ends: Ends) -> None:
-        self._url, self._ends = url, ends
+    def __init__(self, url: Url, callbacks: LinkCallbacks) -> None:
+        self._url, self._callbacks = url, callbacks
         self._open: dict[Stream, tuple[socket.socket, Hashable]] = {}
-        self._dropped = 0  # on ended connections
+        self._dropped = 0  # chunks dropped on ended connections
 
     @property
     def dropped(self) -> int:
@@ -33,10 +33,10 @@ class _Connections:
 
     def _add(self, connected: socket.socket, peer: Hashable) -> None:
         connected.setblocking(False)
-        with contextlib.suppress(OSError):  # the other end may have closed; the next read shows it
+        with contextlib.suppress(OSError):  # the other end may have closed; the next read ends the connection
             connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
-        def ended(_why: str) -> None:
+        def ended(_reason: str) -> None:
             self._remove(stream)
             self._ended()
 
@@ -51,7 +51,7 @@ class _Connections:
         self._open[stream] = connected, peer
 
     def _received(self, data: bytes, peer: Hashable) -> None:
-        self._ends.received(data, peer, None)
+        self._callbacks.received(data, peer, None)
 
     def _ended(self) -> None:
         """React to the end of a connection."""
@@ -61,26 +61,26 @@ class _Connections:
         stream.detach()
         connected, peer = self._open.pop(stream)
         connected.close()
-        self._ends.gone(peer)
+        self._callbacks.ended(peer)
 
     def send(self, batch: Batch) -> None:
         for stream in list(self._open):
             stream.send(batch)
 
-    def _hang_up(self) -> None:
+    def _close_connections(self) -> None:
         for stream in list(self._open):
             self._remove(stream)
 
 
 class TcpIn(_Connections):
-    """A server; the reboot of the port's only vehicle closes its connections, as on SITL."""
+    """A server; as on SITL, a reboot of the port's only vehicle closes the connections."""
 
-    def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
-        super().__init__(url, ends)
-        self._alone = alone
+    def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
+        super().__init__(url, callbacks)
+        self._single_vehicle = single_vehicle
         self._server: socket.socket | None = None
-        self._again: asyncio.TimerHandle | None = None
-        self._said = False
+        self._retry_timer: asyncio.TimerHandle | None = None
+        self._warned = False
 
     def open(self) -> None:
         family, address = resolve(self._url, socket.SOCK_STREAM)
@@ -97,43 +97,44 @@ class TcpIn(_Connections):
         self._listen(self._server)
 
     def _listen(self, server: socket.socket) -> None:
-        self._again = None
+        self._retry_timer = None
         asyncio.get_running_loop().add_reader(server, self._accept, server)
 
     def _accept(self, server: socket.socket) -> None:
         try:
             connected, address = server.accept()
         except OSError as error:  # the client has disconnected
-            if error.errno in FULL:
+            if error.errno in SHORTAGES:
                 self._pause(server, error)
             return
         if len(self._open) >= MAX_CLIENTS:
-            self._ends.warn(
-                f"{self._url}: {MAX_CLIENTS} clients are connected; another one was refused [refused]"
+            self._callbacks.warn(
+                f"{self._url}: {MAX_CLIENTS} clients are connected; the next client was refused [refused]"
             )
             connected.close()
         else:
             self._add(connected, (self._url, address))
 
     def _pause(self, server: socket.socket, error: OSError) -> None:
-        """Stop accepting for a while; the waiting client would keep the event loop busy."""
+        """Stop accepting for `RETRY_S`, because a waiting client would keep the event loop busy."""
         loop = asyncio.get_running_loop()
         loop.remove_reader(server)
-        self._again = loop.call_later(AGAIN_S, self._listen, server)
-        if not self._said:
-            self._said = True
-            self._ends.warn(
-                f"{self._url}: no more connections for now ({error.strerror or error}) [no-connections]"
+        self._retry_timer = loop.call_later(RETRY_S, self._listen, server)
+        if not self._warned:
+            self._warned = True
+            self._callbacks.warn(
+                f"{self._url}: cannot accept connections ({error.strerror or error}); "
+                f"the link retries every {RETRY_S:g} s [no-connections]"
             )
 
     def rebooted(self, index: int) -> None:
-        if self._alone:
-            self._hang_up()
+        if self._single_vehicle:
+            self._close_connections()
 
     def close(self) -> None:
-        self._hang_up()
-        if self._again is not None:
-            self._again.cancel()
+        self._close_connections()
+        if self._retry_timer is not None:
+            self._retry_timer.cancel()
         if self._server is not None:
             asyncio.get_running_loop().remove_reader(self._server)
             self._server.close()
@@ -141,83 +142,83 @@ class TcpIn(_Connections):
 
 
 class TcpOut(_Connections):
-    """A client that retries; it warns once of an absent server, until the server sends data."""
+    """A client that retries; one warning of an absent server, until the server sends data."""
 
-    def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
-        super().__init__(url, ends)
-        self._alone = alone
+    def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
+        super().__init__(url, callbacks)
+        self._single_vehicle = single_vehicle
         self._family = socket.AF_INET
         self._address: Address = ()
-        self._dialling: socket.socket | None = None
-        self._again: asyncio.TimerHandle | None = None
-        self._said = False
+        self._connecting: socket.socket | None = None
+        self._retry_timer: asyncio.TimerHandle | None = None
+        self._warned = False
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_STREAM)
-        self._dial()
+        self._connect()
 
-    def _dial(self) -> None:
-        self._again = None
+    def _connect(self) -> None:
+        self._retry_timer = None
         try:
-            dialling = self._dialling = socket.socket(self._family, socket.SOCK_STREAM)
+            connecting = self._connecting = socket.socket(self._family, socket.SOCK_STREAM)
         except OSError as error:
             self._failed(error.strerror or str(error))
             return
-        dialling.setblocking(False)
+        connecting.setblocking(False)
         try:
-            dialling.connect(self._address)
+            connecting.connect(self._address)
         except BlockingIOError:
-            asyncio.get_running_loop().add_writer(dialling, self._answered, dialling)
+            asyncio.get_running_loop().add_writer(connecting, self._finish_connecting, connecting)
         except OSError as error:
             self._failed(error.strerror or str(error))
         else:
-            self._answered(dialling)
+            self._finish_connecting(connecting)
 
-    def _answered(self, dialling: socket.socket) -> None:
-        asyncio.get_running_loop().remove_writer(dialling)
-        number = dialling.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+    def _finish_connecting(self, connecting: socket.socket) -> None:
+        asyncio.get_running_loop().remove_writer(connecting)
+        number = connecting.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         try:
             # On loopback a client can connect to itself.
-            if not number and dialling.getsockname() == dialling.getpeername():
+            if not number and connecting.getsockname() == connecting.getpeername():
                 number = errno.ECONNREFUSED
         except OSError as error:  # the connection has ended
             number = error.errno or errno.ENOTCONN
         if number:
             self._failed(os.strerror(number))
         else:
-            self._dialling = None
-            self._add(dialling, self._url)
+            self._connecting = None
+            self._add(connecting, self._url)
 
     def _received(self, data: bytes, peer: Hashable) -> None:
-        self._said = False  # not at the connection, because some servers accept and close at once
+        self._warned = False  # only after data, because some servers accept and close at once
         super()._received(data, peer)
 
-    def _failed(self, why: str) -> None:
-        if self._dialling is not None:
-            self._dialling.close()
-            self._dialling = None
-        if not self._said:
-            self._said = True
-            self._ends.warn(
-                f"{self._url}: no server ({why}); trying again every {RECONNECT_S:g} s [no-server]"
+    def _failed(self, reason: str) -> None:
+        if self._connecting is not None:
+            self._connecting.close()
+            self._connecting = None
+        if not self._warned:
+            self._warned = True
+            self._callbacks.warn(
+                f"{self._url}: no server ({reason}); the link retries every {RECONNECT_S:g} s [no-server]"
             )
-        self._later()
+        self._schedule_retry()
 
     def _ended(self) -> None:
-        self._later()
+        self._schedule_retry()
 
-    def _later(self) -> None:
-        self._again = asyncio.get_running_loop().call_later(RECONNECT_S, self._dial)
+    def _schedule_retry(self) -> None:
+        self._retry_timer = asyncio.get_running_loop().call_later(RECONNECT_S, self._connect)
 
     def rebooted(self, index: int) -> None:
-        if self._alone and self._open:
-            self._hang_up()
-            self._later()
+        if self._single_vehicle and self._open:
+            self._close_connections()
+            self._schedule_retry()
 
     def close(self) -> None:
-        if self._again is not None:
-            self._again.cancel()
-        if self._dialling is not None:
-            asyncio.get_running_loop().remove_writer(self._dialling)
-            self._dialling.close()
-        self._hang_up()
+        if self._retry_timer is not None:
+            self._retry_timer.cancel()
+        if self._connecting is not None:
+            asyncio.get_running_loop().remove_writer(self._connecting)
+            self._connecting.close()
+        self._close_connections()

@@ -1,6 +1,6 @@
-"""UDP, to one address or to every known sender; one datagram has whole frames of one vehicle.
+"""UDP to one address or to every known sender; one datagram has whole frames of one vehicle.
 
-Sockets are used directly, which costs less than a transport of the event loop. A datagram that does not fit
+Sockets are used directly, because a transport of the event loop costs more time. A datagram that does not fit
 into the kernel's buffer is dropped and counted.
 """
 
@@ -10,55 +10,55 @@ import socket
 from collections.abc import Collection
 
 from sim_vehicle.links.base import (
-    AGAIN_S,
+    ACTIVE_S,
     BYTES_PER_WAKE,
     DATAGRAMS_PER_WAKE,
-    HEARD_S,
     RECEIVE_BYTES,
+    RETRY_S,
     Address,
     Batch,
-    Ends,
+    LinkCallbacks,
     cannot_open,
     resolve,
 )
 from sim_vehicle.links.url import Url
 
 SEND_BUFFER_BYTES = 4_000_000
-RECEIVE_BUFFER_BYTES = 500_000  # small, so that a flood is not processed long after its end
+RECEIVE_BUFFER_BYTES = 500_000  # small, which limits the processing time after a flood
 MAX_PEERS = 32
-SILENT_S = 60.0  # then a listening port forgets a peer; ground stations send a heartbeat each second
+SILENT_S = 60.0  # silence after which a listening port removes a peer
 
 
 class UdpOut:
-    """A socket to one address, as on SITL, which receives only from that address.
+    """A socket to one address, as on SITL; only datagrams from this address are received.
 
-    A rebooted vehicle gets a socket, and so a port, of its own.
+    A rebooted vehicle gets its own socket and therefore another source port.
     """
 
-    def __init__(self, url: Url, ends: Ends, vehicles: Collection[int]) -> None:
+    def __init__(self, url: Url, callbacks: LinkCallbacks, vehicles: Collection[int]) -> None:
         self.dropped = 0
-        self._url, self._ends = url, ends
+        self._url, self._callbacks = url, callbacks
         self._vehicles = frozenset(vehicles)
         self._address: Address = ()
         self._family = socket.AF_INET
         self._shared: socket.socket | None = None
         self._sharing: frozenset[int] | None = None  # vehicles; None: all
-        # Sockets of rebooted vehicles; None: no socket was available, and the vehicle is silent.
+        # Sockets of rebooted vehicles; None: no socket is available yet, so the vehicle is silent.
         self._own: dict[int, socket.socket | None] = {}
-        self._timer: asyncio.TimerHandle | None = None
-        self._heard_s: float | None = None
+        self._retry_timer: asyncio.TimerHandle | None = None
+        self._received_s: float | None = None
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_DGRAM)
         try:
-            self._shared = self._connected(None)
+            self._shared = self._open_socket(None)
         except OSError as error:
             raise cannot_open(self._url, error) from error
 
-    def _connected(self, index: int | None) -> socket.socket:
+    def _open_socket(self, index: int | None) -> socket.socket:
         opened = socket.socket(self._family, socket.SOCK_DGRAM)
         try:
-            _make_ready(opened)
+            _configure(opened)
             opened.connect(self._address)
         except OSError:
             opened.close()
@@ -67,19 +67,19 @@ class UdpOut:
         return opened
 
     def _read(self, opened: socket.socket, index: int | None) -> None:
-        left = BYTES_PER_WAKE
+        remaining_bytes = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
                 data = opened.recv(RECEIVE_BYTES)
             except BlockingIOError:
                 return
-            except OSError:  # no listener at the other end yet
+            except OSError:  # the other end has no listener yet
                 continue
-            self._heard_s = asyncio.get_running_loop().time()
+            self._received_s = asyncio.get_running_loop().time()
             # A message sent to all known addresses reaches each vehicle once.
-            self._ends.received(data, (self._url, index), self._sharing if index is None else (index,))
-            left -= len(data)
-            if opened.fileno() < 0 or left <= 0:  # closed by the message, or a flood
+            self._callbacks.received(data, (self._url, index), self._sharing if index is None else (index,))
+            remaining_bytes -= len(data)
+            if opened.fileno() < 0 or remaining_bytes <= 0:  # closed by the message, or a flood
                 return
 
     def send(self, batch: Batch) -> None:
@@ -92,9 +92,9 @@ class UdpOut:
             except BlockingIOError:
                 self.dropped += 1
             except OSError:  # the error of an earlier datagram
-                self._again(to, data)
+                self._send_again(to, data)
 
-    def _again(self, to: socket.socket, data: bytes) -> None:
+    def _send_again(self, to: socket.socket, data: bytes) -> None:
         try:
             to.send(data)
         except BlockingIOError:
@@ -103,56 +103,58 @@ class UdpOut:
             pass
 
     def rebooted(self, index: int) -> None:
-        _drop(self._own.get(index))
+        _close_socket(self._own.get(index))
         self._own[index] = None
         self._sharing = self._vehicles - self._own.keys()
         if not self._sharing:
-            _drop(self._shared)
+            _close_socket(self._shared)
             self._shared = None
-        if self._timer is None:
-            self._come_back()
+        if self._retry_timer is None:
+            self._open_missing_sockets()
 
-    def _come_back(self) -> None:
-        """Open the missing sockets; without a network, try again later."""
-        tried_before, self._timer = self._timer is not None, None
+    def _open_missing_sockets(self) -> None:
+        """Open the missing sockets; after a failure, retry in `RETRY_S`."""
+        tried_before, self._retry_timer = self._retry_timer is not None, None
         try:
             for index in [index for index, opened in self._own.items() if opened is None]:
-                self._own[index] = self._connected(index)
+                self._own[index] = self._open_socket(index)
         except OSError as error:
-            self._timer = asyncio.get_running_loop().call_later(AGAIN_S, self._come_back)
+            self._retry_timer = asyncio.get_running_loop().call_later(RETRY_S, self._open_missing_sockets)
             if not tried_before:
-                why = error.strerror or error
-                again = f"trying again every {AGAIN_S:g} s"
-                self._ends.warn(f"{self._url}: no socket for a rebooted vehicle ({why}); {again} [no-socket]")
+                reason = error.strerror or error
+                self._callbacks.warn(
+                    f"{self._url}: no socket for a rebooted vehicle ({reason}); "
+                    f"the link retries every {RETRY_S:g} s [no-socket]"
+                )
 
     def stations(self) -> int:
-        if self._heard_s is None:
+        if self._received_s is None:
             return 0
-        return int(asyncio.get_running_loop().time() - self._heard_s < HEARD_S)
+        return int(asyncio.get_running_loop().time() - self._received_s < ACTIVE_S)
 
     def close(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
+        if self._retry_timer is not None:
+            self._retry_timer.cancel()
         for opened in (self._shared, *self._own.values()):
-            _drop(opened)
+            _close_socket(opened)
         self._shared = None
         self._own.clear()
 
 
 class UdpIn:
-    """A listening port, which sends to every recent sender."""
+    """A listening port that sends to every recent sender."""
 
-    def __init__(self, url: Url, ends: Ends) -> None:
+    def __init__(self, url: Url, callbacks: LinkCallbacks) -> None:
         self.dropped = 0
-        self._url, self._ends = url, ends
+        self._url, self._callbacks = url, callbacks
         self._socket: socket.socket | None = None
-        self._heard_s: dict[Address, float] = {}  # by peer, the longest silent first
+        self._received_s: dict[Address, float] = {}  # by peer, longest silence first
 
     def open(self) -> None:
         family, address = resolve(self._url, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
-            _make_ready(self._socket)
+            _configure(self._socket)
             self._socket.bind(address)
         except OSError as error:
             self.close()
@@ -160,7 +162,7 @@ class UdpIn:
         asyncio.get_running_loop().add_reader(self._socket, self._read, self._socket)
 
     def _read(self, opened: socket.socket) -> None:
-        left = BYTES_PER_WAKE
+        remaining_bytes = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
                 data, address = opened.recvfrom(RECEIVE_BYTES)
@@ -168,30 +170,30 @@ class UdpIn:
                 return
             except OSError:
                 continue
-            self._keep(address)
-            self._ends.received(data, (self._url, address), None)
-            left -= len(data)
-            if left <= 0:
+            self._note_peer(address)
+            self._callbacks.received(data, (self._url, address), None)
+            remaining_bytes -= len(data)
+            if remaining_bytes <= 0:
                 return
 
-    def _keep(self, address: Address) -> None:
+    def _note_peer(self, address: Address) -> None:
         now = asyncio.get_running_loop().time()
-        self._heard_s.pop(address, None)
-        if len(self._heard_s) >= MAX_PEERS:
-            self._forget(next(iter(self._heard_s)))
-        self._heard_s[address] = now
+        self._received_s.pop(address, None)
+        if len(self._received_s) >= MAX_PEERS:
+            self._remove_peer(next(iter(self._received_s)))
+        self._received_s[address] = now
 
-    def _forget(self, address: Address) -> None:
-        del self._heard_s[address]
-        self._ends.gone((self._url, address))
+    def _remove_peer(self, address: Address) -> None:
+        del self._received_s[address]
+        self._callbacks.ended((self._url, address))
 
     def send(self, batch: Batch) -> None:
         if self._socket is None:
             return
         now = asyncio.get_running_loop().time()
-        for address in [peer for peer, heard_s in self._heard_s.items() if now - heard_s > SILENT_S]:
-            self._forget(address)
-        for address in self._heard_s:
+        for address in [peer for peer, received_s in self._received_s.items() if now - received_s > SILENT_S]:
+            self._remove_peer(address)
+        for address in self._received_s:
             for _, data in batch:
                 try:
                     self._socket.sendto(data, address)
@@ -201,20 +203,20 @@ class UdpIn:
                     continue
 
     def rebooted(self, index: int) -> None:
-        """Do nothing: a listening port stays."""
+        """Do nothing: a listening port stays open."""
 
     def stations(self) -> int:
-        if not self._heard_s:
+        if not self._received_s:
             return 0
         now = asyncio.get_running_loop().time()
-        return sum(now - heard_s < HEARD_S for heard_s in self._heard_s.values())
+        return sum(now - received_s < ACTIVE_S for received_s in self._received_s.values())
 
     def close(self) -> None:
-        _drop(self._socket)
+        _close_socket(self._socket)
         self._socket = None
 
 
-def _make_ready(opened: socket.socket) -> None:
+def _configure(opened: socket.socket) -> None:
     opened.setblocking(False)
     sizes = ((socket.SO_SNDBUF, SEND_BUFFER_BYTES), (socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES))
     for option, size in sizes:
@@ -222,7 +224,7 @@ def _make_ready(opened: socket.socket) -> None:
             opened.setsockopt(socket.SOL_SOCKET, option, size)
 
 
-def _drop(opened: socket.socket | None) -> None:
+def _close_socket(opened: socket.socket | None) -> None:
     if opened is not None:
         asyncio.get_running_loop().remove_reader(opened)
         opened.close()

@@ -1,4 +1,4 @@
-"""URLs of links: `udpout:127.0.0.1:14550`, `serial:/dev/ttyUSB0:57600` and so on; // is optional."""
+"""URLs of links, such as `udpout:127.0.0.1:14550` or `serial:/dev/ttyUSB0:57600`; // is optional."""
 
 import re
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD"
 KINDS = ("udpout", "udpin", "tcpin", "tcpout")
 _ALIASES = {"tcp": "tcpout", "tcpclient": "tcpout", "tcpserver": "tcpin", "": "udpout"}  # of other tools
-_AMBIGUOUS = {"udp": "udpout:HOST:PORT sends there, udpin:HOST:PORT listens"}
+_AMBIGUOUS = {"udp": "use udpout:HOST:PORT to send, or udpin:HOST:PORT to listen"}
 _NETWORK = re.compile(r"(?:(?P<kind>[a-z]+):(?://)?)?(?P<host>\[[^\]\s]*\]|[^:/\[\]\s]*):(?P<port>\d+)/?")
 _SERIAL = re.compile(r"serial:(?://(?=/))?(?P<device>[^:\s]+):(?P<baud>\d+)")
 MAX_PORT = 65_535
@@ -41,12 +41,12 @@ class Url:
         return self.kind.endswith("in")
 
     def shifted(self, ports: int) -> "Url":
-        """Return this URL with a higher port."""
+        """Return this URL with its port increased by `ports`."""
         return replace(self, port=self.port + ports)
 
 
 def parse_url(text: str) -> Url:
-    """Parse a URL; `tcp:` is tcpout, HOST:PORT alone is udpout; UrlError otherwise."""
+    """Parse a URL, where `tcp:` means tcpout and HOST:PORT alone means udpout; UrlError for other text."""
     stripped = text.strip()
     if stripped.startswith("serial:"):
         return _serial(stripped, text)
@@ -56,10 +56,10 @@ def parse_url(text: str) -> Url:
         raise UrlError(f"--url {text!r}: {kind} is ambiguous; {_AMBIGUOUS[kind]}")
     kind = _ALIASES.get(kind, kind)
     if match is None or kind not in KINDS or not (match["kind"] or match["host"]):
-        raise UrlError(f"--url {text!r} is not understood; expected {FORMS}")
+        raise UrlError(f"--url {text!r}: unknown form; expected {FORMS}")
     port = int(match["port"])
     if not 0 < port <= MAX_PORT:
-        raise UrlError(f"--url {text!r}: port {port} is not between 1 and {MAX_PORT}")
+        raise UrlError(f"--url {text!r}: port {port} is out of range; use 1 to {MAX_PORT}")
     host = match["host"].strip("[]") or ("0.0.0.0" if kind.endswith("in") else "127.0.0.1")
     return Url(kind, host, port)
 
@@ -68,10 +68,10 @@ def _serial(stripped: str, text: str) -> Url:
     match = _SERIAL.fullmatch(stripped)
     if match is None:
         raise UrlError(
-            f"--url {text!r} is not understood; expected serial:DEVICE:BAUD, "
+            f"--url {text!r}: unknown form; expected serial:DEVICE:BAUD, "
             "for example serial:/dev/ttyUSB0:57600"
         )
     baud = int(match["baud"])
     if not 0 < baud <= MAX_BAUD:
-        raise UrlError(f"--url {text!r}: {baud} baud is not between 1 and {MAX_BAUD}")
+        raise UrlError(f"--url {text!r}: {baud} baud is out of range; use 1 to {MAX_BAUD} baud")
     return Url("serial", match["device"], baud)

@@ -1,4 +1,4 @@
-"""Types and base classes of the sections of a scenario."""
+"""Types and base classes for the sections of a scenario."""
 
 from collections.abc import Iterable
 from typing import Annotated, Any, Self
@@ -18,7 +18,7 @@ SystemId = Annotated[int, Field(strict=True, ge=1, le=250)]
 
 
 class NameIn:
-    """Annotation of a text that is one of a registry's names, in errors and schema like a Literal."""
+    """An annotation that restricts a text to the names of a registry, like a Literal."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = list(names)
@@ -28,7 +28,7 @@ class NameIn:
 
 
 class Section(BaseModel):
-    """A section: unknown keys are errors, and nothing changes after loading."""
+    """An immutable section of a scenario; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -38,9 +38,9 @@ class NoSettings(Section):
 
 
 class OneOf(Section):
-    """A section with exactly one of its optional fields, besides those in `common`.
+    """A section with exactly one of its optional fields, apart from the fields in `common`.
 
-    A bare word stands for the word with empty settings: `rtl` is `rtl: {}`.
+    A word alone has empty settings: `rtl` is `rtl: {}`.
     """
 
     @classmethod
@@ -71,7 +71,7 @@ class OneOf(Section):
 
     @property
     def chosen(self) -> str:
-        """Return the name of the given field."""
+        """Return the name of the chosen field."""
         return next(name for name in self.choices() if getattr(self, name) is not None)
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""The checks of a scenario during a run: failures, with their time and measured value."""
+"""The checks of a scenario during a run, with the time and measured value of each failure."""
 
 from dataclasses import dataclass
 
@@ -25,18 +25,20 @@ class CheckFailure:
 
 
 class RunningCheck:
-    """One check, evaluated at every step; each vehicle fails it at most once."""
+    """One check, evaluated at every step, with at most one failure for each vehicle."""
 
     def __init__(self, spec: CheckSpec, scenario: Scenario) -> None:
         self.spec = spec
         self.failures: list[CheckFailure] = []
         self._check = CHECKS[spec.name]
         self._vehicles = [(v.sysid, v.link) for v in scenario.vehicles]
-        self._meant = np.array([spec.vehicles is None or v.sysid in spec.vehicles for v in scenario.vehicles])
-        self._open = self._meant.copy()  # vehicles that have not failed yet, or not fulfilled it yet
-        self._closed = self._looked = False
-        self._nearest_m = np.full(len(self._meant), np.inf)
-        self._nearest_s = np.zeros(len(self._meant))
+        self._selected = np.array(
+            [spec.vehicles is None or v.sysid in spec.vehicles for v in scenario.vehicles]
+        )
+        self._open = self._selected.copy()  # vehicles without a result so far
+        self._closed = self._evaluated = False
+        self._nearest_m = np.full(len(self._selected), np.inf)
+        self._nearest_s = np.zeros(len(self._selected))
 
     def is_settled(self, now: float) -> bool:
         """Return True if more time cannot change the result."""
@@ -70,7 +72,7 @@ class RunningCheck:
         if spec.until_s is not None and view.now > spec.until_s + EPSILON_S:
             return self._close(view) if spec.when == "eventually" else []
         holds, found = self._check.function(view, spec.value)
-        self._looked = True
+        self._evaluated = True
         self._note_nearest(view)
         if spec.when == "always":
             return self._fail(self._open & ~holds, view, found)
@@ -84,9 +86,9 @@ class RunningCheck:
         if self._closed:
             return []
         if self.spec.when == "always":
-            # A check without an evaluation fails: its time did not come, or fell between two steps.
-            unseen = ["nothing: it was never evaluated [not-evaluated]"] * len(self._meant)
-            return [] if self._looked else self._fail(self._open.copy(), view, unseen)
+            # A check without an evaluation fails: the run ended before its time, or had no step at that time.
+            unseen = ["no evaluation of the check [not-evaluated]"] * len(self._selected)
+            return [] if self._evaluated else self._fail(self._open.copy(), view, unseen)
         if self.spec.when == "end":
             holds, _ = self._check.function(view, self.spec.value)
             self._open &= ~holds
@@ -95,7 +97,7 @@ class RunningCheck:
     def _close(self, view: RunView) -> list[CheckFailure]:
         self._closed = True
         _, found = self._check.function(view, self.spec.value)
-        return self._fail(self._open.copy(), view, self._at_its_nearest(found))
+        return self._fail(self._open.copy(), view, self._at_closest_approach(found))
 
     def _note_nearest(self, view: RunView) -> None:
         if self._check.away_m is not None:
@@ -103,22 +105,22 @@ class RunningCheck:
             nearer = away_m < self._nearest_m
             self._nearest_m[nearer], self._nearest_s[nearer] = away_m[nearer], view.now
 
-    def _at_its_nearest(self, found: Measured) -> Measured:
+    def _at_closest_approach(self, found: Measured) -> Measured:
         """Report the smallest distance to an expected event instead of the final state."""
         if self.spec.when != "eventually":
             return found
         return [
-            f"{away_m:.4g} m away at its nearest, at {self._nearest_s[i]:.2f} s"
+            f"{away_m:.4g} m away at the closest approach, at {self._nearest_s[i]:.2f} s"
             if np.isfinite(away_m)
             else self._number(found, i)
             for i, away_m in enumerate(self._nearest_m)
         ]
 
-    def _fail(self, which: np.ndarray, view: RunView, found: Measured) -> list[CheckFailure]:
-        self._open &= ~which
+    def _fail(self, failed: np.ndarray, view: RunView, found: Measured) -> list[CheckFailure]:
+        self._open &= ~failed
         added = [
             CheckFailure(self.description, *self._vehicles[i], view.now, self._number(found, i))
-            for i in np.flatnonzero(which).tolist()
+            for i in np.flatnonzero(failed).tolist()
         ]
         self.failures += added
         return added

@@ -1,7 +1,7 @@
 """Checks: named conditions that a scenario evaluates for each vehicle at every step.
 
-A check is a function of the `RunView` and its argument. It returns whether it holds, (n,), and the measured
-value, (n,). A new check is one more function here.
+A check is a function of the `RunView` and the check's argument. The function returns two arrays of length n:
+results (True: the condition holds) and measured values. A new check is one more function in this file.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,14 +21,14 @@ Need = Literal["goal", "fence", "area", "mission", "hostiles", "others"]
 Measured = Floats | Sequence[str]
 TIMES = ("from_s", "until_s", "by_s")
 COMMON = ("vehicles", "when", *TIMES)
-BOUND = 1e9  # of every argument that is a number
+BOUND = 1e9  # largest magnitude of a numeric argument
 
 
 @dataclass(frozen=True)
 class RunView:
-    """The input of checks: the true state and the received messages, (n,) in the scenario's order.
+    """The input of checks: true states and received messages, arrays of n vehicles in the scenario's order.
 
-    Lengths are metres east, north, up (above mean sea level) in one plane for all vehicles.
+    Positions are metres east, north, up (above mean sea level) in one tangent plane for all vehicles.
     """
 
     now: float
@@ -37,16 +37,16 @@ class RunView:
     start_m: Floats  # (n, 3)
     goal_m: Floats  # (n, 2), NaN without a goal
     bound_for_goal: Bools  # the mission item of the goal is current or past; True without such an item
-    flown: Bools  # was airborne before
-    silent_s: Floats  # since the last heartbeat
+    flown: Bools  # True after the first take-off
+    silent_s: Floats  # time since the last heartbeat
     mission_done: Bools
-    outside_fence_m: Floats  # beyond the fence, 0 inside
+    outside_fence_m: Floats  # distance beyond the fence, 0 inside
     area_m: tuple[float, float, float, float] | None  # west, south, east, north edges
-    texts: Sequence[Sequence[str]]  # STATUSTEXT of each vehicle, assembled from chunks
+    texts: Sequence[Sequence[str]]  # each vehicle's STATUSTEXTs, assembled from chunks
 
     @cached_property
     def height_m(self) -> Floats:
-        """Return the height above the start, which is home."""
+        """Return the height above the start (home) [m]."""
         return self.position_m[:, 2] - self.start_m[:, 2]
 
     @cached_property
@@ -59,7 +59,7 @@ class RunView:
 
     @cached_property
     def separation_m(self) -> Floats:
-        """Return the distance of each airborne vehicle to the nearest other; infinite on the ground."""
+        """Return the distance to the nearest other airborne vehicle [m]; infinite on the ground."""
         from scipy.spatial import KDTree  # noqa: PLC0415 (saves 0.1 s at every start)
 
         found = np.full(len(self.position_m), np.inf)
@@ -81,7 +81,7 @@ class RunView:
         )
 
     def received_text(self, words: str) -> Bools:
-        """Return which vehicles sent a text with these words, in any case."""
+        """Return True for each vehicle that sent a text with these words, in upper or lower case."""
         wanted = words.casefold()
         return np.array([any(wanted in text.casefold() for text in texts) for texts in self.texts])
 
@@ -103,18 +103,18 @@ class Check:
     summary: str
     when: When
     function: CheckFunction
-    argument: str | None  # name of its argument; None: without an argument
+    argument: str | None  # name of the argument; None: without an argument
     default: float | str | None  # None: the argument must be given
     text: bool  # the argument is text, not a number
     unit: str
     needs: Need | None
-    least: float  # lower bound of the argument; below it a check is meaningless
-    most: float
-    away_m: AwayFunction | None  # distance to the expected event; inf: not on the way to it
+    least: float  # lower bound of a meaningful argument
+    most: float  # upper bound of a meaningful argument
+    away_m: AwayFunction | None  # returns the distance to the expected event; inf if it is not expected yet
 
     @property
     def bounds(self) -> str:
-        """Return the bounds as words after "a number"; empty without bounds."""
+        """Return the bounds as text that follows "a number"; empty without bounds."""
         if self.most < BOUND:
             return f" from {self.least:g} to {self.most:g}"
         return f" of at least {self.least:g}" if self.least > -BOUND else ""
@@ -162,7 +162,7 @@ def crashed(view: RunView, _: None) -> tuple[Bools, Measured]:
 
 @check("always", "metres", unit="m", needs="others", least=0.1)
 def min_separation_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """In the air the vehicle is at least this far from the nearest other."""
+    """In the air the vehicle is at least this far from the nearest other vehicle."""
     return view.separation_m >= metres, view.separation_m
 
 
@@ -299,7 +299,7 @@ def _to_goal_m(view: RunView) -> Floats:
 def reached_goal(view: RunView, within_m: float) -> tuple[Bools, Measured]:
     """The vehicle has flown and is this near to `goal`, or to its mission's last place while bound for it."""
     reached = view.flown & view.bound_for_goal & (view.from_goal_m <= within_m)
-    short = np.where(view.bound_for_goal, "", ", not bound for it yet")
+    short = np.where(view.bound_for_goal, "", ", not bound for the goal yet")
     short = np.where(view.flown, short, ", not flown yet")
     return reached, [f"{far:.4g} m away{why}" for far, why in zip(view.from_goal_m, short, strict=True)]
 
@@ -312,9 +312,9 @@ def mission_complete(view: RunView, _: None) -> tuple[Bools, Measured]:
 
 
 def settings_of(data: Any) -> Any:
-    """Return the fields of a CheckSpec from a check as written; ValueError for a mistake.
+    """Return the fields of a CheckSpec from a check in a scenario file; ValueError for a mistake.
 
-    `no_crash`, `min_separation_m: 5` and `landed: {by_s: 300, vehicles: [2]}` are all checks.
+    Forms: `no_crash`, `min_separation_m: 5`, `landed: {by_s: 300, vehicles: [2]}`.
     """
     name: Any
     given: Any
@@ -358,7 +358,7 @@ def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _fits(known: Check, value: Any) -> bool:
-    """Return True for a meaningful argument; empty text and NaN are none."""
+    """Return True for a meaningful argument; False for empty text and NaN."""
     if known.text:
         return isinstance(value, str) and bool(value.strip())
     number = isinstance(value, int | float) and not isinstance(value, bool)

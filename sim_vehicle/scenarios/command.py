@@ -1,4 +1,4 @@
-"""`python -m sim_vehicle run`: fly scenarios, check them, exit with the verdict."""
+"""`python -m sim_vehicle run`: fly and check scenarios, exit with the verdict."""
 
 import difflib
 import json
@@ -31,7 +31,8 @@ def run(
         typer.Argument(help="Scenario files, or names of shipped scenarios.", show_default=False),
     ] = None,
     out: Annotated[
-        Path, typer.Option(help="Folder for one folder a scenario, with its tlogs and verdict.json.")
+        Path,
+        typer.Option(help="Folder for results; each scenario gets a folder with tlogs and verdict.json."),
     ] = Path("runs"),
     seed: Annotated[int | None, typer.Option(min=0, help="Seed, instead of the scenario's.")] = None,
     speedup: Annotated[
@@ -47,7 +48,7 @@ def run(
     """Fly scenarios on the virtual clock and check them.
 
     Exit codes: 0 every check of every scenario passed; 1 a check failed; 2 a scenario is unusable; 130
-    interrupted, without a verdict of the scenario in flight.
+    interrupted, without a verdict of the running scenario.
     """
     console = Console(highlight=False)
     if list_scenarios or list_checks:
@@ -57,9 +58,7 @@ def run(
         _print_scenario(show_scenario)
         return
     if not scenarios:
-        raise typer.BadParameter(
-            "a scenario file is missing, or a name of `run --list`", param_hint="SCENARIOS"
-        )
+        raise typer.BadParameter("give a scenario file, or a name from `run --list`", param_hint="SCENARIOS")
     try:
         loaded = [(text, load_scenario(find_scenario(text), flown=True)) for text in scenarios]
     except ScenarioError as error:
@@ -82,7 +81,7 @@ def _print_scenario(name: str) -> None:
     names = {scenario.name: scenario.path for scenario in shipped()}
     if name not in names:
         raise typer.BadParameter(
-            f"{name!r} is no shipped scenario; the names are {', '.join(names)}", param_hint="--show"
+            f"{name!r} is not a shipped scenario; the names are {', '.join(names)}", param_hint="--show"
         )
     typer.echo(names[name].read_text(encoding="utf-8"), nl=False)
 
@@ -115,17 +114,18 @@ def _fly(
     console.print(f"{scenario.name}: {word}, {speed}; {escape(str(folder))}", soft_wrap=True)
     if wall_clock.lost_s > LAG_REPORTED_S:
         typer.echo(
-            f"sim_vehicle: could not keep up with {wall_clock.speedup:g}x, {wall_clock.lost_s:.1f} s lost",
+            f"sim_vehicle: the machine is too slow for {wall_clock.speedup:g}x; "
+            f"{wall_clock.lost_s:.1f} s were lost",
             err=True,
         )
     if not verdict.passed:
         command = f"python -m sim_vehicle run {shlex.quote(text)} --seed {scenario.seed}"
-        console.print(f"repeat it with: {escape(command)}", soft_wrap=True)
+        console.print(f"to repeat the run: {escape(command)}", soft_wrap=True)
     return verdict.passed
 
 
 class _WallClock:
-    """The wall clock: keeps the simulation at `speedup` times real time; None: unlimited."""
+    """The wall clock, which limits the simulation to `speedup` times real time; None: unlimited."""
 
     def __init__(self, speedup: float | None) -> None:
         self.speedup = speedup
@@ -175,7 +175,7 @@ def shipped() -> list[ShippedScenario]:
 
 
 def find_scenario(text: str) -> Path:
-    """Return the file of this path, or the shipped scenario of this name; ScenarioError without either."""
+    """Return the path of a scenario from a path or a shipped name; ScenarioError for an unknown scenario."""
     path = Path(text)
     if path.exists():
         return path

@@ -1,4 +1,4 @@
-"""The reader of scenario files: expands short forms, reports every problem with line and cure."""
+"""The reader of scenario files, which expands short forms and reports every problem with its line."""
 
 import difflib
 import inspect
@@ -57,7 +57,7 @@ NO_HOME = Home(lat_deg=0.0, lon_deg=0.0)
 
 
 class Shorthand(BaseModel):
-    """Short forms of a vehicle: `count` vehicles side by side, offsets in metres from `home`."""
+    """The short forms of a vehicle: `count` vehicles side by side, offsets [m] from `home`."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -70,14 +70,14 @@ class Shorthand(BaseModel):
 def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
     """Read and check a scenario file, YAML or JSON; ScenarioError lists every problem.
 
-    `flown`: the scenario is run alone, so it must have something to fly or check.
+    `flown`: True for a scenario that is run alone and therefore needs a script or checks.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from error
+        raise ScenarioError(f"{path}: the file cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: is not UTF-8 text") from error
+        raise ScenarioError(f"{path}: the file is not UTF-8 text") from error
     return parse_scenario(text, str(path), default_name=path.stem, flown=flown)
 
 
@@ -102,7 +102,7 @@ def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool
 
 
 def parse_data(data: dict[str, Any]) -> Scenario:
-    """Return a scenario from data without short forms; ScenarioError lists every problem."""
+    """Return the scenario of data without short forms; ScenarioError lists every problem."""
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
@@ -112,7 +112,7 @@ def parse_data(data: dict[str, Any]) -> Scenario:
 
 def read_step(action: str, value: Any) -> ScriptStep:
     """Return one step of a script from its name and value; ScenarioError for a mistake."""
-    actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # not an action of a vehicle
+    actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # no action with one vehicle
     if action not in actions:
         near = difflib.get_close_matches(str(action), actions, n=1)
         cure = f"did you mean {near[0]!r}?" if near else f"the actions are {', '.join(actions)}"
@@ -125,9 +125,9 @@ def read_step(action: str, value: Any) -> ScriptStep:
 
 
 def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
-    """Expand `home`, `count` and metres: return findings, data, and each vehicle's index in the file.
+    """Expand `home`, `count` and metres; return findings, data, and each vehicle's index in the file.
 
-    A wrong short form gets a substitute, so that later problems are found as well.
+    A wrong short form is replaced by a default, so that later problems are found as well.
     """
     findings: list[Finding] = []
     rest = {key: value for key, value in data.items() if key not in ("home", "count")}
@@ -164,7 +164,7 @@ def _vehicles(
     if "lat_deg" in entry or "lon_deg" in entry:
         if offsets:
             findings.append(
-                ((*where, offsets[0]), "metres count from `home`; remove them, or lat_deg and lon_deg")
+                ((*where, offsets[0]), "is an offset from `home`; remove it, or lat_deg and lon_deg")
             )
         if short.count == 1 and "sysid" in entry:
             return [rest]
@@ -175,7 +175,7 @@ def _vehicles(
         )
     home = home or NO_HOME
     frame = LocalFrame(home.lat_deg, home.lon_deg)
-    numbers = _numbers(entry, short.count, used)
+    numbers = _allocate_sysids(entry, short.count, used)
     return [
         {
             "alt_amsl_m": home.alt_amsl_m,
@@ -193,8 +193,8 @@ def _vehicles(
     ]
 
 
-def _numbers(entry: dict[Any, Any], count: int, used: dict[int, int]) -> list[dict[str, Any]]:
-    """Return system ids and links for `count` vehicles: from `sysid` on, else the next free ones."""
+def _allocate_sysids(entry: dict[Any, Any], count: int, used: dict[int, int]) -> list[dict[str, Any]]:
+    """Return system ids and links for `count` vehicles, from `sysid` on or from the next free id on."""
     link, first = entry.get("link", 0), entry.get("sysid")
     if not isinstance(link, int) or not isinstance(first, int | None):
         return [{"sysid": first or 1}]  # the model reports the mistake
@@ -219,25 +219,25 @@ def _findings(error: ValidationError, sources: list[int], model: type[BaseModel]
     for detail in error.errors():
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, InconsistentScenarioError):
-            misfits = [(_in_file(path, sources), text) for path, text in cause.findings]
-            found += [finding for finding in dict.fromkeys(misfits) if finding not in found]
+            inconsistencies = [(_in_file(path, sources), text) for path, text in cause.findings]
+            found += [finding for finding in dict.fromkeys(inconsistencies) if finding not in found]
             continue
         loc = tuple(part for part in detail["loc"] if part != "kind")
         path = _in_file(loc, sources)
-        for text in _words(detail, loc, model).split("\n"):
+        for text in _describe(detail, loc, model).split("\n"):
             if (path, text) not in found:
                 found.append((path, text))
     return found
 
 
 def _in_file(path: KeyPath, sources: list[int]) -> KeyPath:
-    """Return the path in the file of a path in the scenario; counted vehicles share one entry."""
+    """Convert a path in the scenario to a path in the file, where counted vehicles share one entry."""
     if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int) and sources:
         return ("vehicles", sources[path[1]], *path[2:])
     return path
 
 
-def _words(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
+def _describe(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
     if detail["type"] == "extra_forbidden":
         allowed = _keys_at(model, loc[:-1])
         near = difflib.get_close_matches(str(loc[-1]), allowed, n=1)
@@ -277,7 +277,7 @@ def _section_at(model: Any, loc: KeyPath) -> type[BaseModel] | None:
 
 
 def section_of(annotation: Any) -> type[BaseModel] | None:
-    """Return the model inside an annotation like `Annotated[list[Model], ...] | None`."""
+    """Return the model in an annotation, such as `Annotated[list[Model], ...] | None`, or None."""
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
         return annotation
     for inner in typing.get_args(annotation):
@@ -304,10 +304,10 @@ def default_scenario(
     kind: str = "copter",
     per_link: int = PER_LINK,
 ) -> Scenario:
-    """Return a scenario of vehicles in a row, eastward from home (latitude, longitude [deg], altitude [m]).
+    """Return a scenario of `count` vehicles in a row, eastward from home.
 
-    Every `per_link` vehicles share a link; on each link system ids start at `first_sysid`. The personality
-    "mixed" alternates between all personalities.
+    home: latitude, longitude [deg], altitude [m]. per_link: number of vehicles on each link; on each link
+    system ids start at `first_sysid`. The personality "mixed" alternates between all personalities.
     """
     lat_deg, lon_deg, alt_amsl_m = home
     frame = LocalFrame(lat_deg, lon_deg)

@@ -41,7 +41,7 @@ Finding = tuple[KeyPath, str]
 
 
 class InconsistentScenarioError(ValueError):
-    """A scenario with contradictions; `findings` has the path of each."""
+    """The scenario has contradictions; `findings` has path and text of each contradiction."""
 
     def __init__(self, findings: list[Finding]) -> None:
         super().__init__("\n".join(text for _, text in findings))
@@ -49,7 +49,7 @@ class InconsistentScenarioError(ValueError):
 
 
 class VehicleSpec(Section):
-    """One vehicle: system id, autopilot, position; `params` are set at its first boot."""
+    """One vehicle: system id, autopilot, position; `params` are set at the first boot."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_by_name=True, validate_by_alias=True)
 
@@ -71,30 +71,34 @@ class VehicleSpec(Section):
     @model_validator(mode="after")
     def _parameters_exist(self) -> Self:
         if self.kind not in PERSONALITIES.get(self.personality, {}):
-            there = [f"{name} {kind}" for name, kinds in PERSONALITIES.items() for kind in kinds]
-            raise ValueError(f"no {self.personality} {self.kind} exists; the vehicles are {', '.join(there)}")
+            available = [f"{name} {kind}" for name, kinds in PERSONALITIES.items() for kind in kinds]
+            raise ValueError(
+                f"{self.personality} {self.kind} is not simulated; the vehicles are {', '.join(available)}"
+            )
         known = personality_of(self.personality, self.kind).parameters
         unknown = sorted(set(self.params) - set(known))
         if unknown:
             vehicle = f"{self.personality} {self.kind}"
             names = ", ".join(sorted(known))
-            raise ValueError(f"unknown parameters of {vehicle}: {', '.join(unknown)}; they are {names}")
+            raise ValueError(
+                f"unknown parameters of {vehicle}: {', '.join(unknown)}; the parameters are {names}"
+            )
         return self
 
     def goal_m(self) -> tuple[float, float] | None:
-        """Return the goal east and north [m] of the start: `goal`, or the mission's last place."""
+        """Return the goal [m east and north of the start]: `goal`, or the mission's last place."""
         if self.goal is not None:
             return self.goal.east_m, self.goal.north_m
         leg = self._last_place()
         return None if leg is None else self.mission[leg].place()
 
     def goal_item(self) -> int | None:
-        """Return the mission item of the goal; None if `goal` gives it."""
+        """Return the mission item of the goal; None if the goal is no item."""
         leg = self._last_place()
         return None if self.goal is not None or leg is None else self.item_of(leg)
 
     def item_of(self, leg: int) -> int:
-        """Return the MAVLink number of a mission entry; on some autopilots item 0 is home."""
+        """Return the MAVLink sequence number of a mission entry; on some autopilots item 0 is home."""
         return leg + int(personality_of(self.personality, self.kind).home_item)
 
     def _last_place(self) -> int | None:
@@ -103,12 +107,12 @@ class VehicleSpec(Section):
 
 
 def _fault(value: Any) -> Any:
-    """Parse a fault in its command-line form; leave the fields of a FaultSpec."""
+    """Return the parsed fault of a command-line form; other values unchanged."""
     return parse_fault(value) if isinstance(value, str) else value
 
 
 class Area(Section):
-    """The grid of square cells; the origin is the south-west corner of cell (0, 0)."""
+    """The grid of square cells, with its origin at the south-west corner of cell (0, 0)."""
 
     origin_lat_deg: Latitude
     origin_lon_deg: Longitude
@@ -118,7 +122,7 @@ class Area(Section):
 
 
 class Wind(Section):
-    """Steady wind with its origin, and the standard deviation of its gusts."""
+    """The steady wind, the direction of its origin, and the standard deviation of gusts."""
 
     speed_m_s: Annotated[float, Field(strict=True, ge=0, le=60)] = 0.0
     from_deg: Annotated[float, Field(strict=True, ge=0, le=360)] = 0.0
@@ -126,18 +130,16 @@ class Wind(Section):
 
 
 class Gps(Section):
-    """Standard deviation of the GPS receiver's noise and of its slow drift."""
+    """The standard deviations of the GPS receiver's noise and slow drift; None: as of a good receiver."""
 
-    noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None  # None: that of a good receiver
+    noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
     drift_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
 
 
 def _folder(name: str) -> str:
-    """Check the name of the folder that a run writes to."""
+    """Check and return the name, which is also the name of the run's folder."""
     if name in (".", "..") or not name.isprintable() or set(name) & set("/\\"):
-        raise ValueError(
-            f"must be a folder's name, without / and \\, for the files of a run; found {name!r:.60}"
-        )
+        raise ValueError(f"must be a folder's name, without / and \\; found {name!r:.60}")
     return name
 
 
@@ -147,7 +149,7 @@ class Scenario(Section):
     name: Annotated[str, AfterValidator(_folder)] = ""
     about: str = ""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = None  # None: that of the autopilot
+    ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = None  # None: the autopilot's time
     vehicles: Annotated[list[VehicleSpec], Field(min_length=1)]
     wind: Wind = Wind()
     gps: Gps = Gps()
@@ -161,7 +163,7 @@ class Scenario(Section):
     speedup: Annotated[float, Field(strict=True, gt=0, le=1000)] | None = None  # None: unlimited
 
     @model_validator(mode="after")
-    def _fits_together(self, info: ValidationInfo) -> Self:
+    def _check_consistency(self, info: ValidationInfo) -> Self:
         findings = [
             *self._duplicate_sysids(),
             *self._mission_problems(),
@@ -175,7 +177,7 @@ class Scenario(Section):
             *self._late_steps_and_checks(),
         ]
         findings += self._distant_vehicles()
-        # A served fleet has no end.
+        # Late faults are no problem for a served fleet, because it has no end.
         if info.context and info.context.get("whole"):
             findings += self._late_faults()
         if info.context and info.context.get("flown"):
@@ -186,14 +188,14 @@ class Scenario(Section):
 
     def _duplicate_sysids(self) -> list[Finding]:
         counted = Counter((v.link, v.sysid) for v in self.vehicles)
-        twice = sorted({sysid for (_, sysid), n in counted.items() if n > 1})
-        if not twice:
+        duplicates = sorted({sysid for (_, sysid), n in counted.items() if n > 1})
+        if not duplicates:
             return []
-        text = f"system ids on one link must differ; these occur more than once: {twice}"
+        text = f"system ids on one link must differ; duplicates: {duplicates}"
         return [(("vehicles",), text)]
 
     def _distant_vehicles(self) -> list[Finding]:
-        """Find vehicles too far away for the fleet's common tangent plane."""
+        """Return findings on vehicles too far away for the fleet's common tangent plane."""
         area, first = self.area, self.vehicles[0]
         middle = (area.origin_lat_deg, area.origin_lon_deg) if area else (first.lat_deg, first.lon_deg)
         frame = LocalFrame(*middle)
@@ -232,15 +234,13 @@ class Scenario(Section):
         outside = [cell for cell in self.hostiles if not (0 <= cell[0] < rows and 0 <= cell[1] < cols)]
         if outside:
             findings.append((where, f"{outside} are outside of the area of {rows} rows and {cols} columns"))
-        twice = [cell for cell, n in Counter(self.hostiles).items() if n > 1]
-        if twice:
-            findings.append(
-                (where, f"a cell has at most one hostile; these cells occur more than once: {twice}")
-            )
+        duplicates = [cell for cell, n in Counter(self.hostiles).items() if n > 1]
+        if duplicates:
+            findings.append((where, f"a cell has at most one hostile; duplicates: {duplicates}"))
         return findings
 
     def _unknown_sysids(self) -> list[Finding]:
-        """Find system ids in steps, faults and checks that no vehicle has."""
+        """Return findings on unknown system ids in steps, faults and checks."""
         known = {v.sysid for v in self.vehicles}
         named: list[tuple[KeyPath, Collection[int] | None]] = []
         named += [(("script", i), step.vehicles) for i, step in enumerate(self.script)]
@@ -253,10 +253,10 @@ class Scenario(Section):
         ]
 
     def _step_problems(self) -> list[Finding]:
-        """Find modes, parameters, missions and fences in steps that their vehicles lack."""
+        """Return findings on steps that are impossible for their vehicles."""
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
-            for vehicle in self.meant(step.vehicles):
+            for vehicle in self.selected(step.vehicles):
                 if text := _step_problem(step, vehicle):
                     findings.append((("script", index), f"{step.chosen}: vehicle {vehicle.sysid} {text}"))
         return findings
@@ -269,7 +269,7 @@ class Scenario(Section):
                 findings += [(where, f"{check.name} needs {text}") for text in self._missing_parts(need)]
                 continue
             without_need = [
-                v.sysid for v in self.meant(check.vehicles) if need is not None and not _has(v, need)
+                v.sysid for v in self.selected(check.vehicles) if need is not None and not _has(v, need)
             ]
             if without_need:
                 what = "`goal` or a mission with a place" if need == "goal" else f"`{need}`"
@@ -284,13 +284,13 @@ class Scenario(Section):
         if need == "area" and self.area is None:
             return ["the scenario's `area`"]
         if need == "hostiles" and not self.hostiles:
-            return ["the scenario's `hostiles`, without which nothing can strike"]
+            return ["the scenario's `hostiles`"]
         if need == "others" and len(self.vehicles) < 2:
             return ["two vehicles or more"]
         return []
 
     def _mode_problems(self) -> list[Finding]:
-        """Find words in steps and checks that are no mode of the selected vehicles."""
+        """Return findings on modes in steps and checks that the selected vehicles lack."""
         asked: list[tuple[KeyPath, str, str, Collection[int] | None]] = []
         for index, step in enumerate(self.script):
             if step.mode is not None:
@@ -300,15 +300,15 @@ class Scenario(Section):
                 asked.append((("checks", index), check.name, str(check.value), check.vehicles))
         findings: list[Finding] = []
         for where, what, words, sysids in asked:
-            kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.meant(sysids)}
-            there = {kind: _mode_names(*kind, selectable=what == "mode") for kind in sorted(kinds)}
-            text = _mode_problem(words, there)
-            if text and there:  # without a selected vehicle another finding says so
+            kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.selected(sysids)}
+            available = {kind: _mode_names(*kind, selectable=what == "mode") for kind in sorted(kinds)}
+            text = _mode_problem(words, available)
+            if text and available:  # unknown vehicles have their own finding
                 findings.append((where, f"{what}: {text}"))
         return findings
 
     def _late_steps_and_checks(self) -> list[Finding]:
-        """Find steps and checks after the end of the run."""
+        """Return findings on steps and checks after the end of the run."""
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             if step.at_s >= self.until_s:
@@ -329,14 +329,14 @@ class Scenario(Section):
         ]
 
     def _idle_problems(self) -> list[Finding]:
-        """Find a run without anything to do; a served fleet is flown from outside."""
+        """Return findings on missing steps of a run without other ground stations."""
         if not self.script and not self.checks:
             text = "has neither `script` nor `checks`; add a `script` (`[fly_mission]`), or `checks`"
             return [((), text)]
         uploaded: set[int] = set()
         for step in self.script:
             if step.chosen in ("fly_mission", "upload_mission"):
-                uploaded |= {v.sysid for v in self.meant(step.vehicles)}
+                uploaded |= {v.sysid for v in self.selected(step.vehicles)}
         return [
             (("vehicles", index, "mission"), "is not uploaded; add `script: [fly_mission]`")
             for index, vehicle in enumerate(self.vehicles)
@@ -354,10 +354,12 @@ class Scenario(Section):
         return _step_problem(step, vehicle)
 
     def _after_the_end(self, what: str, name: str, time_s: float) -> str:
-        end = f"the run's end, the scenario's `until_s` ({self.until_s:g} s)"
-        return f"{what}: `{name}` ({time_s:g} s) must be before {end}; make it earlier, or the run longer"
+        end = f"the end of the run, `until_s` ({self.until_s:g} s)"
+        return (
+            f"{what}: `{name}` ({time_s:g} s) must be before {end}; decrease `{name}` or increase `until_s`"
+        )
 
-    def meant(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
+    def selected(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
         """Return the vehicles with these system ids, on any link; all for None."""
         return [v for v in self.vehicles if sysids is None or v.sysid in sysids]
 
@@ -371,17 +373,17 @@ def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:
     return [mode.name for mode in modes if mode.selectable or not selectable]
 
 
-def _mode_problem(words: str, there: Mapping[tuple[str, str], Sequence[str]]) -> str:
-    """Return the problem with modes like `RTL|Return`: each must exist, and each vehicle must have one."""
+def _mode_problem(words: str, available: Mapping[tuple[str, str], Sequence[str]]) -> str:
+    """Return the problem with alternatives like `RTL|Return`; empty if each mode and each vehicle fits."""
     wanted = words.split("|")
-    known = {name.casefold(): name for names in there.values() for name in names}
+    known = {name.casefold(): name for names in available.values() for name in names}
     for word in wanted:
         if word.casefold() not in known:
             near = difflib.get_close_matches(word.casefold(), known, n=1)
-            every = dict.fromkeys(name for names in there.values() for name in names)
+            every = dict.fromkeys(name for names in available.values() for name in names)
             cure = f"did you mean {known[near[0]]}?" if near else f"the modes are {', '.join(every)}"
             return f"no selected vehicle has a mode {word!r}; {cure}"
-    for (personality, kind), names in there.items():
+    for (personality, kind), names in available.items():
         if not {name.casefold() for name in names} & {word.casefold() for word in wanted}:
             return (
                 f"a {personality} {kind} has no mode {words!r}; its modes are {', '.join(names)} "

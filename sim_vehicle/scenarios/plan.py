@@ -1,4 +1,4 @@
-"""Missions and fences of a scenario, in metres from the vehicle's start."""
+"""Missions and fences of a scenario, with positions in metres from the vehicle's start."""
 
 import math
 from collections.abc import Sequence
@@ -20,21 +20,21 @@ MOST_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # largest number of the 
 
 
 class StartOffset(Section):
-    """A position, metres east and north of the vehicle's start."""
+    """A position [m] east and north of the vehicle's start."""
 
     east_m: Metres
     north_m: Metres
 
 
 class Waypoint(StartOffset):
-    """A position in the air; heights are above home."""
+    """A position in the air, with its height above home."""
 
     height_m: Height
     hold_s: Seconds = 0.0
 
 
 class Takeoff(Section):
-    """A climb; a plane climbs toward a position, if given. A number alone is the height."""
+    """A climb; a plane climbs toward the given position. A number alone is the height."""
 
     height_m: Height
     east_m: Metres = 0.0
@@ -42,7 +42,7 @@ class Takeoff(Section):
 
 
 class Loiter(StartOffset):
-    """A circle (a copter hovers) at a position for a number of turns, a time, or without end."""
+    """A circle (plane) or hover (copter) at a position, for a number of turns, a time, or without end."""
 
     height_m: Height
     turns: Annotated[float, Field(strict=True, gt=0, le=255)] | None = None
@@ -70,14 +70,14 @@ class Land(Section):
 
 
 class Jump(Section):
-    """A jump to the entry of the mission with this number (the first is 1), `times` times."""
+    """A jump to a mission entry by its number (from 1), repeated `times` times; -1: without end."""
 
     to: Annotated[int, Field(strict=True, ge=1, le=65_534)]
     times: Annotated[int, Field(strict=True, ge=-1, le=32_767)] = 1
 
 
 class RawItem(Section):
-    """Any mission command; the position in metres from the start, z as in the frame."""
+    """Any mission command, with a position [m] from the start and z in the frame's meaning."""
 
     command: str | int
     frame: str | int = "GLOBAL_RELATIVE_ALT"
@@ -115,7 +115,7 @@ class Leg(OneOf):
 
     @property
     def flown(self) -> bool:
-        """Return True if the leg moves or holds the vehicle, unlike a speed or a jump."""
+        """Return True for a leg that moves or holds the vehicle; False for a speed or a jump."""
         if self.item is not None:
             return number("MAV_CMD_", self.item.command) in NAVIGATION
         return self.speed_m_s is None and self.jump is None
@@ -150,12 +150,12 @@ def jump_problem(legs: Sequence[Leg], index: int) -> str:
         return ""
     if jump.to > len(legs):
         return (
-            f"jump: entry {jump.to} does not exist, the mission has {len(legs)}; "
-            "to send it anyway, write it as `item: {command: DO_JUMP, param1: ..., param2: ...}`"
+            f"jump: entry {jump.to} does not exist, because the mission has {len(legs)} entries; "
+            "to send the jump anyway, use `item: {command: DO_JUMP, param1: ..., param2: ...}`"
         )
     back = jump.to - 1 <= index
     if jump.times < 0 and back and not any(leg.flown for leg in legs[jump.to - 1 : index]):
-        return f"jump: returns to entry {jump.to} without end, and nothing in between is flown"
+        return f"jump: endless return to entry {jump.to} without a flown entry; add a waypoint to the loop"
     return ""
 
 
@@ -164,7 +164,7 @@ class Circle(StartOffset):
 
 
 class FenceShape(OneOf):
-    """One part of a fence; polygons are lists of [east, north] in metres from the vehicle's start."""
+    """One part of a fence; polygons are lists of [east, north] [m] from the vehicle's start."""
 
     keep_in: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3, max_length=70)] | None = None
     keep_out: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3, max_length=70)] | None = None
@@ -184,7 +184,7 @@ class FenceShape(OneOf):
 
 
 def _width_m(corners: Sequence[tuple[float, float]]) -> float:
-    """Return the largest distance of a corner from the line between the first and its farthest corner."""
+    """Return the width of a polygon [m], across the line from the first corner to the farthest corner."""
     first = corners[0]
     farthest = max(corners, key=lambda corner: math.dist(first, corner))
     length_m = math.dist(first, farthest)
@@ -205,12 +205,14 @@ def number(prefix: str, value: str | int) -> int:
     members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}
     name = value if value.startswith(prefix) else prefix + value
     if name not in members or name == f"{prefix}ENUM_END":
-        raise ValueError(f"{value!r} is no {prefix}*; use a name of the MAVLink enumeration, or its number")
+        raise ValueError(
+            f"{value!r} is not a name in {prefix}*; use a name of the MAVLink enumeration, or a number"
+        )
     return int(members[name])
 
 
 class PlanWriter:
-    """Converts legs and shapes into MAVLink items around one vehicle's start [deg]."""
+    """The conversion of legs and shapes into MAVLink items around one vehicle's start [deg]."""
 
     def __init__(self, lat_deg: float, lon_deg: float) -> None:
         self._frame = LocalFrame(lat_deg, lon_deg)
@@ -222,7 +224,7 @@ class PlanWriter:
 
     def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[Item]:
         """Return the mission's items; `home_first`: item 0 is a placeholder for home (ArduPilot)."""
-        items = [self._at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
+        items = [self._item_at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
         first, before = len(items), (0.0, 0.0)
         for leg in legs:
             place = leg.place() or before
@@ -254,7 +256,7 @@ class PlanWriter:
         x, y = self.place(east_m, north_m)
         return Item(command, frame=mavlink.MAV_FRAME_GLOBAL, param1=param1, x=x, y=y)
 
-    def _at(self, command: int, east_m: float, north_m: float, z: float, *params: float) -> Item:
+    def _item_at(self, command: int, east_m: float, north_m: float, z: float, *params: float) -> Item:
         x, y = self.place(east_m, north_m)
         param1, _, param3 = [*params, 0.0, 0.0, 0.0][:3]
         frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
@@ -262,13 +264,15 @@ class PlanWriter:
 
     def _item(self, leg: Leg, place: tuple[float, float], *, first: int) -> Item:
         if leg.takeoff is not None:
-            return self._at(mavlink.MAV_CMD_NAV_TAKEOFF, *place, leg.takeoff.height_m)
+            return self._item_at(mavlink.MAV_CMD_NAV_TAKEOFF, *place, leg.takeoff.height_m)
         if leg.waypoint is not None:
-            return self._at(mavlink.MAV_CMD_NAV_WAYPOINT, *place, leg.waypoint.height_m, leg.waypoint.hold_s)
+            return self._item_at(
+                mavlink.MAV_CMD_NAV_WAYPOINT, *place, leg.waypoint.height_m, leg.waypoint.hold_s
+            )
         if leg.loiter is not None:
             return self._loiter(leg.loiter)
         if leg.land is not None:
-            return self._at(mavlink.MAV_CMD_NAV_LAND, *place, 0.0)
+            return self._item_at(mavlink.MAV_CMD_NAV_LAND, *place, 0.0)
         if leg.item is not None:
             return self._raw(leg.item)
         return _without_place(leg, first=first)
@@ -276,10 +280,10 @@ class PlanWriter:
     def _loiter(self, loiter: Loiter) -> Item:
         where = (loiter.east_m, loiter.north_m, loiter.height_m)
         if loiter.turns is not None:
-            return self._at(mavlink.MAV_CMD_NAV_LOITER_TURNS, *where, loiter.turns, 0.0, loiter.radius_m)
+            return self._item_at(mavlink.MAV_CMD_NAV_LOITER_TURNS, *where, loiter.turns, 0.0, loiter.radius_m)
         if loiter.for_s is not None:
-            return self._at(mavlink.MAV_CMD_NAV_LOITER_TIME, *where, loiter.for_s, 0.0, loiter.radius_m)
-        return self._at(mavlink.MAV_CMD_NAV_LOITER_UNLIM, *where, 0.0, 0.0, loiter.radius_m)
+            return self._item_at(mavlink.MAV_CMD_NAV_LOITER_TIME, *where, loiter.for_s, 0.0, loiter.radius_m)
+        return self._item_at(mavlink.MAV_CMD_NAV_LOITER_UNLIM, *where, 0.0, 0.0, loiter.radius_m)
 
     def _raw(self, raw: RawItem) -> Item:
         x, y = (0, 0)

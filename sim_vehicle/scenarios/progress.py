@@ -10,16 +10,16 @@ from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import Leg
 from sim_vehicle.vehicle.behaviour import Behaviour
 
-MOST_STEPS = 200_000  # longest simulation of a mission's jumps; a longer mission has no end
-REPEATED_S = 1.0  # an equal sequence number within this time is the same frame
+MOST_STEPS = 200_000  # limit of the simulated mission entries; a longer mission counts as endless
+REPEATED_S = 1.0  # an equal frame number within this time is a duplicate of the frame
 
 
 class MissionProgress:
-    """The completion of one vehicle's mission; an early pass of its last item does not count.
+    """The completion of one vehicle's mission.
 
-    An autopilot with a mission state reports completion by it. For another one, MISSION_ITEM_REACHED of the
-    last item counts in every round of the jumps. If that item returns, another mode takes over (PX4) and the
-    item is never reported; then the mission is complete when the item is current.
+    - An autopilot with a mission state reports the completion.
+    - Otherwise MISSION_ITEM_REACHED of the last item, in every round of the jumps, completes the mission.
+    - A last item that returns is never reported (PX4); the mission is complete when this item is current.
     """
 
     def __init__(self, spec: VehicleSpec) -> None:
@@ -28,12 +28,12 @@ class MissionProgress:
         self._last = spec.item_of(flown[-1]) if flown else -1
         self._returns = bool(flown) and spec.mission[flown[-1]].returns
         self._lands_before = any(spec.mission[i].lands for i in flown[:-1])
-        self._tells_state = personality.reports_mission_state
+        self._reports_state = personality.reports_mission_state
         self._mode = personality.mode_of(Behaviour.MISSION).number
-        self._rounds = 0 if self._tells_state or not flown else _arrivals(spec.mission, flown[-1])
+        self._arrivals_needed = 0 if self._reports_state or not flown else _arrivals(spec.mission, flown[-1])
         self._last_seen = self._flown = False
-        self._arrived = 0
-        self._frame: tuple[int, float] | None = None  # sequence number and time of the last arrival
+        self._n_arrivals = 0
+        self._last_arrival: tuple[int, float] | None = None  # sequence number and time of the last arrival
         self.done = False
 
     def receive(self, message: Any, now: float) -> None:
@@ -50,21 +50,25 @@ class MissionProgress:
             self.done = self.done or self._reported_complete(message)
 
     def _reported_complete(self, message: Any) -> bool:
-        if not self._tells_state:
+        if not self._reports_state:
             return self._returns and self._flown and bool(message.seq == self._last)
-        # A landing before the last item also ends the mission, with the rest not flown.
+        # A landing before the last item also ends the mission, although later items are not flown.
         whole = self._last_seen or not self._lands_before
         return whole and getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
 
     def _note_arrival(self, frame: int, now: float) -> None:
-        repeated = self._frame is not None and self._frame[0] == frame and now - self._frame[1] < REPEATED_S
-        self._frame = frame, now
-        self._arrived += not repeated
-        self.done = self.done or 0 < self._rounds <= self._arrived
+        repeated = (
+            self._last_arrival is not None
+            and self._last_arrival[0] == frame
+            and now - self._last_arrival[1] < REPEATED_S
+        )
+        self._last_arrival = frame, now
+        self._n_arrivals += not repeated
+        self.done = self.done or 0 < self._arrivals_needed <= self._n_arrivals
 
 
 def _arrivals(legs: Sequence[Leg], last: int) -> int:
-    """Return how often the entry `last` is flown until the mission ends; 0 if it never ends."""
+    """Return the number of arrivals at entry `last` until the mission ends; 0 for an endless mission."""
     taken = [0] * len(legs)
     index = arrivals = 0
     for _ in range(MOST_STEPS):

@@ -13,7 +13,7 @@ from sim_vehicle.scenarios.runner import FinalVehicleState, Verdict
 from sim_vehicle.serving.columns import Column, table
 
 SHOWN_FAILURES, SHOWN_VEHICLES = 3, 40
-TEXT_LEAST = 20  # characters, cut
+TEXT_LEAST = 20  # minimum width of the cut column [characters]
 INDENT = " " * 8
 DECIMALS = 6
 
@@ -25,7 +25,7 @@ def write_verdict(folder: Path, verdict: Verdict) -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """Round sums of seconds: 75.1 and not 75.10000000000001."""
+    """Return the value with all floats rounded to `DECIMALS`: 75.1 instead of 75.10000000000001."""
     if isinstance(value, dict):
         return {key: _rounded(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
@@ -34,7 +34,7 @@ def _rounded(value: Any) -> Any:
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
-    """Print checks, failed steps and final states; lines are neither wrapped nor cut on a pipe."""
+    """Print checks, failed steps and final states; only lines to a terminal are wrapped and cut."""
     width = console.width if console.is_terminal else None
     lines = fold(Text(f"{verdict.scenario}, seed {verdict.seed}"), width, "  ")
     lines[0].stylize("bold")
@@ -63,7 +63,7 @@ def _verdict_lines(about: str, width: int | None, *, passed: bool) -> list[Text]
 
 
 def fold(text: Text, width: int | None, indent: str) -> list[Text]:
-    """Wrap a text to `width`, with all lines but the first indented; None: one line."""
+    """Wrap a text to `width`, with an indent from the second line on; one line for None."""
     if width is None:
         return [text]
     parts = textwrap.wrap(text.plain, width, subsequent_indent=indent, break_on_hyphens=False)
@@ -71,10 +71,10 @@ def fold(text: Text, width: int | None, indent: str) -> list[Text]:
 
 
 def _columns(vehicles: Sequence[FinalVehicleState]) -> list[Column]:
-    """Return the columns of final states; the least important disappears first."""
+    """Return the columns of final states."""
 
-    def column(heading: str, cells: Iterable[str], stays: int, **how: Any) -> Column:
-        return Column(heading, [Text(cell) for cell in cells], stays, **how)
+    def column(heading: str, cells: Iterable[str], priority: int, **options: Any) -> Column:
+        return Column(heading, [Text(cell) for cell in cells], priority, **options)
 
     ids = (f"{v.link}:{v.sysid}" if v.link else f"{v.sysid}" for v in vehicles)
     return [

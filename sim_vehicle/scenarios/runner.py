@@ -1,4 +1,4 @@
-"""One run of a scenario: fleet, ground station and checks on one simulated clock; no I/O."""
+"""A run of a scenario, without I/O: fleet, ground station and checks on one simulated clock."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ from sim_vehicle.truth import Truth
 Corner = tuple[float, float]
 
 STEP_S = 0.05
-SETTLE_S = 2.0  # time after the end, so that the logs have the last messages
+SETTLE_S = 2.0  # simulated time after the end, so that the logs have the last messages
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class Run:
         self._last_fault_s = max(
             (fault.at_s + (fault.for_s or 0.0) for fault in scenario.faults), default=0.0
         )
-        self._over_s: float | None = None
+        self._quiet_since_s: float | None = None
 
     def step(self) -> bool:
         """Advance by one tick of 0.05 s and evaluate the checks; return False at the end of the run."""
@@ -154,7 +154,10 @@ class Run:
             scenario=self.scenario.name,
             seed=self.scenario.seed,
             simulated_s=round(self.now, 3),
-            checks=[CheckVerdict(j.description, not j.failures, j.failures) for j in self._running_checks],
+            checks=[
+                CheckVerdict(running.description, not running.failures, running.failures)
+                for running in self._running_checks
+            ],
             steps_failed=[*self.station.failures, *self.station.unfinished()],
             vehicles=self._vehicles(view),
         )
@@ -169,10 +172,10 @@ class Run:
             and not (view.truth.airborne | view.truth.armed).any()
         )
         if not quiet:
-            self._over_s = None
-        elif self._over_s is None:
-            self._over_s = self.now
-        return self._over_s is not None and self.now - self._over_s >= SETTLE_S
+            self._quiet_since_s = None
+        elif self._quiet_since_s is None:
+            self._quiet_since_s = self.now
+        return self._quiet_since_s is not None and self.now - self._quiet_since_s >= SETTLE_S
 
     def _local(self, lat_deg: Floats, lon_deg: Floats, alt_amsl_m: Floats) -> Floats:
         east_m, north_m = self._frame.to_local(lat_deg, lon_deg)
@@ -234,7 +237,7 @@ class Run:
 
 
 def outside_m(shapes: Sequence[FenceShape], east_m: float, north_m: float) -> float:
-    """Return the distance beyond the most violated shape [m], 0 inside all, by a computation of its own."""
+    """Return the distance beyond the most violated shape [m], 0 inside all; independent of the simulator."""
     return max((_beyond_m(shape, east_m, north_m) for shape in shapes), default=0.0)
 
 
@@ -244,7 +247,7 @@ def _beyond_m(shape: FenceShape, east_m: float, north_m: float) -> float:
         inside_m = circle.radius_m - math.hypot(east_m - circle.east_m, north_m - circle.north_m)
     else:
         polygon = shape.keep_in or shape.keep_out or ()
-        edge_m = min(_edge_m(a, b, east_m, north_m) for a, b in _edges(polygon))
+        edge_m = min(_distance_to_edge_m(a, b, east_m, north_m) for a, b in _edges(polygon))
         inside_m = edge_m if _inside(polygon, east_m, north_m) else -edge_m
     return max(0.0, -inside_m if shape.inclusion else inside_m)
 
@@ -258,12 +261,12 @@ def _inside(polygon: Sequence[Corner], east_m: float, north_m: float) -> bool:
     crossed = False
     for (east_a, north_a), (east_b, north_b) in _edges(polygon):
         if (north_a > north_m) != (north_b > north_m):
-            at_m = east_a + (north_m - north_a) / (north_b - north_a) * (east_b - east_a)
-            crossed ^= east_m < at_m
+            crossing_m = east_a + (north_m - north_a) / (north_b - north_a) * (east_b - east_a)
+            crossed ^= east_m < crossing_m
     return crossed
 
 
-def _edge_m(a: Corner, b: Corner, east_m: float, north_m: float) -> float:
+def _distance_to_edge_m(a: Corner, b: Corner, east_m: float, north_m: float) -> float:
     along = (b[0] - a[0], b[1] - a[1])
     squared = along[0] ** 2 + along[1] ** 2
     share = ((east_m - a[0]) * along[0] + (north_m - a[1]) * along[1]) / squared if squared else 0.0

@@ -14,11 +14,11 @@ from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-PLACED = ("sysid", "lat_deg", "lon_deg")  # keys of a vehicle that `home` and the order can replace
+PLACED = ("sysid", "lat_deg", "lon_deg")  # keys of a vehicle that `home` and `count` can replace
 
 
 def file_schema() -> Schema:
-    """Return the schema of the files that `load_scenario` reads."""
+    """Return the schema of scenario files."""
     whole = Scenario.model_json_schema(ref_template="#/$defs/{model}")
     kinds: Schema = whole["$defs"]
     short = Shorthand.model_json_schema()["properties"]
@@ -39,10 +39,10 @@ def file_schema() -> Schema:
 
 
 def _one_of(model: type[OneOf], found: Schema) -> Schema:
-    """Return the schema of a bare word or a mapping with one choice."""
+    """Return the schema of a word alone or a mapping with one choice."""
     bare = [name for name in model.choices() if _needs_nothing(model, name)]
     properties = {
-        name: value if name in bare else _given(value) for name, value in found["properties"].items()
+        name: value if name in bare else _without_null(value) for name, value in found["properties"].items()
     }
     entry = {**found, "properties": properties, "oneOf": [{"required": [name]} for name in model.choices()]}
     return {"anyOf": [{"enum": bare}, entry]} if bare else entry
@@ -53,10 +53,10 @@ def _needs_nothing(model: type[BaseModel], name: str) -> bool:
     return section is not None and not any(field.is_required() for field in section.model_fields.values())
 
 
-def _given(value: Schema) -> Schema:
+def _without_null(value: Schema) -> Schema:
     """Return a schema without its null alternative."""
     kinds = [kind for kind in value.get("anyOf", []) if kind != {"type": "null"}]
-    rest = {key: it for key, it in value.items() if key not in ("anyOf", "default")}
+    rest = {key: inner for key, inner in value.items() if key not in ("anyOf", "default")}
     return {**rest, **kinds[0]} if len(kinds) == 1 else value
 
 
@@ -77,16 +77,16 @@ def _checks(found: Schema) -> Schema:
 
 def _check(check: Check, common: Schema) -> Schema:
     settings: Schema = {"type": "object", "properties": dict(common), "additionalProperties": False}
-    ways: list[Schema] = [settings]
+    forms: list[Schema] = [settings]
     if check.argument is not None:
         argument: Schema = {"type": "string" if check.text else "number"}
         settings["properties"][check.argument] = argument
-        ways.insert(0, argument)
+        forms.insert(0, argument)
         if check.default is None:
             settings["required"] = [check.argument]
     if check.argument is None or check.default is not None:
-        ways.append({"type": "null"})
-    return {"description": f"{check.summary} Looked at: {check.when}.", "anyOf": ways}
+        forms.append({"type": "null"})
+    return {"description": f"{check.summary} Evaluated: {check.when}.", "anyOf": forms}
 
 
 def _faults() -> str:

@@ -19,11 +19,11 @@ from sim_vehicle.station.exchanges import (
 from sim_vehicle.vehicle.behaviour import Behaviour
 
 NAN = float("nan")
-PATIENCE = 0.5  # share of a step's time spent waiting for readiness
+READY_SHARE = 0.5  # longest wait for readiness, as a share of the step's time
 
 
 class StepExchanges:
-    """Exchanges with one vehicle; `send` packs and sends a message to it."""
+    """The exchanges with one vehicle; `send` packs and sends a message to the vehicle."""
 
     def __init__(self, spec: VehicleSpec, send: Send) -> None:
         self._spec, self._send = spec, send
@@ -33,7 +33,7 @@ class StepExchanges:
         self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
 
     def exchanges(self, step: ScriptStep) -> list[Exchange]:
-        """Return the exchanges of a step in order; each begins after the success of the previous one."""
+        """Return the exchanges of a step in order; each begins after the success of the previous exchange."""
         chosen = step.chosen
         if chosen == "fly_mission":
             return [self._mission(), *self._start(step.timeout_s)]
@@ -58,36 +58,36 @@ class StepExchanges:
         if step.param is not None:
             return [self._parameter(name, value) for name, value in step.param.items()]
         if step.arm is not None and step.expect == "accepted":
-            return self._armed(step.timeout_s)
-        return [self._plain(step)]
+            return self._wait_and_arm(step.timeout_s)
+        return [self._single_command(step)]
 
     def mode_number(self, name: str) -> int:
         """Return the number of the first mode in `RTL|Return` that the autopilot has."""
         numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.values()}
         return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
 
-    def _plain(self, step: ScriptStep) -> Exchange:
+    def _single_command(self, step: ScriptStep) -> Exchange:
         if step.command is not None:
-            return self._long(number("MAV_CMD_", step.command.command), *step.command.params)
+            return self._long_command(number("MAV_CMD_", step.command.command), *step.command.params)
         return {
-            "arm": lambda: self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
-            "disarm": lambda: self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),
-            "rtl": lambda: self._long(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH),
-            "land": lambda: self._long(mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, NAN, NAN, NAN, NAN),
-            "reboot": lambda: self._long(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+            "arm": lambda: self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
+            "disarm": lambda: self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),
+            "rtl": lambda: self._long_command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH),
+            "land": lambda: self._long_command(mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, NAN, NAN, NAN, NAN),
+            "reboot": lambda: self._long_command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
         }[step.chosen]()
 
-    def _long(self, command: int, *params: float) -> Exchange:
+    def _long_command(self, command: int, *params: float) -> Exchange:
         return LongCommand(self._spec.sysid, self._send, command, params)
 
     def _mode(self, custom_mode: int) -> Exchange:
-        """Set a mode; a number with main and sub mode in its upper bytes is sent as these two."""
+        """Return the change to a mode; a number with a main mode is sent as main and sub mode (PX4)."""
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
         params = (custom, main, sub) if main else (custom, float(custom_mode))
         return ChangeMode(self._spec.sysid, self._send, custom_mode, params)
 
-    def _behaving(self, behaviour: Behaviour) -> Exchange:
+    def _mode_for(self, behaviour: Behaviour) -> Exchange:
         modes = self._personality.modes.values()
         return self._mode(next(mode.number for mode in modes if mode.behaviour is behaviour))
 
@@ -95,26 +95,26 @@ class StepExchanges:
         items = self._writer.mission(self._spec.mission, home_first=self._personality.home_item)
         return UploadPlan(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
 
-    def _armed(self, timeout_s: float) -> list[Exchange]:
-        arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        return [WaitUntilReady(self._spec.sysid, self._send, PATIENCE * timeout_s), arm]
+    def _wait_and_arm(self, timeout_s: float) -> list[Exchange]:
+        arm = self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        return [WaitUntilReady(self._spec.sysid, self._send, READY_SHARE * timeout_s), arm]
 
     def _start(self, timeout_s: float) -> list[Exchange]:
-        arm = self._armed(timeout_s)
+        arm = self._wait_and_arm(timeout_s)
         if self._personality.mode_of(Behaviour.MISSION).armable:
-            return [self._behaving(Behaviour.MISSION), *arm]
-        # AUTO of ArduCopter cannot be armed in, and needs a start command to take off.
-        return [self._behaving(Behaviour.GUIDED), *arm, self._long(mavlink.MAV_CMD_MISSION_START)]
+            return [self._mode_for(Behaviour.MISSION), *arm]
+        # ArduCopter refuses arming in AUTO, and needs a start command to take off.
+        return [self._mode_for(Behaviour.GUIDED), *arm, self._long_command(mavlink.MAV_CMD_MISSION_START)]
 
     def _takeoff(self, height_m: float, timeout_s: float) -> list[Exchange]:
-        arm = self._armed(timeout_s)
+        arm = self._wait_and_arm(timeout_s)
         if self._amsl:
             up_m = self._spec.alt_amsl_m + height_m
-            return [*arm, self._long(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
+            return [*arm, self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
         if self._personality.plane:
-            return [self._parameter("TKOFF_ALT", height_m), self._behaving(Behaviour.TAKEOFF), *arm]
-        takeoff = self._long(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
-        return [self._behaving(Behaviour.GUIDED), *arm, takeoff]
+            return [self._parameter("TKOFF_ALT", height_m), self._mode_for(Behaviour.TAKEOFF), *arm]
+        takeoff = self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
+        return [self._mode_for(Behaviour.GUIDED), *arm, takeoff]
 
     def _parameter(self, name: str, value: float) -> Exchange:
         byte_wise = self._personality.parameters_byte_wise

@@ -1,4 +1,4 @@
-"""Steps of the ground station and checks, as written in a file."""
+"""The steps and checks of a scenario file."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -10,7 +10,7 @@ from sim_vehicle.scenarios.plan import Height, number
 
 
 class GoTo(Section):
-    """A position from the vehicle's start, with its height above home [m]."""
+    """A position [m] from the vehicle's start, with its height above home."""
 
     east_m: Metres
     north_m: Metres
@@ -33,8 +33,8 @@ class RawCommand(Section):
 class ScriptStep(OneOf):
     """One action of the ground station with each selected vehicle.
 
-    It begins at `at_s` [s], but after the end of the vehicle's previous step. It is repeated for up to
-    `timeout_s` without an answer or after a temporary refusal.
+    A step begins at `at_s` [s], but not before the end of the vehicle's previous step. Without an answer or
+    after a refusal the step is repeated for up to `timeout_s` [s].
     """
 
     at_s: Seconds = 0.0
@@ -72,8 +72,8 @@ class ScriptStep(OneOf):
 class CheckSpec(Section):
     """One check: its name in the registry, its argument, its vehicles and its times.
 
-    always: true at every step from `from_s` to `until_s`. eventually: true at one step by `by_s` (or the end
-    of the run). end: true at the end of the run.
+    when: `always` is true at every step from `from_s` to `until_s` [s]; `eventually` is true at one step by
+    `by_s` [s] or the end of the run; `end` is true at the end of the run.
     """
 
     name: str
@@ -94,12 +94,12 @@ class CheckSpec(Section):
     def _times_fit(self) -> Self:
         if self.by_s is not None and self.when != "eventually":
             raise ValueError(
-                f"`by_s` needs `when: eventually`; {self.name} has `when: {self.when}`; remove `by_s`"
+                f"`by_s` needs `when: eventually`, but {self.name} has `when: {self.when}`; remove `by_s`"
             )
         if self.when == "end" and (self.from_s > 0 or self.until_s is not None):
             raise ValueError(
                 f"{self.name} is evaluated at the end of the run, not from `from_s` to `until_s`; "
-                "remove them, or add `when: always` or `when: eventually`"
+                "remove both times, or add `when: always` or `when: eventually`"
             )
         for name, time_s in (("until_s", self.until_s), ("by_s", self.by_s)):
             if time_s is not None and time_s <= self.from_s:

@@ -33,9 +33,9 @@ class Document:
 
 
 def parse(text: str, *, as_json: bool = False) -> Document:
-    """Parse one document; FileSyntaxError has the line of an error.
+    """Parse one YAML or JSON document; FileSyntaxError has the line of an error.
 
-    JSON is parsed by its own rules. Its lines come from the YAML parser, because JSON without tabs is YAML.
+    The lines of a JSON document come from the YAML parser, because JSON without tabs is YAML.
     """
     if not as_json:
         return _parse_yaml(text)

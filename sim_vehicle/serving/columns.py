@@ -1,4 +1,4 @@
-"""A table of limited width: each column is whole or absent; only the last one may be cut."""
+"""A table of limited width: each column is whole or absent; only the last column may be cut."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ GAP = 2  # between columns
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column, and its behaviour without room for all.
+    """A column of a table.
 
-    stays: the column with the lowest value disappears first. least: minimum width. cut: minimum width of a
-    column that is cut rather than removed, None for others. At most one column is cut, the last.
+    priority: the column with the lowest priority is removed first. least: minimum width. cut: minimum width
+    of a column that may be cut (the last column only); None: the column is never cut.
     """
 
     heading: str
     cells: Sequence[Text]
-    stays: int
+    priority: int
     right: bool = False
     least: int = 0
     cut: int | None = None
@@ -33,15 +33,15 @@ class Column:
 
 
 def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
-    """Return the columns that fit into `width` characters, at least one; None: all."""
+    """Return the columns that fit into `width` characters, at least one; all for None."""
     kept = list(columns)
     while width is not None and len(kept) > 1 and _needed(kept) > width:
-        kept.remove(min(kept, key=lambda column: column.stays))
+        kept.remove(min(kept, key=lambda column: column.priority))
     return kept
 
 
 def table(columns: Sequence[Column], width: int | None) -> list[Text]:
-    """Return headings and rows, one line each, at most `width` wide; None: unlimited."""
+    """Return the heading and rows as lines of at most `width` characters; unlimited for None."""
     kept = fitting(columns, width)
     widths = [column.width for column in kept]
     if width is not None:
@@ -68,7 +68,7 @@ def _line(cells: Sequence[Text], columns: Sequence[Column], widths: Sequence[int
 
 
 def one_line(words: Sequence[str], width: int, style: str) -> Text:
-    """Return the first words that fit into `width`; the first is cut if necessary."""
+    """Return the words that fit into `width`, in one line; the first word is cut if necessary."""
     shown = list(words)
     while len(shown) > 1 and len("  ".join(shown)) > width:
         shown.pop()

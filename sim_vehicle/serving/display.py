@@ -19,25 +19,25 @@ FRAME_LINES = 5  # two header lines, headings, summary, and the last warning
 MODES_NAMED = 4
 LATE_S = 0.05
 LOW_BATTERY = 0.2
-FAULTS_LEAST = 12  # characters, cut
+FAULTS_LEAST = 12  # minimum width of the cut column [characters]
 
 
 class Display:
-    """The live table; it keeps the previous counts for messages per second."""
+    """The live table, with the previous counts for messages per second."""
 
     def __init__(self, server: Server, warning: Callable[[], str] = str) -> None:
-        """`warning`: returns the last warning, or an empty text."""
+        """`warning`: function that returns the last warning, or an empty text."""
         self._server, self._warning = server, warning
         scenario = server.fleet.scenario
         self._types = [f"{spec.personality} {spec.kind}" for spec in scenario.vehicles]
         self._sent, self._sent_s = list(server.sent), 0.0
         self._rates = [0.0] * len(self._types)
         self._began_s: float | None = None
-        # Columns only grow, because a table that changes with each number is unreadable.
+        # Columns never shrink, because a table with moving columns is unreadable.
         self._widest: dict[str, int] = {}
 
     def render(self, wall_s: float, width: int, height: int) -> Group:
-        """Return the table at `wall_s` [s of any clock] for a terminal of `width` by `height` characters."""
+        """Return the table at `wall_s` [s of any origin] for a terminal of `width` x `height` characters."""
         if self._began_s is None:
             self._began_s = self._sent_s = wall_s
         self._count(wall_s)
@@ -72,28 +72,30 @@ class Display:
         slow = bool(server.pace.lost_s) or late_s > LATE_S
         return [
             one_line([f"sim_vehicle  {words[0]}", *words[1:]], width, "bold red" if slow else "bold"),
-            one_line([f"ground stations: {server.stations()}  {server.ports_words()}"], width, "dim"),
+            one_line([f"ground stations: {server.stations()}  {server.describe_ports()}"], width, "dim"),
         ]
 
     def _columns(self, truth: Truth, shown: range) -> list[Column]:
-        """Return the columns of the vehicles shown; the least important disappears first."""
+        """Return the columns of the shown vehicles."""
         several = len(set(self._server.fleet.links)) > 1
         faults = [" ".join(self._server.fleet.faults_on(i)) for i in shown]
         columns = [
-            Column("id", [Text(self._id(truth, i, several)) for i in shown], stays=10, right=True),
-            Column("type", [Text(self._types[i]) for i in shown], stays=4),
-            Column("mode", [Text(truth.mode[i]) for i in shown], stays=8),
-            Column("armed", [_armed(bool(truth.armed[i])) for i in shown], stays=3, right=True),
-            Column("height m", [Text(f"{truth.height_m[i]:.1f}") for i in shown], stays=7, right=True),
-            Column("m/s", [Text(f"{truth.speed_m_s[i]:.1f}") for i in shown], stays=5, right=True),
-            Column("batt", [_battery(float(truth.battery_remaining[i])) for i in shown], stays=9, right=True),
-            Column("latitude, longitude", [Text(_place(truth, i)) for i in shown], stays=0, right=True),
-            Column("msg/s", [Text(f"{self._rates[i]:.0f}") for i in shown], stays=2, right=True),
-            Column("hit", [_strikes(int(truth.strikes[i])) for i in shown], stays=1, right=True),
+            Column("id", [Text(self._id(truth, i, several)) for i in shown], priority=10, right=True),
+            Column("type", [Text(self._types[i]) for i in shown], priority=4),
+            Column("mode", [Text(truth.mode[i]) for i in shown], priority=8),
+            Column("armed", [_armed(bool(truth.armed[i])) for i in shown], priority=3, right=True),
+            Column("height m", [Text(f"{truth.height_m[i]:.1f}") for i in shown], priority=7, right=True),
+            Column("m/s", [Text(f"{truth.speed_m_s[i]:.1f}") for i in shown], priority=5, right=True),
+            Column(
+                "batt", [_battery(float(truth.battery_remaining[i])) for i in shown], priority=9, right=True
+            ),
+            Column("latitude, longitude", [Text(_place(truth, i)) for i in shown], priority=0, right=True),
+            Column("msg/s", [Text(f"{self._rates[i]:.0f}") for i in shown], priority=2, right=True),
+            Column("hit", [_strikes(int(truth.strikes[i])) for i in shown], priority=1, right=True),
         ]
         if any(faults) or "faults" in self._widest:
             cells = [Text(words, style="red") for words in faults]
-            columns.append(Column("faults", cells, stays=6, cut=FAULTS_LEAST))
+            columns.append(Column("faults", cells, priority=6, cut=FAULTS_LEAST))
         for i, column in enumerate(columns):
             self._widest[column.heading] = max(column.width, self._widest.get(column.heading, 0))
             columns[i] = replace(column, least=self._widest[column.heading])
@@ -141,10 +143,10 @@ def _clock(seconds: float) -> str:
 
 
 async def show_table(server: Server, warning: Callable[[], str]) -> None:
-    """Refresh the table until cancelled; a thread draws it, so that heartbeats stay punctual.
+    """Refresh the table until cancelled; a thread draws the table, so that heartbeats stay punctual.
 
-    It uses the alternate screen and redraws it whole: on the main screen a narrowed terminal would keep torn
-    parts. The last table stays on the main screen.
+    The table is redrawn whole on the alternate screen, because a narrowed main screen keeps parts of old
+    lines. The last table stays on the main screen.
     """
     console = Console()
     if not console.is_terminal or console.is_dumb_terminal:
@@ -153,7 +155,7 @@ async def show_table(server: Server, warning: Callable[[], str]) -> None:
     size = console.size
     with console.screen():
         while True:
-            if console.size != size:  # some terminals keep text beyond the edge
+            if console.size != size:  # some terminals keep text beyond the new edge
                 size = console.size
                 console.clear()
             picture = display.render(loop.time(), *size)
@@ -162,7 +164,7 @@ async def show_table(server: Server, warning: Callable[[], str]) -> None:
                 await asyncio.shield(drawing)
                 await asyncio.sleep(REFRESH_S)
             except asyncio.CancelledError:
-                await drawing  # no drawing on the main screen
+                await drawing  # ends before the return to the main screen
                 break
         console.clear()
     console.print(display.render(loop.time(), *console.size))

@@ -1,4 +1,4 @@
-"""The manual clock: `step SECONDS` lines on a file descriptor, each answered after that time."""
+"""The manual clock: `step SECONDS` lines on a file descriptor, each answered after its time has passed."""
 
 import asyncio
 import contextlib
@@ -14,7 +14,7 @@ FORMS = "`step SECONDS` and `quit`"
 
 
 class ManualClock:
-    """Grants time by lines of text; without I/O."""
+    """The parser of `step` and `quit` lines, which grants time to a pace; without I/O."""
 
     def __init__(self, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]) -> None:
         self._pace, self._say, self._warn = pace, say, warn
@@ -22,7 +22,7 @@ class ManualClock:
         self._over = False
 
     def feed(self, data: bytes) -> None:
-        """Process bytes of the input, in any portions; empty bytes are its end."""
+        """Process input bytes in any portions; empty bytes end the input."""
         if not data:
             self._line(self._rest)
             self._quit()
@@ -31,7 +31,7 @@ class ManualClock:
             self._line(line)
         if len(self._rest) > MAX_LINE_BYTES:
             self._rest = b""
-            self._warn(f"a line of more than {MAX_LINE_BYTES} bytes; expected {FORMS}")
+            self._warn(f"a line of more than {MAX_LINE_BYTES} bytes was ignored; expected {FORMS}")
 
     def _line(self, line: bytes) -> None:
         words = line.decode("utf-8", "replace").split()
@@ -62,21 +62,21 @@ def _seconds(text: str) -> float | None:
 def stepped_from(
     file: int, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]
 ) -> Iterator[None]:
-    """Read lines from a descriptor of any kind during the event loop."""
-    hand, loop = ManualClock(pace, say, warn), asyncio.get_running_loop()
+    """Read lines from any kind of file descriptor while the context is open."""
+    clock, loop = ManualClock(pace, say, warn), asyncio.get_running_loop()
 
     def readable() -> None:
         data = os.read(file, READ_BYTES)
         if not data:
             loop.remove_reader(file)
-        hand.feed(data)
+        clock.feed(data)
 
     try:
         loop.add_reader(file, readable)
-    except PermissionError:  # a regular file is always readable, and cannot be polled
+    except PermissionError:  # the event loop cannot poll a regular file
         while data := os.read(file, READ_BYTES):
-            hand.feed(data)
-        hand.feed(b"")
+            clock.feed(data)
+        clock.feed(b"")
     try:
         yield
     finally:

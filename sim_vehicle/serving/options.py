@@ -1,4 +1,4 @@
-"""The command line's options as a scenario; one line for each problem."""
+"""The conversion of command-line options into a scenario; one line for each problem."""
 
 import difflib
 import itertools
@@ -14,19 +14,19 @@ from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 
 MAX_SYSID = 250
-MAX_LATITUDE = 89  # farther north a step east is many degrees of longitude
+MAX_LATITUDE = 89  # [deg]; near a pole a short step east spans many degrees of longitude
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
 KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
 Value = TypeVar("Value")
 
 
 class OptionError(ValueError):
-    """The command line is unusable; one line a problem: where, what was found, what to do."""
+    """The command line is unusable; the text has one line a problem: option, value, remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class FleetOptions:
-    """The options as typed; None: not given."""
+    """The options of the command line; None for an absent option."""
 
     count: int | None = None
     home: str | None = None
@@ -54,7 +54,7 @@ def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, 
 
 
 def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
-    """Return the scenario of these options and notes to the operator; OptionError."""
+    """Return the scenario of these options and notes to the operator; OptionError lists every problem."""
     findings: list[str] = []
     faults = [_try(findings, parse_fault, text, "--") for text in options.faults]
     wind = None if options.wind is None else _try(findings, parse_wind, options.wind)
@@ -66,10 +66,10 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     data = base.model_dump()
     notes: list[str] = []
     for path, given in zip(options.param_files, files, strict=True):
-        left_out = _set_params(data["vehicles"], given or {})
-        if left_out:
+        ignored = _set_params(data["vehicles"], given or {})
+        if ignored:
             notes.append(
-                f"{path}: {len(left_out)} of {len(given or {})} parameters are not simulated and were ignored"
+                f"{path}: {len(ignored)} of {len(given or {})} parameters are not simulated and were ignored"
             )
     given = dict(filter(None, params))
     unknown = _set_params(data["vehicles"], given)
@@ -82,7 +82,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     data["faults"] = [*data["faults"], *(fault.model_dump() for fault in faults if fault is not None)]
     if base.script or base.checks:
         notes.append(
-            f"{options.scenario}: its script and checks were ignored; `python -m sim_vehicle run` uses them"
+            f"{options.scenario}: script and checks were ignored; use `python -m sim_vehicle run` for them"
         )
     return _validated(data), notes
 
@@ -90,7 +90,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
 def _validated(data: Mapping[str, object]) -> Scenario:
     try:
         return Scenario.model_validate(data)
-    except ValueError as error:  # a value out of bounds, or an unknown system id
+    except ValueError as error:  # a value out of range, or an unknown system id
         lines = [line.strip() for line in str(error).splitlines() if "Value error, " in line]
         text = lines[0].partition("Value error, ")[2].partition(" [type=")[0] if lines else str(error)
         raise OptionError(text) from error
@@ -108,8 +108,8 @@ def parse_urls(texts: Iterable[str]) -> list[Url]:
     """Return the URLs; OptionError for mistakes and duplicates."""
     findings: list[str] = []
     urls = [url for text in texts if (url := _try(findings, parse_url, text)) is not None]
-    twice = sorted({str(url) for url in urls if urls.count(url) > 1})
-    findings += [f"--url {url} is a duplicate; remove one of them" for url in twice]
+    duplicates = sorted({str(url) for url in urls if urls.count(url) > 1})
+    findings += [f"--url {url} is a duplicate; remove one of them" for url in duplicates]
     if findings:
         raise OptionError("\n".join(findings))
     return urls
@@ -126,7 +126,7 @@ def _base(options: FleetOptions) -> Scenario:
     excluded = [text for name, text in names.items() if getattr(options, name) is not None]
     if excluded:
         raise OptionError(
-            f"{', '.join(excluded)}: not allowed with --scenario, whose file defines the vehicles"
+            f"{', '.join(excluded)}: not allowed with --scenario, because the file defines the vehicles"
         )
     return load_scenario(options.scenario)
 
@@ -137,16 +137,15 @@ def _counted(options: FleetOptions) -> Scenario:
     most = MAX_SYSID - first + 1
     if options.sysid is not None and options.per_port is None and count > most:
         raise OptionError(
-            f"--sysid {first}: system ids end at {MAX_SYSID}, so at most {most} of {count} vehicles "
-            f"{'fits' if most == 1 else 'fit'} on a port; choose a lower --sysid, or "
-            f"more ports: --per-port {most}"
+            f"--sysid {first}: the highest system id is {MAX_SYSID}, so a port carries at most {most} of "
+            f"{count} vehicles; choose a lower --sysid, or more ports with --per-port {most}"
         )
     per_port = options.per_port or most
     distinct = count <= most
     if not distinct and per_port > most:
         raise OptionError(
-            f"--per-port {per_port}: system ids end at {MAX_SYSID}, and the first is {first} (--sysid); "
-            f"at most {most} fit on a port"
+            f"--per-port {per_port}: system ids go from {first} (--sysid) to {MAX_SYSID}; "
+            f"a port carries at most {most} vehicles"
         )
     *home, heading_deg = parse_home(options.home or DEFAULT_HOME)
     kind = parse_kind(options.kind or "copter")
@@ -161,7 +160,7 @@ def _counted(options: FleetOptions) -> Scenario:
 
 
 def parse_personality(text: str, count: int | None) -> list[str]:
-    """Return one name a vehicle from `px4`, `mixed` (alternating) or `ardupilot:3,px4:2`."""
+    """Return one personality a vehicle from `px4`, `mixed` (alternating) or `ardupilot:3,px4:2`."""
     given = text.lower()
     if given in PERSONALITIES:
         return [given] * (count or 1)
@@ -171,12 +170,12 @@ def parse_personality(text: str, count: int | None) -> list[str]:
     for part in text.split(","):
         name, _, number = part.strip().lower().partition(":")
         if name not in PERSONALITIES or not number.isdecimal() or int(number) < 1:
-            expected = f"{', '.join(PERSONALITIES)}, mixed, or numbers of each: ardupilot:3,px4:2"
+            expected = f"{', '.join(PERSONALITIES)}, mixed, or a number of each, such as ardupilot:3,px4:2"
             raise OptionError(f"--personality {text!r}: {part.strip()!r} is unknown; expected {expected}")
         found += [name] * int(number)
     if count is not None and count != len(found):
         raise OptionError(
-            f"--personality {text!r} makes {len(found)} vehicles, but --count is {count}; remove --count"
+            f"--personality {text!r} has {len(found)} vehicles, but --count is {count}; remove --count"
         )
     return found
 
@@ -198,7 +197,7 @@ def parse_home(text: str) -> tuple[float, float, float, float]:
         ("latitude", "longitude", "altitude", "heading"), strict=False,
     ):  # fmt: skip
         if not low <= value <= high:
-            raise OptionError(f"--home {text!r}: the {name} {value:g} is not between {low} and {high}")
+            raise OptionError(f"--home {text!r}: the {name} {value:g} is out of range; use {low} to {high}")
     heading_deg = numbers[3] % 360 if len(numbers) == 4 else 0.0
     return numbers[0], numbers[1], numbers[2], heading_deg
 
@@ -213,7 +212,9 @@ def parse_wind(text: str) -> dict[str, float]:
     bounds = ((0, 60, "speed", " m/s"), (0, 360, "direction", " degrees"), (0, 30, "gust", " m/s"))
     for value, (low, high, name, unit) in zip(numbers, bounds, strict=False):
         if not low <= value <= high:
-            raise OptionError(f"--wind {text!r}: the {name} {value:g} is not between {low} and {high}{unit}")
+            raise OptionError(
+                f"--wind {text!r}: the {name} {value:g} is out of range; use {low} to {high}{unit}"
+            )
     return dict(zip(("speed_m_s", "from_deg", "gust_m_s"), numbers, strict=False))
 
 
@@ -237,7 +238,7 @@ def parse_param(text: str) -> tuple[str, float]:
 
 
 def read_param_file(path: Path) -> dict[str, float]:
-    """Return a file's parameters: `NAME VALUE`, `NAME,VALUE` or QGroundControl's five columns, # comments."""
+    """Return the parameters of a file with `NAME VALUE`, `NAME,VALUE` or QGroundControl's five columns."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
@@ -271,7 +272,7 @@ def _number(text: str) -> float | None:
 
 
 def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -> list[str]:
-    """Set the parameters on the vehicles that have them; return those that none has."""
+    """Set the parameters on the vehicles that have them; return the names of unknown parameters."""
     unknown = dict.fromkeys(given)
     for vehicle in vehicles:
         known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters
@@ -291,5 +292,5 @@ def _no_such_parameter(name: str, vehicles: list[dict[str, object]]) -> str:
         for parameter in personality_of(*kind).parameters
     }
     near = difflib.get_close_matches(name.upper(), known, n=3)
-    cure = f"did you mean {' or '.join(near)}?" if near else "a ground station lists all"
-    return f"--param {name}: no vehicle of this fleet has it; {cure} [unknown-parameter]"
+    cure = f"did you mean {' or '.join(near)}?" if near else "a ground station lists all parameters"
+    return f"--param {name}: no vehicle of this fleet has this parameter; {cure} [unknown-parameter]"

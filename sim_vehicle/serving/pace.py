@@ -1,4 +1,4 @@
-"""The times of the fleet's ticks: by the wall clock, or on request."""
+"""The pace of the fleet's ticks: by the wall clock, or on request."""
 
 import asyncio
 import time
@@ -9,36 +9,36 @@ from sim_vehicle.epoch import EPSILON_S
 
 LAG_REPORTED_S = 1.0
 LAG_REPORT_EVERY_S = 10.0
-LOOK_S = 0.5  # longest wait, so that the server can check its own state
-YIELD_S = 0.01  # longest run of ticks without a look at the sockets
+LONGEST_WAIT_S = 0.5  # longest wait, so that the server can check its own state
+YIELD_S = 0.01  # longest run of ticks before the sockets are read
 
 
 class Pace(Protocol):
-    """The pace of a fleet; simulated time in s since its start, wall time in s of any origin."""
+    """The pace of a fleet; simulated time [s] from the start, wall time [s] of any origin."""
 
     finished: bool
-    """True: no more ticks"""
+    """True after the last tick"""
 
     def start(self) -> None: ...
 
     async def due(self, tick_s: float) -> bool:
-        """Wait a moment for the tick at `tick_s`; return True if it is due."""
+        """Wait at most `LONGEST_WAIT_S` for the tick at `tick_s`; return True if the tick is due."""
 
     def now_s(self, done_s: float, tick_s: float) -> float:
-        """Return the simulated time of present input: at or after `done_s` and before `tick_s`."""
+        """Return the simulated time of input at present, from `done_s` to before `tick_s`."""
 
     def late_s(self, tick_s: float) -> float:
         """Return the delay of the tick at `tick_s` in wall time [s]."""
 
     @property
     def lost_s(self) -> float:
-        """Wall time [s] lost because the simulation was too slow."""
+        """Return the wall time [s] lost because the simulation was too slow."""
 
     def __str__(self) -> str: ...
 
 
 class RealTime:
-    """Real time multiplied by `speedup`; warns if the machine is too slow."""
+    """Real time multiplied by `speedup`, with a warning on a slow machine."""
 
     def __init__(self, speedup: float, warn: Callable[[str], None]) -> None:
         self.finished = False
@@ -64,23 +64,23 @@ class RealTime:
     async def due(self, tick_s: float) -> bool:
         late_s = self.late_s(tick_s)
         if late_s < 0:
-            await asyncio.sleep(min(-late_s, LOOK_S))
+            await asyncio.sleep(min(-late_s, LONGEST_WAIT_S))
             self._yielded_s = time.monotonic()
             return self.late_s(tick_s) >= 0
         if late_s > LAG_REPORTED_S:
-            self._give_up(late_s)
+            self._skip_lost_time(late_s)
         if time.monotonic() - self._yielded_s > YIELD_S:
             await asyncio.sleep(0)
             self._yielded_s = time.monotonic()
         return True
 
-    def _give_up(self, late_s: float) -> None:
+    def _skip_lost_time(self, late_s: float) -> None:
         self._lost_s += late_s
         wall_s = time.monotonic() - self._start_s
         if wall_s - self._reported_s >= LAG_REPORT_EVERY_S:
             self._reported_s = wall_s
             self._warn(
-                f"cannot keep up with {self}: {self._lost_s:.1f} s lost so far; "
+                f"the machine is too slow for {self}: {self._lost_s:.1f} s lost so far; "
                 "use fewer vehicles or a smaller --speedup [too-slow]"
             )
 
@@ -105,10 +105,10 @@ class ManualPace:
         return 0.0
 
     def start(self) -> None:
-        """Do nothing: time stands still until a grant."""
+        """Do nothing: time passes only after a grant."""
 
     def grant(self, seconds: float, done: Callable[[float], None]) -> None:
-        """Let `seconds` more pass; then call `done` with the simulated time reached."""
+        """Let further `seconds` pass, then call `done` with the simulated time."""
         self._granted_s += seconds
         self._waiting.append((self._granted_s, done))
         self._woken.set()
@@ -129,7 +129,7 @@ class ManualPace:
             return True
         self._woken.clear()
         try:
-            async with asyncio.timeout(LOOK_S):
+            async with asyncio.timeout(LONGEST_WAIT_S):
                 await self._woken.wait()
         except TimeoutError:
             pass

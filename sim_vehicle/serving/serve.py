@@ -22,13 +22,13 @@ from sim_vehicle.serving.server import Server
 from sim_vehicle.wire.outbox import Frames
 
 MAVLINK_MAGIC = b"\xfd\xfe"
-MOST_WAITING = 20  # most warnings kept behind a table
-MANY_FILES = 10_240  # limit used where the system reports none
+MOST_WAITING = 20  # largest number of held warnings
+MANY_FILES = 10_240  # limit for a system without a reported limit
 
 
 @dataclass(frozen=True, slots=True)
-class Serving:
-    """Settings of serving; `speedup` None: manual clock; `ready_s` None: the scenario's or autopilot's."""
+class ServeSettings:
+    """Settings of serving. speedup: None for the manual clock. ready_s [s]: None for the default."""
 
     urls: Sequence[Url]
     port_step: int
@@ -39,22 +39,23 @@ class Serving:
     parent_pid: int | None
 
 
-def serve(scenario: Scenario, how: Serving) -> None:
-    """Serve until SIGINT, SIGTERM, the end of manual time, or the end of the parent process.
+def serve(scenario: Scenario, settings: ServeSettings) -> None:
+    """Serve until SIGINT, SIGTERM, the end of the manual clock, or the end of the parent process.
 
-    LinkError for bad links, OptionError for other problems.
+    LinkError for unusable links, OptionError for other problems.
     """
     if sys.platform == "win32":
         raise OptionError(
-            "a fleet is served on Linux and macOS only: the event loop of Windows cannot wait for its links"
+            "a fleet can be served on Linux and macOS only; "
+            "the event loop of Windows does not support the links"
         )
-    if how.speedup is None and sys.stdin is None:
-        raise OptionError("--step: standard input is closed, but the `step SECONDS` lines come from it")
-    asyncio.run(_serve(scenario, how))
+    if settings.speedup is None and sys.stdin is None:
+        raise OptionError("--step: standard input is closed; open it for the `step SECONDS` lines")
+    asyncio.run(_serve(scenario, settings))
 
 
-class _Lines:
-    """Lines to the operator; behind a live table warnings wait for its end."""
+class _OperatorLines:
+    """Lines to the operator; warnings are held until the end of a live table."""
 
     def __init__(self) -> None:
         self._waiting: deque[str] | None = None
@@ -66,12 +67,12 @@ class _Lines:
             typer.echo(f"sim_vehicle: {text}", err=True)
 
     def last(self) -> str:
-        """Return the last waiting warning, or an empty text."""
+        """Return the last held warning, or an empty text."""
         return self._waiting[-1] if self._waiting else ""
 
     @contextlib.contextmanager
-    def behind_a_table(self) -> Iterator[None]:
-        """Hold warnings back if they would appear on the table's terminal."""
+    def holding_warnings(self) -> Iterator[None]:
+        """Hold warnings during a table if standard error is the terminal."""
         self._waiting = deque(maxlen=MOST_WAITING) if sys.stderr is None or sys.stderr.isatty() else None
         try:
             yield
@@ -81,30 +82,37 @@ class _Lines:
                 self.warn(text)
 
 
-async def _serve(scenario: Scenario, how: Serving) -> None:
+async def _serve(scenario: Scenario, settings: ServeSettings) -> None:
     _allow_files()
-    lines = _Lines()
-    with contextlib.ExitStack() as around:
-        record = None if how.tlog is None else around.enter_context(_recorded(how.tlog, scenario, lines.warn))
-        await _run(scenario, how, record, lines)
+    lines = _OperatorLines()
+    with contextlib.ExitStack() as stack:
+        record = (
+            None
+            if settings.tlog is None
+            else stack.enter_context(_recorded(settings.tlog, scenario, lines.warn))
+        )
+        await _run(scenario, settings, record, lines)
 
 
 async def _run(
-    scenario: Scenario, how: Serving, record: Callable[[Frames, float], None] | None, lines: _Lines
+    scenario: Scenario,
+    settings: ServeSettings,
+    record: Callable[[Frames, float], None] | None,
+    lines: _OperatorLines,
 ) -> None:
-    pace: Pace = ManualPace() if how.speedup is None else RealTime(how.speedup, lines.warn)
+    pace: Pace = ManualPace() if settings.speedup is None else RealTime(settings.speedup, lines.warn)
     server = Server(
-        Fleet(scenario, ready_s=how.ready_s),
-        how.urls,
+        Fleet(scenario, ready_s=settings.ready_s),
+        settings.urls,
         pace,
         warn=lines.warn,
-        port_step=how.port_step,
-        parent_pid=how.parent_pid,
+        port_step=settings.port_step,
+        parent_pid=settings.parent_pid,
         record=record,
     )
 
     def opened() -> None:
-        typer.echo(f"sim_vehicle: {fleet_words(scenario)}, {server.ports_words()}, {pace}")
+        typer.echo(f"sim_vehicle: {describe_fleet(scenario)}, {server.describe_ports()}, {pace}")
         if isinstance(pace, ManualPace) and sys.stdin.isatty():
             typer.echo(f"sim_vehicle: manual clock; enter {FORMS}, for example step 0.5")
 
@@ -112,19 +120,19 @@ async def _run(
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, running.cancel)
-    async with contextlib.AsyncExitStack() as around:
+    async with contextlib.AsyncExitStack() as stack:
         if isinstance(pace, ManualPace):
-            # No table, because it would cover the typed lines.
-            around.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, lines.warn))
-        elif how.table and sys.stdout is not None and sys.stdout.isatty():
-            await around.enter_async_context(_shown(server, lines))
+            # A table would cover the typed lines.
+            stack.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, lines.warn))
+        elif settings.table and sys.stdout is not None and sys.stdout.isatty():
+            await stack.enter_async_context(_table_shown(server, lines))
         with contextlib.suppress(asyncio.CancelledError):
             await running
     typer.echo(f"sim_vehicle: {summary(server)}")
 
 
 def _allow_files() -> None:
-    """Raise the limit of open files: one log a vehicle, and clients on every port."""
+    """Raise the limit of open files, for one log a vehicle and clients on every port."""
     import resource  # noqa: PLC0415 - Windows has none
 
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -145,7 +153,7 @@ def _recorded(
         record_frame = files.enter_context(tlogs(folder, scenario.vehicles))
     except OSError as error:
         raise OptionError(
-            f"--tlog {folder}: cannot be written to ({error.strerror}); choose another folder"
+            f"--tlog {folder}: the folder cannot be written to ({error.strerror}); choose another folder"
         ) from error
     full = False
 
@@ -156,9 +164,7 @@ def _recorded(
             yield
         except OSError as error:
             if not full:
-                warn(
-                    f"--tlog {folder}: not all was written ({error.strerror}); the logs end early [tlog-full]"
-                )
+                warn(f"--tlog {folder}: writing failed ({error.strerror}); the logs end early [tlog-full]")
             full = True
 
     def record(frames: Frames, now: float) -> None:
@@ -166,7 +172,7 @@ def _recorded(
             return
         with writing():
             for index, frame in frames:
-                if frame[0] in MAVLINK_MAGIC:  # boot text is no frame
+                if frame[0] in MAVLINK_MAGIC:  # not a boot text
                     record_frame(index, frame, now)
 
     try:
@@ -177,10 +183,10 @@ def _recorded(
 
 
 @contextlib.asynccontextmanager
-async def _shown(server: Server, lines: _Lines) -> AsyncIterator[None]:
+async def _table_shown(server: Server, lines: _OperatorLines) -> AsyncIterator[None]:
     from sim_vehicle.serving.display import show_table  # noqa: PLC0415 - rich, for terminals only
 
-    with lines.behind_a_table():
+    with lines.holding_warnings():
         task = asyncio.ensure_future(show_table(server, lines.last))
         try:
             yield
@@ -190,7 +196,7 @@ async def _shown(server: Server, lines: _Lines) -> AsyncIterator[None]:
                 await task
 
 
-def fleet_words(scenario: Scenario) -> str:
+def describe_fleet(scenario: Scenario) -> str:
     """Return the fleet in words: `3 ardupilot copters and 2 px4 planes, sysid 1-5`."""
     kinds: dict[str, int] = {}
     for vehicle in scenario.vehicles:

@@ -1,4 +1,4 @@
-"""The fleet on its links, at some pace: the pure fleet joined to sockets and clocks."""
+"""The server of a fleet, which connects the pure fleet to sockets and clocks."""
 
 import asyncio
 import itertools
@@ -9,14 +9,14 @@ from functools import partial
 from typing import Any
 
 from sim_vehicle.fleet import TICK_S, Fleet
-from sim_vehicle.links import Ends, Link, LinkError, make_link
+from sim_vehicle.links import Link, LinkCallbacks, LinkError, make_link
 from sim_vehicle.links.url import MAX_PORT, Url
 from sim_vehicle.serving.pace import Pace
 from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 
 BIN_S = 0.0005
-BINS = 4000  # the last bin has everything beyond 2 s
+BINS = 4000  # the last bin has all delays above 2 s
 
 DATAGRAM_BYTES = 1200
 HEARTBEAT_ID = b"\x00\x00\x00"  # message id in a MAVLink 2 frame
@@ -24,7 +24,7 @@ ANY_HOST = ("0.0.0.0", "::")
 
 
 class Lateness:
-    """A histogram of lateness in bins of 0.5 ms; memory does not grow with the run."""
+    """A histogram of lateness in bins of 0.5 ms, with constant memory."""
 
     def __init__(self) -> None:
         self._counts = [0] * BINS
@@ -32,7 +32,7 @@ class Lateness:
         self.worst_s = 0.0
 
     def add(self, late_s: float, times: int = 1) -> None:
-        """Count `times` messages sent `late_s` [s] late; early ones count as punctual."""
+        """Count `times` messages sent `late_s` [s] late; early messages count as punctual."""
         if times <= 0:
             return
         self._counts[min(int(max(late_s, 0.0) / BIN_S), BINS - 1)] += times
@@ -40,7 +40,7 @@ class Lateness:
         self.worst_s = max(self.worst_s, late_s)
 
     def quantile_s(self, share: float) -> float:
-        """Return the quantile of lateness [s], at most 0.5 ms too long; nan without messages."""
+        """Return the quantile of lateness [s], at most 0.5 ms too high; NaN without messages."""
         if self.count == 0:
             return math.nan
         left = share * self.count
@@ -52,7 +52,7 @@ class Lateness:
 
 
 class Server:
-    """A running fleet; each of its links has a port of each URL."""
+    """A running fleet; each link of the fleet has one port of each URL."""
 
     def __init__(
         self,
@@ -65,10 +65,14 @@ class Server:
         parent_pid: int | None = None,
         record: Callable[[Frames, float], None] | None = None,
     ) -> None:
-        """`port_step`: distance of the ports of two links; the run ends with the process `parent_pid`.
+        """Prepare the links; LinkError for URLs that cannot carry the fleet.
 
-        `warn` takes a line for the operator, `record` all sent frames with the simulated time [s]. LinkError
-        for URLs that cannot carry the fleet.
+        Parameters
+        ----------
+        warn: function of a line for the operator.
+        port_step: difference between the ports of two links.
+        parent_pid: process at whose end the run ends.
+        record: function of all sent frames and the simulated time [s].
         """
         self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step
         self._parent_pid, self._record = parent_pid, record
@@ -80,29 +84,30 @@ class Server:
         self._bug: Exception | None = None
         self._links: dict[int, list[Link]] = {}
         for link in sorted(set(fleet.links)):
-            vehicles = [index for index, its in enumerate(fleet.links) if its == link]
-            ends = Ends(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
-            self._links[link] = [make_link(self._at(url, link), ends, vehicles=vehicles) for url in urls]
+            vehicles = [index for index, vehicle_link in enumerate(fleet.links) if vehicle_link == link]
+            callbacks = LinkCallbacks(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
+            self._links[link] = [make_link(self._at(url, link), callbacks, vehicles=vehicles) for url in urls]
         self._refuse_shared_ports()
 
     def _at(self, url: Url, link: int) -> Url:
-        """Return the URL of one of the fleet's links; each link has a port of its own."""
+        """Return the URL of one link of the fleet; each link has its own port."""
         if url.serial:
             if link > 0:
                 raise LinkError(
-                    f"{url}: a serial line carries one link, and this fleet has several; "
+                    f"{url}: a serial line carries one link, but this fleet has several links; "
                     "use UDP or TCP, or fewer vehicles without --per-port"
                 )
             return url
         port = url.port + link * self.port_step
         if port > MAX_PORT:
             raise LinkError(
-                f"{url}: link {link} needs port {port}, the highest is {MAX_PORT}; choose a lower port"
+                f"{url}: link {link} needs port {port}, but the highest port is {MAX_PORT}; "
+                "choose a lower port"
             )
         return url.shifted(link * self.port_step)
 
     def _refuse_shared_ports(self) -> None:
-        """Refuse URLs whose ports overlap, because a port belongs to one link."""
+        """Raise LinkError if two URLs use the same port, because a port belongs to one link."""
         for one, other in itertools.combinations(self.urls, 2):
             same_host = one.host == other.host or (one.listens and {one.host, other.host} & {*ANY_HOST})
             if one.kind != other.kind or one.serial or not same_host:
@@ -117,21 +122,21 @@ class Server:
 
     @property
     def dropped(self) -> int:
-        """Datagrams and chunks dropped for slow receivers."""
+        """Return the number of datagrams and chunks dropped for slow receivers."""
         return sum(link.dropped for links in self._links.values() for link in links)
 
     def stations(self) -> int:
-        """Return the number of connected ground stations; one on two links counts twice."""
+        """Return the number of connected ground stations; a station on two links counts twice."""
         return sum(link.stations() for links in self._links.values() for link in links)
 
-    def ports_words(self) -> str:
-        """Return the ports: `udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
+    def describe_ports(self) -> str:
+        """Return the ports as text: `udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
         most = max(self.fleet.links) * self.port_step
         steps = f" by {self.port_step}" if self.port_step > 1 else ""
         return " and ".join(f"{url} to {url.port + most}{steps}" if most else str(url) for url in self.urls)
 
     async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
-        """Open the links and run until cancelled, the pace is finished, or the parent process has ended."""
+        """Open the links and run until cancelled, or until the end of the pace or the parent process."""
         asyncio.get_running_loop().set_exception_handler(self._note_bug)
         try:
             for links in self._links.values():
@@ -160,7 +165,7 @@ class Server:
         self.lateness.add(self.pace.late_s(self.simulated_s), beats)
 
     def _note_bug(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Keep an exception of a callback, which ends the run like one in a tick."""
+        """Keep the first exception of a callback, so that the run ends with it."""
         error = context.get("exception")
         if isinstance(error, Exception) and self._bug is None:
             self._bug = error

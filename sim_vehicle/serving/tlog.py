@@ -1,4 +1,4 @@
-"""Telemetry logs in the format of ground stations: before each message its time [us], 8 bytes big-endian."""
+"""Telemetry logs in the format of ground stations: each frame follows its time, 8 bytes big-endian [us]."""
 
 import contextlib
 import struct
@@ -12,7 +12,7 @@ from sim_vehicle.station.client import FrameSink
 
 
 class Tlog:
-    """One log; `file` is owned by the caller."""
+    """One telemetry log; the caller opens and closes `file`."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -24,7 +24,7 @@ class Tlog:
 
 @contextlib.contextmanager
 def tlogs(folder: Path, vehicles: Sequence[VehicleSpec]) -> Iterator[FrameSink]:
-    """Open a tlog for each vehicle; yield a function that writes frames to them."""
+    """Open a tlog for each vehicle; yield a function that writes a frame to a vehicle's tlog."""
     folder.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as files:
         logs = [Tlog(files.enter_context(_open(folder, spec))) for spec in vehicles]

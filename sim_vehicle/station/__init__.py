@@ -1,4 +1,4 @@
-"""A ground station without I/O, which flies scenarios and the vehicles under test.
+"""A ground station without sockets and clocks, which flies scenarios and the vehicles under test.
 
-`client` follows a script; `exchanges` are its conversations with one vehicle. No sockets, no clock.
+`client` runs a script; `exchanges` has the requests to one vehicle.
 """

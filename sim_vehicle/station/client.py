@@ -1,4 +1,4 @@
-"""A ground station without I/O: it follows a script and keeps the state of each vehicle."""
+"""A ground station without I/O, which runs a script and keeps the state of each vehicle."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -15,15 +15,15 @@ from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
-GAP = "[...]"  # stands for missing chunks
+GAP = "[...]"  # replaces a missing chunk
 
 HEARTBEAT_S = 1.0
-SETTLED_S = 3.0  # after the first heartbeat; some autopilots undo an earlier mode change
-RETRY_S = 1.0  # after a temporary refusal
-STREAMS_ASKED_S = 5.0  # time without telemetry after which streams are requested
+SETTLED_S = 3.0  # delay after the first heartbeat; some autopilots undo an earlier mode change
+RETRY_S = 1.0  # delay after a refusal
+STREAMS_MISSING_S = 5.0  # time without telemetry after which streams are requested
 STREAM_HZ = 4
 FRAME_BYTES = HEADER2_BYTES + 2  # a frame without payload and signature
-AWAITED = frozenset(
+PROCESSED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
@@ -41,7 +41,7 @@ AWAITED = frozenset(
 SYSTEM, COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 
 FrameSink = Callable[[int, bytes, float], None]
-Out = list[tuple[int, bytes]]
+LinkFrames = list[tuple[int, bytes]]
 
 
 class StatusTexts:
@@ -52,7 +52,7 @@ class StatusTexts:
         self._open: dict[int, tuple[int, dict[int, str]]] = {}  # id -> index in `texts`, chunks by number
 
     def receive(self, message: Any) -> None:
-        """Process a STATUSTEXT; id 0 is a text of one chunk."""
+        """Process a STATUSTEXT; a text with id 0 has one chunk."""
         if message.id == 0:
             self.texts.append(message.text)
             return
@@ -86,7 +86,7 @@ class _StepRun:
     exchanges: list[Exchange]
     began_s: float | None = None
     retry_s: float | None = None
-    answer: str = "no answer [no-answer]"  # the last refusal
+    answer: str = "no answer [no-answer]"  # or the last refusal
 
 
 @dataclass
@@ -96,9 +96,9 @@ class Contact:
     spec: VehicleSpec
     pending: deque[_StepRun] = field(default_factory=deque)
     first_heartbeat_s: float | None = None
-    last_heartbeat_s: float = 0.0  # the last heartbeat
+    last_heartbeat_s: float = 0.0
     telemetry_s: float = 0.0
-    streams_asked_s: float = -STREAMS_ASKED_S
+    streams_requested_s: float = -STREAMS_MISSING_S
     status_texts: StatusTexts = field(default_factory=StatusTexts)
     messages: int = 0
 
@@ -128,19 +128,19 @@ class Station:
         self._links = sorted({spec.link for spec in scenario.vehicles})
         self._codecs = {link: mavlink.MAVLink(None, SYSTEM, COMPONENT) for link in self._links}
         self._parsers = [_parser() for _ in scenario.vehicles]
-        self._frames_are_sound = not scenario.faults  # most frames need no decoding, which is slow
-        self._outbox: Out = []
+        self._frames_are_intact = not scenario.faults  # slow decoding is then unnecessary for most frames
+        self._outbox: LinkFrames = []
         self._now = 0.0
         self._next_heartbeat_s = 0.0
         self._heartbeats = sorted(
             (step.at_s, step.heartbeat) for step in scenario.script if step.heartbeat is not None
         )
         for index, contact in enumerate(self.contacts):
-            recipes = StepExchanges(contact.spec, self._sender(index))
+            step_exchanges = StepExchanges(contact.spec, self._sender(index))
             for number, step in enumerate(scenario.script):
                 selected = step.vehicles is None or contact.spec.sysid in step.vehicles
                 if selected and step.heartbeat is None:
-                    contact.pending.append(_StepRun(number, step, recipes.exchanges(step)))
+                    contact.pending.append(_StepRun(number, step, step_exchanges.exchanges(step)))
 
     @property
     def done(self) -> bool:
@@ -157,7 +157,7 @@ class Station:
     def receive(self, index: int, data: bytes, now: float) -> None:
         """Process bytes of one vehicle."""
         self._now = now
-        if self._frames_are_sound and _is_plain_telemetry(data):
+        if self._frames_are_intact and _is_plain_telemetry(data):
             self.contacts[index].messages += 1
             self._on_frame(index, data, now)
             return
@@ -167,16 +167,16 @@ class Station:
             self._on_frame(index, bytes(message.get_msgbuf()), now)
             self._note(index, message, now)
 
-    def step(self, now: float) -> Out:
+    def step(self, now: float) -> LinkFrames:
         """Return the messages to send by `now`, as (link, bytes)."""
         self._now = now
         if now + EPSILON_S >= self._next_heartbeat_s:
             self._next_heartbeat_s += HEARTBEAT_S
-            if self._beats(now):
-                self._beat()
+            if self._heartbeats_enabled(now):
+                self._send_heartbeat()
         for index, contact in enumerate(self.contacts):
             if contact.first_heartbeat_s is not None:
-                self._ask_for_streams(index, contact, now)
+                self._request_streams(index, contact, now)
                 self._advance(contact, now)
         out, self._outbox = self._outbox, []
         return out
@@ -189,7 +189,7 @@ class Station:
                 running.step.chosen,
                 contact.spec.sysid,
                 self._now,
-                "did not end before the run [unfinished]",
+                "the step did not end before the run [unfinished]",
             )
             for contact in self.contacts
             for running in contact.pending
@@ -202,7 +202,7 @@ class Station:
         contact.messages += 1
         kind = message.get_type()
         if message.get_srcSystem() != contact.spec.sysid:
-            return  # report of the telemetry radio
+            return  # from the telemetry radio
         if kind == "HEARTBEAT":
             contact.last_heartbeat_s = now
             if contact.first_heartbeat_s is None:
@@ -230,11 +230,11 @@ class Station:
 
         return send
 
-    def _beats(self, now: float) -> bool:
+    def _heartbeats_enabled(self, now: float) -> bool:
         past = [on for at_s, on in self._heartbeats if at_s <= now + EPSILON_S]
         return past[-1] if past else True
 
-    def _beat(self) -> None:
+    def _send_heartbeat(self) -> None:
         for link in self._links:
             message = mavlink.MAVLink_heartbeat_message(
                 mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
@@ -245,11 +245,11 @@ class Station:
                 if contact.spec.link == link:
                     self._on_frame(index, frame, self._now)
 
-    def _ask_for_streams(self, index: int, contact: Contact, now: float) -> None:
-        quiet_s = now - max(contact.telemetry_s, contact.streams_asked_s)
-        if quiet_s < STREAMS_ASKED_S or not self._beats(now):
+    def _request_streams(self, index: int, contact: Contact, now: float) -> None:
+        quiet_s = now - max(contact.telemetry_s, contact.streams_requested_s)
+        if quiet_s < STREAMS_MISSING_S or not self._heartbeats_enabled(now):
             return
-        contact.streams_asked_s = now
+        contact.streams_requested_s = now
         self._sender(index)(
             mavlink.MAVLink_request_data_stream_message(
                 contact.spec.sysid, 1, mavlink.MAV_DATA_STREAM_ALL, STREAM_HZ, 1
@@ -290,7 +290,9 @@ class Station:
             running.exchanges[0].begin(now)
             return False
         if running.step.expect == "refused":
-            return self._failed(contact, running, now, "was accepted; a refusal was expected [not-refused]")
+            return self._failed(
+                contact, running, now, "the command was accepted; a refusal was expected [not-refused]"
+            )
         return True
 
     def _refused(self, contact: Contact, running: _StepRun, now: float, text: str) -> bool:
@@ -311,7 +313,7 @@ class Station:
 def _is_plain_telemetry(data: bytes) -> bool:
     """Return True for one whole frame whose kind is not processed here."""
     whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + FRAME_BYTES
-    return whole and int.from_bytes(data[7:10], "little") not in AWAITED
+    return whole and int.from_bytes(data[7:10], "little") not in PROCESSED
 
 
 def _parser() -> mavlink.MAVLink:

@@ -1,4 +1,4 @@
-"""Conversations of a ground station with one vehicle, one state machine each, without I/O."""
+"""Requests of a ground station to one vehicle, as state machines without I/O."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ class ExchangeOutcome:
 
 
 class Exchange:
-    """A request that is repeated until its answer; `outcome` is None before that."""
+    """A request that is repeated until its answer; `outcome` is None before the answer."""
 
     def __init__(self, sysid: int, send: Send) -> None:
         self.sysid, self._send = sysid, send
@@ -83,10 +83,10 @@ class LongCommand(Exchange):
 
 
 class WaitUntilReady(Exchange):
-    """A wait for passing pre-arm checks in SYS_STATUS, for at most `give_up_s`.
+    """A wait of at most `give_up_s` for the pre-arm bit in SYS_STATUS.
 
-    Arming is then tried anyway, and the refusal gives the reason. For an autopilot without the bit the wait
-    ends at once.
+    After the time the exchange succeeds too, because the refusal of the next arming has the reason. For an
+    autopilot without the bit the wait ends at once.
     """
 
     def __init__(self, sysid: int, send: Send, give_up_s: float) -> None:
@@ -95,7 +95,7 @@ class WaitUntilReady(Exchange):
         self._end_s: float | None = None
 
     def begin(self, now: float) -> None:
-        if self._end_s is None:  # once a step; a retry of arming does not wait again
+        if self._end_s is None:  # one wait for each step, although arming may be retried
             self._end_s = now + self._give_up_s
         super().begin(now)
 
@@ -109,7 +109,7 @@ class WaitUntilReady(Exchange):
     def receive(self, message: Any, now: float) -> None:
         if message.get_type() != "SYS_STATUS":
             return
-        self._sent_s = now  # it is streamed, so no request is needed
+        self._sent_s = now  # delays the next request of the streamed message
         bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
         if message.onboard_control_sensors_health & bit or not message.onboard_control_sensors_present & bit:
             self.outcome = ExchangeOutcome(True, "ready")
@@ -136,7 +136,7 @@ class Reposition(LongCommand):
 
 
 class ChangeMode(LongCommand):
-    """DO_SET_MODE until the heartbeat shows the mode; an acknowledged change may be undone."""
+    """DO_SET_MODE, repeated until the heartbeat shows the mode, because an autopilot may undo the change."""
 
     def __init__(self, sysid: int, send: Send, number: int, params: Sequence[float]) -> None:
         super().__init__(sysid, send, mavlink.MAV_CMD_DO_SET_MODE, params)
@@ -148,7 +148,7 @@ class ChangeMode(LongCommand):
             return
         super().receive(message, now)
         if self.outcome is not None and self.outcome.accepted:
-            self.outcome, self._sent_s = None, now + RESEND_S  # allows 2.5 s for the heartbeat
+            self.outcome, self._sent_s = None, now + RESEND_S  # longer wait for the heartbeat
 
 
 class SetParameter(Exchange):
@@ -185,7 +185,7 @@ class SetParameter(Exchange):
 
 
 class UploadPlan(Exchange):
-    """The upload of a mission or fence, restarted if the vehicle falls silent."""
+    """The upload of a mission or fence, restarted after `STALLED_S` without a request."""
 
     def __init__(self, sysid: int, send: Send, items: Sequence[Item], mission_type: int) -> None:
         super().__init__(sysid, send)

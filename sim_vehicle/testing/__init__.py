@@ -1,1 +1,1 @@
-"""Vehicles for tests, as the pytest fixtures provide them."""
+"""The vehicles of the pytest fixtures."""

@@ -1,4 +1,4 @@
-"""One fleet under test and its time: stepped by the test, or served on a port by a thread."""
+"""A fleet under test and its clock, stepped by the test or by the thread of a server."""
 
 import difflib
 import inspect
@@ -35,18 +35,18 @@ class NotWithinTimeError(AssertionError):
     """A condition or step did not succeed in time."""
 
 
-class Serving(Protocol):
+class FleetThread(Protocol):
     """A thread that runs the fleet."""
 
     def call(self, function: Callable[[], Result]) -> Result:
-        """Run a function between two ticks of the fleet."""
+        """Run a function between two ticks of the fleet; return its result."""
 
     def wait(self) -> None:
         """Wait a moment of wall time."""
 
     @property
     def now(self) -> float:
-        """Simulated time [s]."""
+        """Return the simulated time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class Vehicle:
 
     @property
     def received(self) -> list[Any]:
-        """Every message from this vehicle, in order; a test may remove processed ones."""
+        """Every message from this vehicle, in order; a test may remove processed messages."""
         while self._decoded < len(self._raw):
             parsed = self._decoder.parse_buffer(self._raw[self._decoded]) or ()
             self._decoded += 1
@@ -121,12 +121,12 @@ class Vehicle:
 
     @property
     def mode(self) -> str:
-        """The mode by name, `GUIDED` or `Mission`."""
+        """The name of the mode, such as `GUIDED` or `Mission`."""
         return self.truth.mode
 
     @property
     def armed(self) -> bool:
-        """True while the motors may turn."""
+        """True while the vehicle is armed."""
         return self.truth.armed
 
     @property
@@ -135,7 +135,7 @@ class Vehicle:
         return self.truth.height_m
 
     def inject(self, fault: str) -> None:
-        """Begin a fault now, written as for `--fault`: `gps_loss:for=10`; `at` counts from now."""
+        """Begin a fault in the form of `--fault`, such as `gps_loss:for=10`; `at` counts from now."""
         __tracebackhide__ = True
         try:
             self._rig.inject(fault, self.sysid)
@@ -143,10 +143,10 @@ class Vehicle:
             raise FaultError(str(error)) from None
 
     def do(self, action: str, value: Any = None) -> None:
-        """Perform one action by a ground station: `do("takeoff", 20)`, `do("mode", "RTL")`.
+        """Perform one action of a scenario's script: `do("takeoff", 20)`, `do("mode", "RTL")`.
 
-        The actions are those of a scenario's script. ScenarioError for an unknown action, or one that this
-        vehicle cannot do. The action begins as time passes; its failure raises from the clock.
+        The action begins with the next tick of the clock. If the action fails, the clock raises
+        NotWithinTimeError. ScenarioError for an unknown action, or an impossible action on this vehicle.
         """
         __tracebackhide__ = True
         try:
@@ -176,13 +176,13 @@ class Swarm(Sequence[Vehicle]):
 
 
 class Rig:
-    """The fleet of one test; `serving` is set while a thread runs it."""
+    """The fleet of one test; `serving` is set while a thread runs the fleet."""
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.fleet: Fleet | None = None
         self.vehicles: list[Vehicle] = []
-        self.serving: Serving | None = None
+        self.serving: FleetThread | None = None
         self.operator_lines: deque[str] = deque(maxlen=LINES_KEPT)  # lines of a server to its operator
         self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
         self._station: Station | None = None
@@ -196,9 +196,7 @@ class Rig:
     def create(self, scenario: Scenario, ready_s: float | None) -> Swarm:
         __tracebackhide__ = True
         if self.fleet is not None:
-            raise RuntimeError(
-                "a test has one fleet; ask for all its vehicles in one call of swarm(count=...)"
-            )
+            raise RuntimeError("a test has one fleet; create all vehicles by one call of swarm(count=...)")
         self.fleet = Fleet(scenario, ready_s=ready_s)
         self.vehicles = [Vehicle(self, index) for index in range(len(scenario.vehicles))]
         self.take(self.fleet.step(0.0), 0.0)
@@ -208,7 +206,7 @@ class Rig:
         __tracebackhide__ = True
         if self.fleet is None:
             raise RuntimeError(
-                "there is no vehicle yet; ask for the fixture `vehicle`, or call swarm() first"
+                "the test has no vehicle yet; use the fixture `vehicle`, or call swarm() first"
             )
         return self.fleet
 
@@ -272,12 +270,12 @@ class Rig:
         self._station.begin(index, step)
 
     def _log_sent(self, index: int, frame: bytes, now: float) -> None:
-        """Log the messages of the ground station; those of the vehicle are logged already."""
+        """Log the messages of the ground station; `take` logs the messages of the vehicle."""
         if frame[SOURCE_SYSTEM] == GCS_SYSTEM:
             self.vehicles[index]._log.append((now, frame))
 
     def write_tlogs(self, folder: Path) -> None:
-        """Write a tlog of each vehicle: its messages, and those sent to it."""
+        """Write a tlog of each vehicle, with the messages from and to the vehicle."""
         if self.fleet is None:
             return
         with tlogs(folder, self.fleet.scenario.vehicles) as record_frame:
@@ -315,14 +313,14 @@ class Rig:
 
 
 class Clock:
-    """Simulated time; it passes only inside these calls, except on a served fleet."""
+    """The simulated clock; except on a served fleet, time passes only in these calls."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
 
     @property
     def now(self) -> float:
-        """Simulated seconds since the start of the fleet."""
+        """The simulated time since the start of the fleet [s]."""
         return self._rig.now
 
     def run_for(self, seconds: float) -> None:
@@ -335,21 +333,21 @@ class Clock:
     def run_until(self, condition: Callable[[], object], timeout: float = 60.0) -> float:
         """Let time pass until the condition holds; return the time taken [s].
 
-        `timeout` is in simulated seconds. NotWithinTimeError, an AssertionError, after the timeout or the
-        failure of a step of `vehicle.do`. The condition is evaluated before the first tick and after each.
+        NotWithinTimeError, an AssertionError, after `timeout` [s of simulated time] or a failed action of
+        `vehicle.do`. The condition is evaluated before the first tick and after each tick.
         """
         __tracebackhide__ = True
         start = self.now
         while not condition():
             if self.now - start >= timeout - EPSILON_S:
                 raise NotWithinTimeError(
-                    f"not within {timeout:g} s: {_words(condition)}\n{self._rig.state()}"
+                    f"not within {timeout:g} s: {_source_of(condition)}\n{self._rig.state()}"
                 )
             self._rig.tick()
         return self.now - start
 
 
-def _words(condition: Callable[[], object]) -> str:
+def _source_of(condition: Callable[[], object]) -> str:
     try:
         return inspect.getsource(condition).strip()
     except (OSError, TypeError):
@@ -376,7 +374,7 @@ def scenario_for(
     if len(home) != 3 or not (-90 <= home[0] <= 90 and -180 <= home[1] <= 180):
         raise ScenarioError(f"home={home!r}: give latitude, longitude [deg] and altitude [m]")
     if isinstance(faults, str):
-        raise ScenarioError(f"faults={faults!r}: give a list of them, faults=[{faults!r}]")
+        raise ScenarioError(f"faults={faults!r}: give a list, faults=[{faults!r}]")
     if isinstance(scenario, str | Path):
         scenario = load_scenario(Path(scenario))
     if scenario is None:
@@ -393,5 +391,5 @@ def scenario_for(
 def _one_of(what: str, found: str, words: Sequence[str]) -> None:
     if found not in words:
         near = difflib.get_close_matches(str(found), words, n=1)
-        cure = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(words)}"
+        cure = f"did you mean {near[0]!r}?" if near else f"the values are {', '.join(words)}"
         raise ScenarioError(f"{what}={found!r}: {cure}")

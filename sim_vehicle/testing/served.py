@@ -1,4 +1,4 @@
-"""A fleet under test, served over UDP by a thread in real time × speedup."""
+"""A fleet under test that a thread serves in real time × speedup."""
 
 import asyncio
 import concurrent.futures
@@ -20,8 +20,8 @@ WAIT_S = 0.005
 Result = TypeVar("Result")
 
 
-class Thread:
-    """A thread with a server until `stop`; all other access to the fleet goes through `call`."""
+class ServerThread:
+    """A thread that serves the fleet until `stop`; all other access to the fleet uses `call`."""
 
     def __init__(self, rig: Rig, url: str, speedup: float) -> None:
         self._rig, self._url, self._speedup = rig, url, speedup
@@ -30,11 +30,11 @@ class Thread:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[None] | None = None
         self._server: Server | None = None
-        self.lagged = ""  # the last warning of lost time
+        self.lag_warning = ""  # the last warning of lost time
         self._thread = threading.Thread(target=self._main, name="sim_vehicle", daemon=True)
         self._thread.start()
         if not self._opened.wait(DEADLINE_S):
-            raise TimeoutError(f"the fleet was not up on {url} within {DEADLINE_S:g} s")
+            raise TimeoutError(f"the server did not open {url} within {DEADLINE_S:g} s")
         if self._error is not None:
             raise self._error
 
@@ -60,14 +60,14 @@ class Thread:
 
     def _too_slow(self, text: str) -> None:
         self._rig.operator_lines.append(text)
-        self.lagged = text
+        self.lag_warning = text
 
     @property
     def now(self) -> float:
         return 0.0 if self._server is None else self._server.simulated_s
 
     def call(self, function: Callable[[], Result]) -> Result:
-        """Run a function between two ticks, in the thread of the fleet."""
+        """Run a function between two ticks, in the thread of the fleet; return its result."""
         if self._error is not None:
             raise self._error
         if threading.current_thread() is self._thread or not self._thread.is_alive():
@@ -98,34 +98,34 @@ class Thread:
 
 
 class Link:
-    """The served fleet of a test; it starts with the first use of its URL.
+    """The served fleet of a test, which starts with the first use of its URL.
 
-    One port carries up to 250 vehicles with different system ids; further ports follow it.
+    One port carries up to 250 vehicles with different system ids; more vehicles use the following ports.
     """
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
-        self._thread: Thread | None = None
+        self._thread: ServerThread | None = None
         self._port = 0
 
     def serve(self, url: str | None = None, *, speedup: float = 1.0) -> "Link":
-        """Begin now; without this call it begins with the first use of `link.url`.
+        """Begin to serve; without this call serving begins with the first use of `link.url`.
 
         Parameters
         ----------
-        url: as for `--url`: `udpout:127.0.0.1:14550` for a station that listens there, `tcpin:127.0.0.1:5760`
-            for one that connects. None: listen on a free UDP port of this machine, given by `link.url`,
+        url: as for `--url`: `udpout:127.0.0.1:14550` for a listening station, `tcpin:127.0.0.1:5760` for a
+            connecting station. None: listen on a free UDP port of this machine, given by `link.url`,
             `link.mavsdk_url`, `link.address` and `link.port`; the fleet answers every sender.
-        speedup: simulated seconds per second. Time then passes on its own; lost time causes a RuntimeWarning
-            at the end of the test.
+        speedup: simulated seconds per second. Simulated time follows the wall clock; lost time causes a
+            RuntimeWarning at the end of the test.
         """
         __tracebackhide__ = True
         if self._thread is not None:
-            raise RuntimeError("the fleet is served already; call link.serve() before link.url is used")
+            raise RuntimeError("the fleet is already served; call link.serve() before the use of link.url")
         if url is None:
             self._port = _free_port(1 + max(self._rig.existing().links))
             url = f"udpin:127.0.0.1:{self._port}"
-        self._thread = Thread(self._rig, url, speedup)
+        self._thread = ServerThread(self._rig, url, speedup)
         self._rig.serving = self._thread
         return self
 
@@ -136,12 +136,14 @@ class Link:
         if self._thread is None:
             self.serve()
         if not self._port:
-            raise RuntimeError("the fleet talks at the URL that link.serve(url) was given, and has no other")
+            raise RuntimeError(
+                "the fleet has only the URL of link.serve(url); call link.serve() without a URL"
+            )
         return self._port
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port for a socket of the test."""
+        """The host and port for a socket of the test."""
         __tracebackhide__ = True
         return ("127.0.0.1", self.port)
 
@@ -158,27 +160,27 @@ class Link:
         return f"udpout://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Stop and warn of lost time, in the test's thread, in which a warning may be an error."""
+        """Stop the server and warn of lost time, in the test's thread, because a warning may be an error."""
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.stop()
-            if thread.lagged:
-                warnings.warn(thread.lagged, RuntimeWarning, stacklevel=2)
+            if thread.lag_warning:
+                warnings.warn(thread.lag_warning, RuntimeWarning, stacklevel=2)
 
 
 def _free_port(count: int) -> int:
     """Return the first of `count` consecutive free UDP ports."""
     for _ in range(100):
         with contextlib.ExitStack() as probes:
-            first = _bound(probes, 0)
+            first = _bound_port(probes, 0)
             with contextlib.suppress(OSError):
                 for port in range(first + 1, first + count):
-                    _bound(probes, port)
+                    _bound_port(probes, port)
                 return first
-    raise OSError(f"no {count} neighbouring free UDP ports on 127.0.0.1")
+    raise OSError(f"127.0.0.1 has no {count} consecutive free UDP ports")
 
 
-def _bound(probes: contextlib.ExitStack, port: int) -> int:
+def _bound_port(probes: contextlib.ExitStack, port: int) -> int:
     probe = probes.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     probe.bind(("127.0.0.1", port))
     return int(probe.getsockname()[1])

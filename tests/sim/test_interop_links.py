@@ -20,7 +20,7 @@ from simulator_process import (
     udp_sockets,
 )
 
-from sim_vehicle.links import Ends, make_link
+from sim_vehicle.links import LinkCallbacks, make_link
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.udp import MAX_PEERS
 from sim_vehicle.links.url import parse_url
@@ -173,7 +173,7 @@ def test_a_listening_port_keeps_a_bounded_number_of_peers() -> None:
         probe.close()
         link = make_link(
             parse_url(f"udpin:127.0.0.1:{port}"),
-            Ends(lambda data, peer, reach: None, forgotten, lambda text: None),
+            LinkCallbacks(lambda data, peer, reach: None, forgotten, lambda text: None),
             vehicles=[0],
         )
         link.open()

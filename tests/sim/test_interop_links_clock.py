@@ -16,7 +16,7 @@ import pytest
 from serial_device import SerialDevice
 from simulator_process import LIMIT_S, free_tcp_port, udp_socket
 
-from sim_vehicle.links import Ends, Link, LinkError, make_link
+from sim_vehicle.links import Link, LinkCallbacks, LinkError, make_link
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.url import parse_url
 
@@ -66,7 +66,9 @@ class LinkEvents:
         self.warnings: list[str] = []
 
     def link(self, url: str, vehicles: int = 1) -> Link:
-        ends = Ends(lambda data, peer, reach: self.data.append(data), self.gone.append, self.warnings.append)
+        ends = LinkCallbacks(
+            lambda data, peer, reach: self.data.append(data), self.gone.append, self.warnings.append
+        )
         return make_link(parse_url(url), ends, vehicles=range(vehicles))
 
 

@@ -66,7 +66,7 @@ def test_a_goal_at_the_start_is_reached_by_returning(personality: str) -> None:
         "reached_goal 3": True,
         "airborne, by 16 s": True,
     }
-    assert verdict.checks[0].failures[0].found.endswith("not bound for it yet")
+    assert verdict.checks[0].failures[0].found.endswith("not bound for the goal yet")
 
 
 # -- texts -----------------------------------------------------------------------------------------------

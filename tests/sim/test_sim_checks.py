@@ -169,10 +169,10 @@ def test_an_unevaluated_always_check_fails() -> None:
     ("fields", "found"),
     [
         ({"flown": ~YES}, "0 m away, not flown yet"),
-        ({"flown": YES, "bound_for_goal": ~YES}, "0 m away, not bound for it yet"),
+        ({"flown": YES, "bound_for_goal": ~YES}, "0 m away, not bound for the goal yet"),
         (
             {"flown": YES, "goal_m": np.array([[30, 40], [35, 40], [40, 40]])},
-            "50 m away at its nearest, at 0.00 s",
+            "50 m away at the closest approach, at 0.00 s",
         ),
     ],
 )
@@ -198,9 +198,9 @@ def test_a_missed_goal_reports_the_smallest_distance_and_its_time() -> None:
     observe(9.0, 0.0)
     failures = checked.end(view(9.0, goal_m=goal_m, flown=YES))
     assert [failure.found for failure in failures] == [
-        "5.5 m away at its nearest, at 8.00 s",
-        "10 m away at its nearest, at 7.00 s",
-        "10 m away at its nearest, at 7.00 s",
+        "5.5 m away at the closest approach, at 8.00 s",
+        "10 m away at the closest approach, at 7.00 s",
+        "10 m away at the closest approach, at 7.00 s",
     ]
 
 

@@ -29,25 +29,30 @@ PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(150))
 WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=30)
 
 
-def column(heading: str, *cells: str, stays: int, cut: int | None = None, right: bool = False) -> Column:
-    return Column(heading, [Text(cell) for cell in cells], stays, cut=cut, right=right)
+def column(heading: str, *cells: str, priority: int, cut: int | None = None, right: bool = False) -> Column:
+    return Column(heading, [Text(cell) for cell in cells], priority, cut=cut, right=right)
 
 
 @st.composite
 def tables(draw: st.DrawFn) -> list[Column]:
     """Draw a table: an id of up to 8 characters, further columns, and perhaps one that may be cut."""
     rows = draw(st.integers(0, 4))
-    stays = draw(st.permutations(range(draw(st.integers(0, 7)))))
-    columns = [column("id", *(f"{i}:{10 ** draw(st.integers(0, 4))}" for i in range(rows)), stays=99)]
+    priorities = draw(st.permutations(range(draw(st.integers(0, 7)))))
+    columns = [column("id", *(f"{i}:{10 ** draw(st.integers(0, 4))}" for i in range(rows)), priority=99)]
     columns += [
         column(
-            f"{i}{draw(WORDS)}", *(draw(WORDS) for _ in range(rows)), stays=stay, right=draw(st.booleans())
+            f"{i}{draw(WORDS)}",
+            *(draw(WORDS) for _ in range(rows)),
+            priority=priority,
+            right=draw(st.booleans()),
         )
-        for i, stay in enumerate(stays)
+        for i, priority in enumerate(priorities)
     ]
     if draw(st.booleans()):
         last = (" ".join(draw(st.lists(WORDS, max_size=5))) for _ in range(rows))
-        columns.append(column("faults", *last, stays=draw(st.integers(0, 98)), cut=draw(st.integers(6, 20))))
+        columns.append(
+            column("faults", *last, priority=draw(st.integers(0, 98)), cut=draw(st.integers(6, 20)))
+        )
     return columns
 
 
@@ -84,8 +89,8 @@ def test_more_width_shows_more_columns_in_a_fixed_order(columns: list[Column]) -
     for width in range(20, 320, 3):
         kept = fitting(columns, width)
         assert all(shown in kept for shown in before)
-        left_out = [shown.stays for shown in columns if shown not in kept]
-        assert not left_out or max(left_out) <= min(shown.stays for shown in kept)
+        left_out = [shown.priority for shown in columns if shown not in kept]
+        assert not left_out or max(left_out) <= min(shown.priority for shown in kept)
         before = kept
     assert fitting(columns, None) == columns
 

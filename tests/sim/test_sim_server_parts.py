@@ -161,7 +161,7 @@ def test_urls_with_overlapping_ports_are_refused(port_step: int, one: str, other
     ],
 )
 def test_urls_with_separate_ports_are_accepted(port_step: int, one: str, other: str) -> None:
-    assert serve_three(port_step, one, other).ports_words()
+    assert serve_three(port_step, one, other).describe_ports()
 
 
 def table_lines(options: FleetOptions, width: int, height: int, wall_s: float = 0.0) -> list[str]:
