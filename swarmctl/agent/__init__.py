@@ -9,7 +9,7 @@ New information only marks the plan dirty; the next `Tick` plans once with all o
 | `traffic/` | distance from other vehicles: launch, route, landing, return |
 | `arrival/` | simultaneous arrival |
 | `failsafes/` | one file for each rule |
-| `orders`, `own_modes` | operators' orders; modes that the agent chose itself |
+| `orders`, `own_modes` | operators' orders; modes that the agent has set |
 | `sharing`, `touchdown` | belief and broadcast state; end of the flight |
 
 Imports core and planners. Begin with `step`.

@@ -306,7 +306,7 @@ class AgentState:
 
     @property
     def alarm(self) -> str:
-        """Active proximity alarms as text; empty without any."""
+        """Active proximity alarms as text; empty without an alarm."""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
         return f"predicted to come too close to vehicle {others}" if others else ""
 

@@ -119,8 +119,8 @@ class Belief:
     ) -> Belief:
         """Return the belief before any observation.
 
-        It is the paper's belief for a number of hostiles and a perfect sensor. Raises ValueError for an area
-        without cells or for more hostiles than cells.
+        For a number of hostiles and a perfect sensor the result is the paper's belief. Raises ValueError for
+        an area without cells or for more hostiles than cells.
         """
         if rows < 1 or cols < 1:
             raise ValueError(f"an area of {rows} × {cols} cells: expected at least 1 × 1")

@@ -3,7 +3,7 @@
 | act/kind | content | meaning |
 |---|---|---|
 | `inform/observation` | Observation | cells that the sender has just seen |
-| `inform/state` | StateShared | position, phase, counts of its knowledge, UAVs it hears; once a second |
+| `inform/state` | StateShared | position, phase, counts of observations, UAVs received; once a second |
 | `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
 | `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists all that the sender has |
 | `inform/snapshot` | Snapshot | the answer: frames of the observers, byte for byte |
@@ -85,7 +85,7 @@ def _check_position(lat_deg: float, lon_deg: float) -> None:
 
 
 class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
-    """Position, phase and knowledge of a UAV, about once a second of its own time."""
+    """Position, phase and knowledge of a UAV, about once a second by its clock."""
 
     time_s: float
     """vehicle's clock since boot [s]"""
@@ -212,7 +212,7 @@ class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
 
 Content = Observation | Checkpoint | StateShared | IntentShared | SnapshotAsked | Snapshot | Relayed
 AgentMessage = Observation | StateShared | IntentShared
-"""a message of an agent; the other contents are exchanged between nodes"""
+"""a message of an agent; nodes exchange the remaining contents"""
 
 
 class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

@@ -26,7 +26,7 @@ MAX_NAME = 32
 
 
 class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_fields=True):
-    """An operator's command: other weights from the next plan on. Raises ValueError if it is invalid."""
+    """An operator's command: other weights from the next plan on. Raises ValueError for invalid values."""
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
@@ -52,7 +52,7 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
 class GiveOrder(
     msgspec.Struct, frozen=True, omit_defaults=True, tag="give_order", forbid_unknown_fields=True
 ):
-    """An operator's command: launch, hold, return or land now. Raises ValueError if it is invalid."""
+    """An operator's command: launch, hold, return or land now. Raises ValueError for invalid values."""
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""

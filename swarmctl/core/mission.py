@@ -23,8 +23,8 @@ class Waypoint:
 class Approach:
     """The landing of a fixed wing.
 
-    The vehicle descends in a circle to the height of `final`, leaves the circle straight to `final`, and
-    descends from there on a straight slope to `touchdown`.
+    The vehicle descends in a circle to the height of `final`, and leaves the circle straight to `final`. From
+    `final` it descends on a straight slope to `touchdown`.
     """
 
     centre: Waypoint

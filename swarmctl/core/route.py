@@ -69,8 +69,8 @@ def track_plan(
 ) -> FlightPlan:
     """Return the plan to fly straight legs between corners (cells) and land.
 
-    A vehicle whose `position` is within corners[0] does not fly back to the centre of that cell if `may_join`
-    allows the straight leg from its position (x, y) [cells] to the next corner.
+    A vehicle whose `position` is within corners[0] need not fly back to the centre of that cell. It flies
+    straight to the next corner if `may_join` allows the leg from its position (x, y) [cells].
     """
     if not corners:
         raise ValueError("a track without corners cannot be flown: expected at least the goal cell")
@@ -89,8 +89,8 @@ def _plan(grid: Grid, corners: Sequence[Cell], altitude_m: float, landing_lat_lo
 def landing_spot(grid: Grid, cell: Cell, index: int, count: int) -> LatLon:
     """Return the landing spot of vehicle `index` of the `count` vehicles that share a goal cell.
 
-    The spots are distinct points inside the cell, on a square lattice about its centre. They are as far apart
-    as the cell allows, and at most LANDING_SPACING_M.
+    The spots are distinct points inside the cell, on a square lattice about its centre. Their spacing is as
+    large as the cell allows, and at most LANDING_SPACING_M.
     """
     if not 0 <= index < count:
         raise ValueError(f"landing spot {index} of {count}: expected 0 to {count - 1}")

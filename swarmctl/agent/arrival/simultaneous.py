@@ -84,7 +84,7 @@ def adjust_speed(state: AgentState) -> StepResult:
 
 
 def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:
-    """Mark the speed as unknown, so that it is set again."""
+    """Mark the speed as unknown, so that the agent sets the speed again."""
     return replace(state, speed_m_s=UNKNOWN_M_S, trouble=event.reason), []
 
 
@@ -137,7 +137,7 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
-    """Return the configured least speed, or that of the fixed wing if it is higher [m/s]."""
+    """Return the higher of the configured least speed and the fixed wing's least speed [m/s]."""
     wings = state.task.wings
     return group.slowest_m_s if wings is None else max(group.slowest_m_s, wings.min_speed_m_s)
 

@@ -1,4 +1,7 @@
-"""Interface of a failsafe rule: its input, its demands, and their order of strength."""
+"""Interface of a failsafe rule: its input, its demands, and their order of strength.
+
+`RULES` of this package names all rules; `enforcement` evaluates them.
+"""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def choose_pattern(
 ) -> LandingPattern:
     """Return the pattern of least exposure whose legs all stay inside the fence.
 
-    Of equal patterns it is the one with the least turn from `from_pose`. With `is_flown_to` the path from
+    Of equal patterns the result needs the least turn from `from_pose`. With `is_flown_to` the path from
     `from_pose` to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path,
     infinite with a forbidden cell. Raises NoApproach.
     """

@@ -61,7 +61,7 @@ def flown_route(task: Task, problem: Problem, route: Route) -> FlownRoute:
 
 
 def lattice_route(route: Route) -> FlownRoute:
-    """Return the lattice route itself in flown form."""
+    """Return a lattice route in flown form, without a straightened track."""
     cells = route.cells
     return FlownRoute(
         cells,
@@ -74,7 +74,7 @@ def lattice_route(route: Route) -> FlownRoute:
 
 
 def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
-    """Return the straightened track of a route; None if the lattice route itself is flown.
+    """Return the straightened track of a route; None if the vehicle flies the lattice route.
 
     If wide turns cause a loss, the loss is kept small: by Eq. 5 for a planner that uses w, otherwise by
     exposure alone. A track is never longer than its route, so it keeps the latest arrival. Raises Unreachable

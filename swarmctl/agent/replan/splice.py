@@ -1,7 +1,7 @@
 """The splice point: the point ahead of the vehicle at which a new route leaves the present one. Pure.
 
 The vehicle flies on during the swap. So the new route keeps the cells of the old route up to a centre that
-the vehicle reaches only after the swap, and the vehicle never has to fly back. The distance follows from its
+the vehicle reaches only after the swap. The vehicle never has to fly back. The distance follows from its
 speed and from the durations of its last swaps.
 
 If the old route has a wall before the splice point, a copter leaves the route at once. A fixed wing does not:

@@ -20,7 +20,7 @@ from swarmctl.core.planar import PlanarPoint
 STANDING_M_S = 1.0
 """Greatest speed of a vehicle that needs no stop [m/s]."""
 RESTART_M_S = 0.1
-"""Start speed after a stop [m/s]. It is above 0, because a stop on a leg does not count as a corner."""
+"""Start speed after a stop [m/s]; above 0, because a stop on a leg does not count as a corner."""
 CORNER_M = 0.01
 """Greatest distance from a stop to the next corner at which both count as one point [m]."""
 

@@ -9,8 +9,8 @@ limits. Exactly one of the two gives way.
 | cannot change its plan: lands, returns, holds by order, is released | this one |
 | does not acknowledge hearing this one | this one, so possibly both |
 
-The evasive action is a hold, or a climb if the hold itself would be too close or the vehicle is a fixed wing.
-A copter that holds resumes its route when the route is clear; after 60 s it tries to pass above the others.
+The evasive action is a hold. It is a climb if a hold would be too close, and for a fixed wing. A copter that
+holds resumes its route when the route is clear. After 60 s it tries to pass above the other vehicles.
 """
 
 from __future__ import annotations

@@ -5,14 +5,14 @@ Vehicles with the same goal arrive at different heights, and a landing descends 
 
 | the other vehicle | priority |
 |---|---|
-| en route to the goal | this one lands; the other gives way (`route_deconfliction`) |
-| over the goal, lower | the other one lands; this one waits |
-| over the goal, higher | this one lands; the other waits |
+| en route to the goal | this vehicle lands; the other one gives way (`route_deconfliction`) |
+| over the goal, lower | the other vehicle lands; this one waits |
+| over the goal, higher | this vehicle lands; the other one waits |
 | over the goal, same height within 1 m | the lower system id lands; the higher one waits |
 
 A vehicle never waits for a higher one, so no two wait for each other. Below 5 m no wait begins. An urgent
-failsafe prevents or ends a wait. While the link is lost, the queue decides nothing. A fixed wing cannot hover,
-so it does not wait.
+failsafe prevents or ends a wait. While the link is lost, the queue decides nothing. A fixed wing does not
+wait, because it cannot hover.
 """
 
 from __future__ import annotations
@@ -207,7 +207,7 @@ def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourI
 
 
 def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
-    """Return whether the hold itself would block a vehicle that cannot give way."""
+    """Return whether a hold would block a vehicle that cannot give way."""
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))

@@ -1,8 +1,8 @@
 """Schedule of returns: start times for recalled vehicles, so that no two conflict. Pure.
 
-A vehicle holds at its position and height until its start; then it climbs, flies straight home and lands
-there. The climb is a parameter of its firmware and the speed is uncertain, so the vehicle may be anywhere
-between a fast and a slow return. Vehicles that move are therefore separated over ground, at every height.
+A vehicle holds at its position and height until its start. Then it climbs, flies straight home and lands. The
+climb is a parameter of the firmware, and the speed is uncertain. So the vehicle may be anywhere between a
+fast and a slow return, and moving vehicles are separated over ground at every height.
 
 Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the recall [s].
 """

@@ -1,6 +1,6 @@
 """Return queue: a vehicle that returns by a failsafe holds until its path home is clear. Pure.
 
-Vehicles broadcast whether they are returning or holding for their turn.
+Vehicles broadcast their returns, and their holds before a return.
 
 | situation | rule |
 |---|---|

@@ -1,8 +1,8 @@
 """Straightening of lattice routes, with turns as wide as the vehicle needs.
 
 A lattice route turns in steps of 45°. A straight leg may replace the part of the route between two of its
-cells if it is neither longer nor more exposed. So the track is never worse than the lattice route in any
-measure that is compared. The choice of the exposure measure (`ExposureMeasure`) matters: see
+cells if the leg is neither longer nor more exposed. So the track is at least as good as the lattice route in
+each measure that is compared. The choice of the exposure measure (`ExposureMeasure`) matters: see
 `swarmctl.core.any_angle.track`.
 
 The turn of a fixed wing onto its first leg is not planned here. Its landing is planned in

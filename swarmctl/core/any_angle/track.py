@@ -1,15 +1,15 @@
 """Straight tracks over the cells: the cells crossed, the length over each, and the exposure.
 
-Points are (x, y) in cells from the south-west corner of cell (0, 0), so the centre of cell (row, col) is
+Points are (x, y) in cells from the south-west corner of cell (0, 0). The centre of cell (row, col) is
 (col + 0.5, row + 0.5).
 
 Two measures of exposure, because Eq. 5 has none for a track between cells:
 
 entered
     ΣP_s over the cells that a track enters, as Eq. 5 counts a route and as strikes are drawn. A cell counts
-    once each time it is entered, however short the crossing. A track through the corner of two cells enters
-    only the diagonal one, as a diagonal step does. A straight track at a skew angle enters more cells than
-    the lattice route beside it.
+    once for each entry, even for a short crossing. A track through the corner of two cells enters only the
+    diagonal cell, as a diagonal step does. A straight track at a skew angle enters more cells than the
+    lattice route beside it.
 integral
     ∫ P_s ds along the track [cells], which counts the length and not the number of cells.
 

@@ -64,7 +64,7 @@ def find_clashes(
 ) -> tuple[Clash, ...]:
     """Return the clashes of a flight with others (by system id), soonest first.
 
-    `wider`: larger limits for some of the others.
+    `wider`: larger limits for some of the other vehicles.
     """
     if not others:
         return ()

@@ -45,7 +45,7 @@ class NeighbourReport:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourIntent:
-    """Last intent received from another vehicle: the flight it is on or about to start."""
+    """Last intent received from another vehicle: its present or next flight."""
 
     flight: Trajectory
     """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
