@@ -83,7 +83,7 @@ async def send_to_valid_names(
 ) -> OperatorAnswer:
     """Send a command to all vehicles with valid names; unknown names become refused answers.
 
-    A misspelt name must not keep the other vehicles in the air. Raises what `send` raises.
+    A misspelt name must not keep the other vehicles in the air. Raises the errors of `send`.
     """
     words = tuple(map(str, command.uavs or ()))
     if station.agents:  # each agent answers for itself, and all names are known here

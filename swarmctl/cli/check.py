@@ -35,7 +35,7 @@ def check(
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:
         text = f"preflight.endurance_s is not set, so {', '.join(real)} will fail the check `battery`"
-        out.print(f"{text}, unless it is one of the built-in simulator", highlight=False, soft_wrap=True)
+        out.print(f"{text}, except vehicles of the built-in simulator", highlight=False, soft_wrap=True)
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def load_roster_or_exit(path: Path) -> Roster:
-    """Return the swarm of a configuration; exit with its problems if vehicles or endpoints are unclear."""
+    """Return the roster of a configuration; exit with all problems if the roster is invalid."""
     try:
         return roster.load_roster(path)
     except roster.RosterError as error:
@@ -38,7 +38,7 @@ def config_or_example(config: Path | None, name: str | None) -> Path:
 
 
 def load_scenario_or_exit(path: Path) -> Scenario:
-    """Return the scenario of a configuration; exit with all of its problems."""
+    """Return the scenario of a configuration; exit with all problems of an invalid one."""
     from swarmctl.config.model import ConfigError, load  # noqa: PLC0415 - commands that only send load less
     from swarmctl.config.scenario import build  # noqa: PLC0415
 
@@ -49,7 +49,7 @@ def load_scenario_or_exit(path: Path) -> Scenario:
 
 
 def describe(scenario: Scenario) -> str:
-    """Return one line on what is flown: vehicles, area, announced hostiles."""
+    """Return a scenario as one line: vehicles, area, announced hostiles."""
     n, grid = len(scenario.specs), scenario.grid
     return (
         f"{n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of {grid.cell_size_m:g} m, "
@@ -67,9 +67,9 @@ def _checked(config: Config) -> Iterable[ConfigProblem]:
 
 
 def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
-    """Exit with the problems that would stop a flight of this configuration on this machine now.
+    """Exit if problems would stop a flight of this configuration on this machine now; print the problems.
 
-    Each has its line of the file where there is one. `more` are problems that the caller has found.
+    A problem of a key in the file begins with its line. `more` are problems that the caller has found.
     """
     from swarmctl.config.model import problem_lines  # noqa: PLC0415
     from swarmctl.preflight import host  # noqa: PLC0415

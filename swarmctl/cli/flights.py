@@ -119,7 +119,7 @@ def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
 
 
 def _late(report: Report) -> list[str]:
-    """Return the vehicles that missed their time bounds, without those that the operator recalled."""
+    """Return the vehicles that missed their time bounds, without vehicles that the operator recalled."""
     return [name for name in missed_bounds(report.summary) if name not in companion.ended_by_operator(report)]
 
 
@@ -165,8 +165,8 @@ def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permis
     """Return the check that lets only confirmed real vehicles be armed; exit without a confirmation."""
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
-    def permit(foreign: Sequence[Member]) -> None:
-        refused = [m for m in foreign if m.name not in allowed]
+    def permit(external: Sequence[Member]) -> None:
+        refused = [m for m in external if m.name not in allowed]
         if refused:
             raise PreflightFailed([_refusal(m) for m in refused])
 

@@ -24,11 +24,11 @@ COMPILER = (
 
 
 class CompilerError(Exception):
-    """The compiling process has failed."""
+    """A failure of the compiling process."""
 
 
 def prepare(n_cells: int, console: Console) -> None:
-    """Have the planners compiled if an area of this size needs it, and say so on the console.
+    """Compile the planners if an area of this size needs machine code; report the progress on the console.
 
     If the compiling process fails, or machine code cannot be stored, this process compiles later by itself.
     """
@@ -69,9 +69,9 @@ def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
 
 def _mark() -> Path | None:
     """Return the file that exists once all machine code is stored; None if no folder is writable."""
-    if (place := cache()) is None:
+    if (stored := cache()) is None:
         return None
-    folder, key = place
+    folder, key = stored
     return folder / f"swarmctl-{key}.ready"
 
 

@@ -78,8 +78,8 @@ def observe(
     known = None if config is None else load_roster_or_exit(config)
     try:
         report = make_report(cell or [], at or [], occupied)
-        to = _vehicle(uav, known)
-        station, credentials = _station(swarm, known, connect, to)
+        receiver = _vehicle(uav, known)
+        station, credentials = _station(swarm, known, connect, receiver)
     except KeyringError as error:
         fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
     except BusError as error:
@@ -87,7 +87,7 @@ def observe(
     except ValueError as error:
         fail([str(error)], USAGE)
     try:
-        answer = asyncio.run(_report(station, credentials, to, report))
+        answer = asyncio.run(_report(station, credentials, receiver, report))
     except (BusError, NoAnswer) as error:
         fail([str(error)], EXPECTED)
     if not answer.taken:
@@ -96,15 +96,15 @@ def observe(
     say(f"vehicle {uav} of {station.swarm} accepted: {cells}")
 
 
-def make_report(cells: list[str], places: list[str], occupied: bool | None) -> Report:
+def make_report(cells: list[str], positions: list[str], occupied: bool | None) -> Report:
     """Return the report that the options describe. Raises Unclear."""
-    if bool(cells) == bool(places):
+    if bool(cells) == bool(positions):
         raise Unclear("give either --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON [which-cell]")
     if occupied is None:
         raise Unclear("give --occupied (a hostile is in the cell) or --clear [occupied-or-clear]")
     if cells:
         return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=BY_HAND)
-    return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=BY_HAND)
+    return Report(VERSION, points=tuple(_point(word, occupied) for word in positions), source=BY_HAND)
 
 
 def _pair(word: str, option: str, such_as: str) -> tuple[float, float]:
@@ -141,13 +141,13 @@ def _vehicle(word: str, known: Roster | None) -> int:
 
 
 def _station(
-    swarm: str | None, known: Roster | None, connect: str | None, to: int
+    swarm: str | None, known: Roster | None, connect: str | None, receiver: int
 ) -> tuple[Station, Credentials | None]:
     """Return the flight and the credentials for it. Raises BusError, KeyringError and ValueError."""
     station = find_station(swarm, known, connect)
     if known is None:
         return station, joining.certified(station.endpoint, None)
-    own = mesh_endpoints(known.communication.mesh, known.names).get(to)
+    own = mesh_endpoints(known.communication.mesh, known.names).get(receiver)
     if own is not None and connect is None and station.agents:
         # Mesh nodes do not relay reports.
         station = replace(station, endpoint=own, others=())
@@ -171,8 +171,7 @@ async def send_report(bus: Transport, station: Station, uav: int, report: Report
     except TimeoutError:
         raise NoAnswer(
             f"{station.swarm} at {station.endpoint} did not answer within "
-            f"{external_observations.TIMEOUT_S:g} s, so it is "
-            "unknown whether it took the report [no-answer]"
+            f"{external_observations.TIMEOUT_S:g} s; the vehicle may have accepted the report [no-answer]"
         ) from None
     except ValueError as error:
         raise NoAnswer(

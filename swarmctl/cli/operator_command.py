@@ -1,4 +1,4 @@
-"""Commands to vehicles in flight: their options, the flight they mean, authentication, and the answers."""
+"""Commands to vehicles in flight: options, search for the flight, authentication, and answers."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def send_and_exit(
 
 @dataclass(frozen=True, slots=True)
 class KeyringSigning:
-    """Signs the operator's commands, and checks the signatures of the vehicles' answers."""
+    """The signing of the operator's commands, and the check of the vehicles' signed answers."""
 
     swarm: str
     keyring: Keyring
@@ -96,7 +96,7 @@ class KeyringSigning:
 
 
 def find_station(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:
-    """Return the flight that the options mean, see `client.find`. Raises Unclear and BusError."""
+    """Return the flight that the options select (see `client.find`). Raises Unclear and BusError."""
     if roster is None:
         return client.find(swarm, None, connect)
     return client.find(swarm, roster, connect, roster.names)
@@ -105,7 +105,7 @@ def find_station(swarm: str | None, roster: Roster | None, connect: str | None) 
 def _find_station(
     swarm: str | None, config: Path | None, connect: str | None
 ) -> tuple[Station, Keyring | None]:
-    """Return the flight, and the operator's keys if it needs them.
+    """Return the flight, and the operator's keys if the flight needs keys.
 
     Raises BusError, KeyringError and ValueError.
     """

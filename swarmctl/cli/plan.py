@@ -58,7 +58,7 @@ def plan(
     """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""
     scenario = load_scenario_or_exit(config_or_example(config, example))
     if known is not None:
-        scenario = _with_known(scenario, known)
+        scenario = _with_prior(scenario, known)
     if front:
         _plan_front(scenario, out_folder, uav, max_labels)
         return
@@ -78,15 +78,15 @@ def plan(
     out.print(f"map and missions: {folder}", highlight=False, soft_wrap=True)
 
 
-def _with_known(scenario: Scenario, run: Path) -> Scenario:
+def _with_prior(scenario: Scenario, run: Path) -> Scenario:
     try:
-        scenario, said = with_prior_run(scenario, run)
+        scenario, notes = with_prior_run(scenario, run)
     except PriorRunError as error:
         fail([str(error)], USAGE)
-    for text in said:
+    for text in notes:
         say(text)
-    if closed := list(vehicles_without_route(scenario)):
-        fail(closed, EXPECTED)
+    if problems := list(vehicles_without_route(scenario)):
+        fail(problems, EXPECTED)
     return scenario
 
 

@@ -82,7 +82,7 @@ def _conclude(checks: Report, scenario: Scenario) -> None:
         out.print(report.failures(checks.checked))
     listed = {str(found) for findings in checks.checked.values() for found in findings}
     for text in checks.trouble:
-        if text not in listed:  # else the tables have it
+        if text not in listed:  # the tables have the listed ones
             err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if checks.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)

@@ -47,16 +47,16 @@ def route(
     """Route the messages of a swarm on many machines, with access control, until Ctrl-C."""
     swarm = load_roster_or_exit(config)
     communication = swarm.communication
-    where = _endpoint(communication, listen)
-    credentials = _credentials(config, communication, where, keys)
-    configuration = zenoh_config.router(where, swarm.name, [*swarm.names], credentials)
+    endpoint = _endpoint(communication, listen)
+    credentials = _credentials(config, communication, endpoint, keys)
+    configuration = zenoh_config.router(endpoint, swarm.name, [*swarm.names], credentials)
     if print_it:
         say(configuration.as_json5())
         return
-    if credentials is None and not where.is_loopback:
+    if credentials is None and not endpoint.is_loopback:
         say(
-            f"{where} is open to other machines without authentication: they can send as any vehicle and "
-            "give commands; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
+            f"{endpoint} is open to other machines without authentication: other machines can send as any "
+            "vehicle and give commands; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
         )
     _run(configuration, swarm.names)
 
@@ -71,16 +71,16 @@ def _endpoint(communication: Communication, listen: str) -> BusEndpoint:
 
 
 def _credentials(
-    config: Path, communication: Communication, where: BusEndpoint, keys: Path | None
+    config: Path, communication: Communication, endpoint: BusEndpoint, keys: Path | None
 ) -> Credentials | None:
-    if not where.is_certified:
+    if not endpoint.is_certified:
         if keys is not None:
-            fail([f"--keys: {where} uses no keys; listen at tls/ or quic/ instead of tcp/"], USAGE)
+            fail([f"--keys: {endpoint} uses no keys; listen at tls/ or quic/ instead of tcp/"], USAGE)
         return None
     folder = keys if keys is not None else None if communication.keys is None else Path(communication.keys)
     if folder is None:
-        text = f"{where} needs certificates: give --keys with a folder of `swarmctl keys` [no-certificates]"
-        fail([text], USAGE)
+        text = f"{endpoint} needs certificates: give --keys with a folder of `swarmctl keys`"
+        fail([f"{text} [no-certificates]"], USAGE)
     try:
         return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:

@@ -15,12 +15,12 @@ def register(cli: typer.Typer) -> None:
 
 def warm_up() -> None:
     """Compile the planners for large areas, once on a machine; small areas need no compiler."""
-    if (place := cache()) is None:
+    if (stored := cache()) is None:
         fail(
-            ["no folder can be written to store machine code; set NUMBA_CACHE_DIR to a writable folder"],
+            ["no folder for machine code can be written; set NUMBA_CACHE_DIR to a writable folder"],
             EXPECTED,
         )
-    folder, _ = place
+    folder, _ = stored
     if machine_code.is_ready():
         say(f"ready already: {folder}")
         return

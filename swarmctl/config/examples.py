@@ -39,7 +39,8 @@ def starter(file_name: str, n_vehicles: int, *, real: bool) -> str:
     """
     n_cells = max(20, n_vehicles)
     grid = Grid(n_cells, n_cells, 50.0, 45.9860, 14.4200)
-    parts = [_head(file_name, n_vehicles, real=real), _area(grid, real=real), _COMMON]
+    parts = [_head(file_name, n_vehicles, real=real), _area(grid, real=real)]
+    parts += [_REAL_THREATS if real else _SIMULATED_THREATS, _COMMON]
     parts += [_REAL_PREFLIGHT, *_vehicles(grid, n_vehicles)] if real else [_simulate(n_vehicles)]
     return "".join(parts)
 
@@ -77,11 +78,21 @@ area:                        # {edit}cells; row 0 is in the south, column 0 in t
 """
 
 
-_COMMON = """
+_SIMULATED_THREATS = """
 threats:
   count: 24                  # announced number of hostiles
   hostiles: random           # true cells, drawn with the seed; or a list [[row, col], …]
+"""
 
+_REAL_THREATS = """
+threats:
+  count: 24                  # EDIT: number of hostiles that the agents expect
+
+sensor:
+  source: external           # no simulated sensor: `swarmctl observe` and payloads report what is seen
+"""
+
+_COMMON = """
 planner:
   name: dijkstra
   w: 0.5                     # 0: the shortest routes, 1: the least exposed

@@ -132,7 +132,7 @@ class Director:
                 await self._clearance.failures(answered, answered)
 
     async def _fly(self) -> None:
-        await self._all(self._connect)
+        await self._run_for_all(self._connect)
         if self._checks_only:
             self._not_simulated()
             await self._prepare_all()
@@ -163,7 +163,7 @@ class Director:
         failures: list[str] = []
         for step in (self._clearance.set_up, self._make_ready):
             try:
-                await self._all_reported(step)
+                await self._run_for_all_reported(step)
             except PreflightFailed as failed:
                 failures += failed.lines
         unreleased = [m for m in self._members if not self._is_released(m)]
@@ -225,8 +225,8 @@ class Director:
             raise PreflightFailed([_unexpected(m) for m in unexpected])
         return external
 
-    async def _all_reported(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
-        """Run one preflight step as `_all`, and report each failure while other vehicles are still busy."""
+    async def _run_for_all_reported(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
+        """Run one preflight step as `_run_for_all`, and report each failure while other vehicles are busy."""
         under_way = {m.name for m in self._members if not self._is_released(m)}
 
         async def reported(member: Member) -> None:
@@ -241,7 +241,7 @@ class Director:
 
         early = asyncio.create_task(self._report_early())
         try:
-            await self._all(reported)
+            await self._run_for_all(reported)
         finally:
             await cancelled(early)
 
@@ -255,7 +255,7 @@ class Director:
                 for text in await self._clearance.early_failures(member, self._members):
                     self._say(extended(text, "; waiting for the other vehicles"))
 
-    async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
+    async def _run_for_all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """Run one preflight step on all vehicles at once. Raises PreflightFailed with all failures.
 
         A vehicle that another station or a pilot takes over during the step does not count as a failure.

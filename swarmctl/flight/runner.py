@@ -199,7 +199,7 @@ class Runner:
                 self._wake.clear()
                 while self._inbox or self._received:
                     if self._received:
-                        # One event for all observations received meanwhile: merging many costs no more.
+                        # One event for all observations in the queue: merging many costs no more than one.
                         items, self._received = tuple(self._received), []
                         await self._fold(ev.ObservationsReceived(items), jobs)
                     if self._inbox:

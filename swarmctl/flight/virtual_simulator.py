@@ -1,6 +1,6 @@
 """The simulator inside the ground station's own loop, for runs on the virtual clock.
 
-Elsewhere the two packages meet only on the wire. Here too they exchange only bytes.
+Only this module imports both packages. Here too they exchange only bytes.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """The lower envelope: the routes that some w in [0, 1] finds, and the w at which they change.
 
-Eq. 5 at w is w·(E + λ·L), with L the length of a route, E its ΣP_s and λ = (1 − w)·ψ/w the price of a cell of
-length. Over λ each route is a line. The routes that some w finds are the corners of the lower envelope of all
-lines. Take two of these routes, and the price at which both cost the same. One search at this price finds a
-route between the two, or proves that the two are neighbours (Eisner and Severance 1976; with a bound on one
-of the sums, Handler and Zang 1980).
+Eq. 5 at w is w·(E + λ·L). L is the length of a route and E is its ΣP_s. λ = (1 − w)·ψ/w is the price of a
+cell of length. Over λ each route is a line. The routes that some w finds are the corners of the lower
+envelope of all lines. Take two of these routes, and the price at which both cost the same. One search at this
+price finds a route between the two, or proves that the two are neighbours (Eisner and Severance 1976; with a
+bound on one of the sums, Handler and Zang 1980).
 
 A route counts if `dijkstra` gives it at some w > 0, as the shortest of the cheapest. A route that is the
 cheapest at one w only does not count if a shorter route costs the same there. At w = 0 all shortest routes

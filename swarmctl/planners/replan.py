@@ -46,7 +46,7 @@ PROOF_RATIO = 1.0 + 1e-9
 class Layers:
     """P_s in two layers, `known + p_unseen · unseen`, each of shape (rows, cols).
 
-    That is Eq. 3 over Eq. 4. `known` is the exposure to the cells seen. `unseen` is the kernel's weight of
+    The sum is Eq. 3 over Eq. 4. `known` is the exposure to the cells seen. `unseen` is the kernel's weight of
     the cells not seen; all of them have the same p_O. An infinite `known` is a wall. The owner of the layers
     changes them in place and calls `Replanner.changed` with the cells.
     """

@@ -18,17 +18,17 @@ class Arrivals:
         if after.arrived_boot_s is not None:
             self._at_s.setdefault(after.task.uav, now)
 
-    def summary(self, states: Mapping[int, AgentState], seconds: float) -> dict[str, Any] | None:
+    def summary(self, states: Mapping[int, AgentState], speedup: float) -> dict[str, Any] | None:
         """Return the spread of the arrivals; None if vehicles arrive independently.
 
-        `seconds`: simulated seconds in one second of the run's clock. The spread is the time between the
-        first and the last arrival, after the configured spacing is subtracted. 0: exactly as configured.
+        `speedup`: simulated seconds in one second of the run's clock. The spread is the time between the
+        first and the last arrival, less the configured spacing [s]. 0: exactly as configured.
         """
         groups = [s.task.arrival_group for s in states.values() if s.task.arrival_group is not None]
         if not groups:
             return None
         group, first_s = groups[0], min(self._at_s.values(), default=0.0)
-        after_s = {uav: (at_s - first_s) * seconds for uav, at_s in self._at_s.items()}
+        after_s = {uav: (at_s - first_s) * speedup for uav, at_s in self._at_s.items()}
         off_s = [at_s - group.rank[uav] * group.spacing_s for uav, at_s in after_s.items()]
         spread_s = max(off_s) - min(off_s) if len(off_s) > 1 else None
         return {

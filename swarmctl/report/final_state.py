@@ -10,7 +10,7 @@ from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.touchdown import may_be_armed
 from swarmctl.core.vehicle import Landed, VehicleState
 
-HEARTBEATS_END = "heartbeats to it end now, which may trigger its GCS failsafe"
+HEARTBEATS_END = "heartbeats end now, which may trigger the GCS failsafe"
 
 
 class Link(Protocol):
@@ -48,7 +48,7 @@ def _is_over(state: AgentState) -> bool:
 
 
 def is_lost_in_air(state: AgentState) -> bool:
-    """Return whether the vehicle is lost and was in the air at its last telemetry, as far as is known."""
+    """Return whether the vehicle is lost and may have been in the air at its last telemetry."""
     return state.lost and may_be_armed(state)
 
 
@@ -100,7 +100,7 @@ def _height(vehicle: VehicleState) -> str:
 
 
 class FlightEnd:
-    """The end of a flight: the condition for it, and one line about each vehicle that delays it."""
+    """The condition for the end of a flight, with one message about each vehicle that delays the end."""
 
     def __init__(self, members: Sequence[Vehicle], lost_timeout_s: float, say: Callable[[str], None]) -> None:
         self._members = members
@@ -128,8 +128,8 @@ class FlightEnd:
         if not flown and released and released != self._waits_for:
             self._waits_for = released
             self._say(
-                f"{', '.join(released)}: flown by a pilot or another station; link, heartbeats and record "
-                "go on, without orders, until it has landed and disarmed; Ctrl-C ends them "
+                f"{', '.join(released)}: flown by a pilot or another station; the program sends heartbeats "
+                "and records, but gives no orders, until the landing and disarming; Ctrl-C ends this "
                 "[waiting-for-released]"
             )
         return not flown and not released

@@ -58,9 +58,9 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 
 
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:
-    """Return length, exposure and chance of what is flown for each route of `first_routes`.
+    """Return a table of length, exposure and chance of the flown track for each route of `first_routes`.
 
-    That is not the route itself where routes are pulled straight. The configured choice is bold.
+    A track that is pulled straight differs from its route. The configured choice is bold.
     """
     table = FittedTable(COLUMNS)
     for index, spec in enumerate(scenario.specs):

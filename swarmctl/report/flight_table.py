@@ -15,9 +15,9 @@ BOUND = Column("over goal /\nbound [s]")
 
 
 def flight_table(summary: dict[str, Any]) -> FittedTable:
-    """Return the flight of each vehicle as a row; lines about the swarm stand below."""
+    """Return a table with a row for each vehicle, and lines about the swarm below."""
     vehicles = summary["vehicles"]
-    bounded = any(v["arrival_bound_kept"] is not None for v in vehicles)
+    bounded = any(vehicle["arrival_bound_kept"] is not None for vehicle in vehicles)
     columns = (
         Column("vehicle", "left"), Column("flown\n[m]"), Column("time\n[s]"), *[BOUND] * bounded,
         Column("ΣP_s", rank=3), Column("∏\n(1−P_s)", rank=4), Column("chance at\ntake-off"),
@@ -25,22 +25,22 @@ def flight_table(summary: dict[str, Any]) -> FittedTable:
         Column("replans", rank=1), Column("sent", rank=5), Column("outcome", "left", wraps_at=OUTCOME_WIDTH),
     )  # fmt: skip
     table = FittedTable(columns, caption=swarm_lines(summary), elsewhere="summary.json")
-    for v in vehicles:
-        time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
-        true_chance = v["chance_among_true_hostiles"]
+    for vehicle in vehicles:
+        time_s = "–" if vehicle["flight_time_s"] is None else f"{vehicle['flight_time_s']:.0f}"
+        true_chance = vehicle["chance_among_true_hostiles"]
         table.add_row(
-            v["name"],
-            f"{v['flown_m']:.0f}",
+            vehicle["name"],
+            f"{vehicle['flown_m']:.0f}",
             time_s,
-            *([_over_goal(v)] if bounded else []),
-            f"{v['exposure_sum_at_decisions']:.3f}",
-            product_text(v["safety_factor_at_decisions"]),
-            *_chance(v["at_takeoff"]),
+            *([_over_goal(vehicle)] if bounded else []),
+            f"{vehicle['exposure_sum_at_decisions']:.3f}",
+            product_text(vehicle["safety_factor_at_decisions"]),
+            *_chance(vehicle["at_takeoff"]),
             "–" if true_chance is None else f"{true_chance:.3f}",
-            str(v["strikes"]),
-            str(v["replans"]),
-            str(v["messages_sent"]),
-            v["outcome"],
+            str(vehicle["strikes"]),
+            str(vehicle["replans"]),
+            str(vehicle["messages_sent"]),
+            vehicle["outcome"],
         )
     return table
 
@@ -80,28 +80,28 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _over_goal(v: dict[str, Any]) -> Text:
-    """Return a vehicle's arrival time and its bound, red where the bound was not kept."""
-    if v["arrival_bound_kept"] is None:
+def _over_goal(vehicle: dict[str, Any]) -> Text:
+    """Return a vehicle's arrival time and its bound, in red if the bound was not kept."""
+    if vehicle["arrival_bound_kept"] is None:
         return Text("–")
-    after_s, within_s, arrived_s = v["arrive_after_s"], v["arrive_within_s"], v["arrived_s"]
+    after_s, within_s, arrived_s = vehicle["arrive_after_s"], vehicle["arrive_within_s"], vehicle["arrived_s"]
     bound = "" if within_s is None else f"{within_s:g}"
     bound = f"{after_s:g}–{bound}" if after_s > 0.0 else bound
     arrived = "–" if arrived_s is None else f"{arrived_s:.1f}"
-    return Text(f"{arrived} / {bound}", style="" if v["arrival_bound_kept"] else "red")
+    return Text(f"{arrived} / {bound}", style="" if vehicle["arrival_bound_kept"] else "red")
 
 
 def missed_bounds(summary: dict[str, Any]) -> list[str]:
     """Return the names of the vehicles that did not keep their time bounds."""
-    return [v["name"] for v in summary["vehicles"] if v["arrival_bound_kept"] is False]
+    return [vehicle["name"] for vehicle in summary["vehicles"] if vehicle["arrival_bound_kept"] is False]
 
 
 def network_lines(summary: dict[str, Any]) -> list[str]:
     """Return a line for each vehicle that refused messages, or whose observations others contradicted."""
-    names = {str(v["sysid"]): v["name"] for v in summary["vehicles"]}
+    names = {str(vehicle["sysid"]): vehicle["name"] for vehicle in summary["vehicles"]}
     lines = []
-    for v in summary["vehicles"]:
-        refused, flagged = v["network"]["refused"], v["network"]["flagged"]
+    for vehicle in summary["vehicles"]:
+        refused, flagged = vehicle["network"]["refused"], vehicle["network"]["flagged"]
         parts = []
         if refused:
             by_reason = ", ".join(f"{why} {n}" for why, n in refused.items())
@@ -109,7 +109,7 @@ def network_lines(summary: dict[str, Any]) -> list[str]:
         for uav, n in flagged.items():
             parts.append(f"has observations of {n} cells that {names.get(uav, f'vehicle {uav}')} contradicts")
         if parts:
-            lines.append(f"{v['name']} {' and '.join(parts)}")
+            lines.append(f"{vehicle['name']} {' and '.join(parts)}")
     return lines
 
 

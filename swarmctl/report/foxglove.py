@@ -17,9 +17,9 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#5B4A8A")
-"""Okabe and Ito's colours, one for each vehicle, on the map too; again from the first after the last."""
+"""Okabe and Ito's colours, one for each vehicle, repeated in order; the map uses the same colours"""
 AREA, HOSTILES, FOUND, LOG = "/map/area", "/map/hostiles", "/map/found", "/log"
-"""Topics of the whole run. Each vehicle has `/NAME/location` and `/NAME/route` besides."""
+"""topics of the whole run; each vehicle also has `/NAME/location` and `/NAME/route`"""
 
 _TIME = {
     "type": "object",
@@ -186,7 +186,7 @@ def _collection(features: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _positions(points: Iterable[LatLon]) -> list[list[float]]:
-    """GeoJSON has longitude before latitude (RFC 7946, section 3.1.1)."""
+    """Return GeoJSON positions: longitude before latitude (RFC 7946, section 3.1.1)."""
     return [[round(lon_deg, 7), round(lat_deg, 7)] for lat_deg, lon_deg in points]
 
 

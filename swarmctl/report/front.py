@@ -37,8 +37,8 @@ PANELS_A_SHEET = 6
 SAME = 1e-9
 EXPLANATION = (
     "time: from take-off to goal. for w: the weights w with which the paper's planner finds the route; –: "
-    "none does, only a search with a bound. ΣP_s is a sum of chances, and ∏(1 − P_s) takes cells as "
-    "independent; the chance of survival is the simulated one, by the belief at take-off."
+    "only a search with a bound finds the route. ΣP_s is a sum of probabilities, and ∏(1 − P_s) assumes "
+    "independent cells. The chance by simulation is the probability of survival, by the belief at take-off."
 )
 PULLED = (
     "Routes are pulled straight. Each row shows the flown track of a route of the front, so a row may beat "
@@ -47,14 +47,14 @@ PULLED = (
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
-    """A route of the front and the track that is flown for it."""
+class Candidate:
+    """A route of the front, and the track that the vehicle would fly for this route."""
 
     route: Route
     flown: FlownRoute
-    """the track; the route itself where the vehicle cannot fly it"""
+    """the track; the route itself if the vehicle cannot fly the route"""
     is_flyable: bool
-    """False if no track for it has turns as wide as the vehicle needs"""
+    """False if no track for the route has turns as wide as the vehicle needs"""
     chance: ProbabilityEstimate
     """chance of surviving the track"""
 
@@ -68,14 +68,14 @@ class VehicleFront:
     exposure: NDArray[np.float64]
     """P_s (rows, cols) at take-off"""
     front: Front
-    offers: tuple[Offer, ...]
+    candidates: tuple[Candidate, ...]
     """the routes of the front by length"""
-    chosen: Offer
+    chosen: Candidate
     chosen_by: str
     chosen_index: int | None
-    """index on the front; None where the configured planner minimises something else than the two"""
+    """index on the front; None if the configured planner finds a route that is not on the front"""
     shown: tuple[int, ...]
-    """indices of the routes that are worth a row"""
+    """indices of the routes in the table and on the map"""
 
     @property
     def name(self) -> str:
@@ -110,23 +110,26 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
     problem = first_problem(task, scenario.prior)
     unbounded = replace(problem, min_length_cells=0.0, max_length_cells=math.inf)
     front = pareto_front(unbounded, max_labels=max_labels)
-    chosen = _offer(scenario, task, problem, route_within_bounds(task, problem))
-    at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
+    chosen = _candidate(scenario, task, problem, route_within_bounds(task, problem))
+    chosen_index = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
     # A point of the front may have several routes; the configured route is preferred.
-    offers = tuple(
-        chosen if i == at else _offer(scenario, task, problem, route) for i, route in enumerate(front.routes)
+    candidates = tuple(
+        chosen if i == chosen_index else _candidate(scenario, task, problem, route)
+        for i, route in enumerate(front.routes)
     )
-    shown = _knees(front, at)
-    return VehicleFront(spec, task, problem.exposure, front, offers, chosen, scenario.chosen_by, at, shown)
+    shown = _knees(front, chosen_index)
+    return VehicleFront(
+        spec, task, problem.exposure, front, candidates, chosen, scenario.chosen_by, chosen_index, shown
+    )
 
 
-def _offer(scenario: Scenario, task: Task, problem: Problem, route: Route) -> Offer:
+def _candidate(scenario: Scenario, task: Task, problem: Problem, route: Route) -> Candidate:
     try:
         flown, is_flyable = flown_route(task, problem, route), True
     except Unreachable:
         flown, is_flyable = lattice_route(route), False
     chance = scenario.survival_probability(task.uav, scenario.prior, task.strength, flown.cells)
-    return Offer(route, flown, is_flyable, chance)
+    return Candidate(route, flown, is_flyable, chance)
 
 
 def _equals(one: Route, other: Route) -> bool:
@@ -136,10 +139,10 @@ def _equals(one: Route, other: Route) -> bool:
 
 
 def _knees(front: Front, always: int | None) -> tuple[int, ...]:
-    """Return at most ROWS indices: the ends, the configured route, then those that some w finds, then others.
+    """Return at most ROWS indices: the ends, the configured route, routes that some w finds, then others.
 
-    Within each group the most bent points come first, as in Douglas and Peucker's algorithm: always the point
-    farthest from the line through the points chosen so far.
+    Within each group the next point is the farthest from the line through the points chosen so far, as in
+    Douglas and Peucker's algorithm.
     """
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
@@ -167,7 +170,7 @@ COLUMNS = (
 
 
 def front_table(found: Sequence[VehicleFront]) -> FittedTable:
-    """Return the routes of each vehicle that are worth a row."""
+    """Return a table of the `shown` routes of each vehicle."""
     table = FittedTable(COLUMNS, elsewhere="front.json")
     for vehicle in found:
         for row, index in enumerate(vehicle.shown):
@@ -179,25 +182,25 @@ def front_table(found: Sequence[VehicleFront]) -> FittedTable:
 
 
 def _add_row(table: FittedTable, vehicle: VehicleFront, index: int, *, first: bool) -> None:
-    offer = vehicle.offers[index]
+    candidate = vehicle.candidates[index]
     is_chosen = index == vehicle.chosen_index
-    mark = _mark(vehicle) if is_chosen else _fault(vehicle, offer)
+    mark = _mark(vehicle) if is_chosen else _fault(vehicle, candidate)
     style = "bold" if is_chosen else "bright_black" if mark else ""
     name = vehicle.name if first else ""
-    _add_numbers(table, name, vehicle, offer, weights(vehicle.front, index), mark, style)
+    _add_numbers(table, name, vehicle, candidate, weights(vehicle.front, index), mark, style)
 
 
 def _add_numbers(
-    table: FittedTable, name: str, vehicle: VehicleFront, offer: Offer, w: str, mark: str, style: str
+    table: FittedTable, name: str, vehicle: VehicleFront, candidate: Candidate, w: str, mark: str, style: str
 ) -> None:
-    flown = offer.flown
+    flown = candidate.flown
     table.add_row(
         name,
         f"{vehicle.length_m(flown):.0f}",
         f"{vehicle.arrives_s(flown):.1f}",
         f"{flown.exposure_sum:.3f}",
         product_text(flown.safety_factor),
-        *estimate_texts(offer.chance),
+        *estimate_texts(candidate.chance),
         w,
         mark,
         style=style,
@@ -209,17 +212,17 @@ def _mark(vehicle: VehicleFront) -> str:
     return f"← {vehicle.chosen_by}" + (f", {fault}" if fault else "")
 
 
-def _fault(vehicle: VehicleFront, offer: Offer) -> str:
-    """Return the reason why the vehicle would not fly this route; empty: it would."""
-    if not offer.is_flyable:
+def _fault(vehicle: VehicleFront, candidate: Candidate) -> str:
+    """Return the reason why the vehicle would not fly this route; empty without a reason."""
+    if not candidate.is_flyable:
         return "turns too tight"
-    return "" if vehicle.is_in_time(offer.flown) else "outside its time bound"
+    return "" if vehicle.is_in_time(candidate.flown) else "outside its time bound"
 
 
 def weights(front: Front, index: int) -> str:
     """Return the range of w for which the paper's planner gives a route.
 
-    It has as many digits as are needed to tell apart the w at which routes change.
+    The digits suffice to distinguish all w at which routes change.
     """
     w_range = front.w_ranges[index]
     if not front.supported[index] or w_range is None:
@@ -234,7 +237,7 @@ def weights(front: Front, index: int) -> str:
 def _weight(w: float, ends: set[float]) -> str:
     """Return w with an error below a quarter of the distance to the next of `ends`.
 
-    So no two ends are written alike, and only 0 and 1 are written as these.
+    So two ends never have the same text, and only the exact ends have the texts 0 and 1.
     """
     spare = min(abs(w - other) for other in ends if abs(w - other) >= SAME) / 4.0
     texts = (f"{w:.{digits}g}" for digits in range(2, 18))
@@ -248,14 +251,14 @@ def left_out(found: Sequence[VehicleFront]) -> list[str]:
         hidden = len(vehicle.front.routes) - len(vehicle.shown)
         if hidden > 0:
             lines.append(
-                f"{vehicle.name}: {hidden} more of its {len(vehicle.front.routes)} routes: front.json"
+                f"{vehicle.name}: {hidden} more of {len(vehicle.front.routes)} routes are in front.json"
             )
         if not vehicle.front.complete:
             lines.append(
                 f"{vehicle.name}: the search has reached its limit, so more routes may lie between these; "
                 "raise --max-labels"
             )
-    if any(offer.flown.is_pulled for vehicle in found for offer in vehicle.offers):
+    if any(candidate.flown.is_pulled for vehicle in found for candidate in vehicle.candidates):
         lines.append(PULLED)
     return lines
 
@@ -294,18 +297,18 @@ def _vehicle(vehicle: VehicleFront) -> dict[str, Any]:
         "configured": {**_numbers(vehicle, vehicle.chosen), "index": vehicle.chosen_index},
         "routes": [
             {
-                **_numbers(vehicle, offer),
+                **_numbers(vehicle, candidate),
                 "supported": front.supported[index],
                 "w": front.w_ranges[index],
             }
-            for index, offer in enumerate(vehicle.offers)
+            for index, candidate in enumerate(vehicle.candidates)
         ],
     }
 
 
-def _numbers(vehicle: VehicleFront, offer: Offer) -> dict[str, Any]:
-    """Return the numbers of the flown track, and of the route from which it was pulled, if it was."""
-    flown, route, chance = offer.flown, offer.route, offer.chance
+def _numbers(vehicle: VehicleFront, candidate: Candidate) -> dict[str, Any]:
+    """Return the numbers of the flown track, and of its route if the track is pulled straight."""
+    flown, route, chance = candidate.flown, candidate.route, candidate.chance
     pulled_from = {
         "length_m": route.length_cells * vehicle.task.grid.cell_size_m,
         "exposure_sum": route.exposure_sum,
@@ -317,7 +320,7 @@ def _numbers(vehicle: VehicleFront, offer: Offer) -> dict[str, Any]:
         "length_cells": flown.length_cells,
         "arrives_s": vehicle.arrives_s(flown),
         "in_time": vehicle.is_in_time(flown),
-        "flyable": offer.is_flyable,
+        "flyable": candidate.is_flyable,
         "exposure_sum": flown.exposure_sum,
         "safety_factor": flown.safety_factor,
         "chance_by_simulation": {"estimate": chance.estimate, "low_95": chance.low, "high_95": chance.high},
@@ -347,12 +350,12 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
         about=about if front.complete else f"{about}; search limit reached",
         points=[
             FrontPoint(
-                vehicle.length_m(offer.flown),
-                offer.flown.exposure_sum,
+                vehicle.length_m(candidate.flown),
+                candidate.flown.exposure_sum,
                 front.supported[index],
-                _track(vehicle, offer) if index in vehicle.shown else None,
+                _track(vehicle, candidate) if index in vehicle.shown else None,
             )
-            for index, offer in enumerate(vehicle.offers)
+            for index, candidate in enumerate(vehicle.candidates)
         ],
         exposure=vehicle.exposure,
         start=vehicle.spec.start,
@@ -370,10 +373,10 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
     )
 
 
-def _track(vehicle: VehicleFront, offer: Offer) -> list[LatLon]:
+def _track(vehicle: VehicleFront, candidate: Candidate) -> list[LatLon]:
     """Return the line from the start over the corners, with turns as they are flown."""
     grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
-    points = [grid.frame.to_local(*grid.centre(cell)) for cell in offer.flown.corners]
-    if offer.is_flyable and radius_m > 0.0:
+    points = [grid.frame.to_local(*grid.centre(cell)) for cell in candidate.flown.corners]
+    if candidate.is_flyable and radius_m > 0.0:
         points, _ = rounded(points, radius_m)
     return [vehicle.spec.start, *(grid.frame.to_geodetic(*point) for point in points)]

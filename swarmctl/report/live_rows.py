@@ -63,7 +63,7 @@ class VehicleRow:
     weights: str = ""
     """w, and the firing strengths, if an operator has changed them; empty: unchanged"""
     unheard: str = ""
-    """`lost` or `given up` for a vehicle that is silent in the air: phase and mode are its last known"""
+    """`lost` or `given up` for a vehicle silent in the air, with its last known phase and mode"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,34 +134,36 @@ def _link(state: AgentState, age_s: float) -> str:
 def live_table(view: SwarmView, width: int, height: int) -> Group:
     """Return the live table for a terminal of `width` columns and `height` lines.
 
-    Where not all vehicles fit, those that have ended are hidden first.
+    If not all vehicles fit, vehicles that have ended are hidden first.
     """
     speed = "" if view.speed is None else f" · {view.speed:.1f}× real time"
     head = Text.assemble(
         (view.name, "bold"), f"  flown {_minutes(view.flown_s)}{speed} · Ctrl-C: {view.on_ctrl_c}"
     )
-    reweighted = any(r.weights for r in view.rows)
-    table = FittedTable((*COLUMNS, *[NEW_WEIGHTS] * reweighted))
+    has_new_weights = any(row.weights for row in view.rows)
+    table = FittedTable((*COLUMNS, *[NEW_WEIGHTS] * has_new_weights))
     room = max(height - OTHER_LINES, 1)
-    ranked = sorted(view.rows, key=lambda r: r.phase in ENDED)
+    ranked = sorted(view.rows, key=lambda row: row.phase in ENDED)
     shown = view.rows if len(view.rows) <= room else ranked[: room - 1]
-    for r in shown:
+    for row in shown:
         table.add_row(
-            r.name,
-            Text(r.unheard, style="red") if r.unheard else Text(r.phase, style=COLOURS[r.phase]),
-            r.mode,
-            "–" if r.battery_percent is None else f"{r.battery_percent} %",
-            _bar(r.progress, BAR if width >= WIDE else 0),
-            f"{r.cells_own}+{r.cells_heard}",
-            str(r.hostiles_known),
-            str(r.replans),
-            Text(str(r.strikes), style="red" if r.strikes else ""),
-            Text(r.link, style="" if r.link in (OK, NOT_YET) else "red"),
-            *([Text(r.weights, style="yellow")] if reweighted else []),
+            row.name,
+            Text(row.unheard, style="red") if row.unheard else Text(row.phase, style=COLOURS[row.phase]),
+            row.mode,
+            "–" if row.battery_percent is None else f"{row.battery_percent} %",
+            _bar(row.progress, BAR if width >= WIDE else 0),
+            f"{row.cells_own}+{row.cells_heard}",
+            str(row.hostiles_known),
+            str(row.replans),
+            Text(str(row.strikes), style="red" if row.strikes else ""),
+            Text(row.link, style="" if row.link in (OK, NOT_YET) else "red"),
+            *([Text(row.weights, style="yellow")] if has_new_weights else []),
         )
     hidden = len(view.rows) - len(shown)
     notes = [Text(f"and {hidden} more", style="bright_black")] if hidden else []
-    notes += [Text(f"{r.name}: {r.note}", style="yellow") for r in shown if r.note not in ("", ARRIVED)]
+    notes += [
+        Text(f"{row.name}: {row.note}", style="yellow") for row in shown if row.note not in ("", ARRIVED)
+    ]
     return Group(head, table.at(width), *notes)
 
 

@@ -66,7 +66,7 @@ def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     task, route = first.task, first.route
     try:
         plan = first_flight(task, first.problem, route)
-    except Unreachable:  # too tight for this vehicle: draw the route itself
+    except Unreachable:  # the turns are too tight for this vehicle: draw the route itself
         return [spec.start, *map(task.grid.centre, route.cells)]
     points = [spec.start, *_points(plan)]
     if task.turn_radius_m == 0.0:

@@ -23,11 +23,11 @@ ALTITUDE_RELATIVE = 1
 
 def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s: float) -> str:
     """Return the text of a `.plan` file; `home` is the take-off position."""
-    down = Waypoint(plan.landing.lat_deg, plan.landing.lon_deg, 0.0)
+    touchdown = Waypoint(plan.landing.lat_deg, plan.landing.lon_deg, 0.0)
     steps: list[PlanItem] = [
         (NAV_TAKEOFF, Waypoint(*home, plan.takeoff_alt_m), NONE_GIVEN),
         *((NAV_WAYPOINT, point, NONE_GIVEN) for point in plan.track),
-        *([(NAV_LAND, down, NONE_GIVEN)] if plan.approach is None else _landing(plan.approach)),
+        *([(NAV_LAND, touchdown, NONE_GIVEN)] if plan.approach is None else _landing(plan.approach)),
     ]
     content = {
         "fileType": "Plan",

@@ -20,7 +20,7 @@ class PriorRunError(ValueError):
 
 
 def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
-    """Return the scenario with a run's observations merged into its prior, and lines about that.
+    """Return the scenario with a run's observations merged into its prior, and notes for the operator.
 
     Raises PriorRunError.
     """
@@ -35,12 +35,12 @@ def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
     lines = [f"prior: {prior.n_observed} cells with {prior.n_found} hostiles, from {run}"]
     if flown.hostiles != scenario.hostiles:
         lines.append(
-            "that run had its hostiles in other cells (another seed, or another list) [other-hostiles]"
+            "the earlier run had hostiles in other cells (another seed, or another list) [other-hostiles]"
         )
     if flown.prior.sensor != scenario.prior.sensor:
         lines.append(
-            "that run had another sensor model; its observations are read with this configuration's "
-            "[other-sensor]"
+            "the earlier run had another sensor model; this configuration's model is used for its "
+            "observations [other-sensor]"
         )
     if prior.announced_too_low:
         lines.append(
@@ -60,10 +60,10 @@ def vehicles_without_route(scenario: Scenario) -> Iterator[str]:
 
 
 def _elsewhere(flown: Scenario, planned: Scenario) -> Iterator[str]:
-    there, here = flown.grid, planned.grid
+    old, new = flown.grid, planned.grid
     for what in ("rows", "cols", "cell_size_m"):
-        if getattr(there, what) != getattr(here, what):
-            yield f"{what} {getattr(there, what):g}, here {getattr(here, what):g}"
-    origins = (there.origin_lat_deg, there.origin_lon_deg), (here.origin_lat_deg, here.origin_lon_deg)
-    if (metres := distance_m(*origins)) > SAME_PLACE_M:
-        yield f"its south-west corner lies {metres:.0f} m from the one here"
+        if getattr(old, what) != getattr(new, what):
+            yield f"{what} {getattr(old, what):g}, now {getattr(new, what):g}"
+    origins = (old.origin_lat_deg, old.origin_lon_deg), (new.origin_lat_deg, new.origin_lon_deg)
+    if (apart_m := distance_m(*origins)) > SAME_PLACE_M:
+        yield f"the south-west corners are {apart_m:.0f} m apart"

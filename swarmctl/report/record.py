@@ -1,7 +1,7 @@
 """The record of a run, and its replay through the agents' fold.
 
-`run.mcap` holds every event, effect and bus message as JSON with its schema, so that Foxglove and any other
-reader of MCAP opens it without this program. Two runs on the virtual clock write the same bytes.
+`run.mcap` holds every event, effect and bus message as JSON with its schema. Foxglove and any other reader of
+MCAP can open the file without this program. Two runs on the virtual clock write the same bytes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from swarmctl.report import foxglove
 
 FORMAT = 3
 READABLE = frozenset({"2", "3"})
-"""Formats that are read. Format 2 has a channel for each vehicle and each kind of event and effect."""
+"""readable formats; format 2 has a channel for each vehicle and each kind of event and effect"""
 CHUNK_BYTES = 1 << 16
 """amount of data that a crash may cost; all earlier chunks stay readable"""
 
@@ -66,10 +66,10 @@ class BusRecord(msgspec.Struct, frozen=True):
 
 
 class Recorder:
-    """Writes one `run.mcap`; an `Observer` of runners. Close it, or the file has no index.
+    """The recorder of one `run.mcap`, an `Observer` of runners. Without `close` the file has no index.
 
-    A replay reads the agents' events and effects. Positions, routes, hostiles and texts are there in
-    Foxglove's own schemas too.
+    A replay reads the agents' events and effects. Positions, routes, hostiles and texts are also recorded in
+    Foxglove's own schemas.
     """
 
     def __init__(self, path: Path, scenario: Scenario, epoch_ns: int) -> None:
@@ -210,9 +210,9 @@ class Verdict:
     events: int
     effects: int
     difference: str
-    """the first difference; empty: there is none"""
+    """the first difference; empty without a difference"""
     is_cut: bool = False
-    """the record has no end, because its process died; its complete part was replayed"""
+    """True if the record has no end, because its process died; its complete part was replayed"""
 
 
 def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Verdict:
@@ -265,7 +265,7 @@ class _Content:
     config: Config
     rows: list[tuple[str, EventRecord | EffectRecord]]
     is_cut: bool
-    """the record has no end, because its process died"""
+    """True if the record has no end, because its process died"""
 
 
 def _read(path: Path) -> _Content:

@@ -25,7 +25,7 @@ class SeparationStatistics:
         """system ids of the vehicles that this process flies"""
 
     def moved(self, after: AgentState, flight_time_s: float | None, now: float) -> None:
-        """Take the position of a vehicle of this process."""
+        """Record the position of a vehicle of this process."""
         self._here.add(after.task.uav)
         if (here := _in_the_air(after)) is not None and self._of(after).add_position(
             after.task.uav, now, here
@@ -39,7 +39,7 @@ class SeparationStatistics:
         flight_time_s: float | None,
         now: float,
     ) -> None:
-        """Take the positions of neighbours, which other processes may fly."""
+        """Record the positions of neighbours, which other processes may fly."""
         for uav, state in states:
             if uav in self._here or state.alt_rel_m < AIRBORNE_M or state.age_s > 0.0:
                 continue
@@ -56,7 +56,7 @@ class SeparationStatistics:
     def summary(
         self, states: Mapping[int, AgentState], crossings: CrossingCounts | None = None
     ) -> dict[str, Any]:
-        """Return the section of `summary.json`; `least_distance` is None where two never flew at once."""
+        """Return the section of `summary.json`; `least_distance` is None if no two vehicles flew at once."""
         flown, names = self._flown, _Names({uav: state.task.name for uav, state in states.items()})
         too_close = {} if flown is None else flown.too_close_s
         return {

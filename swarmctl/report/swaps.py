@@ -11,7 +11,7 @@ import numpy as np
 from swarmctl.core import events as ev
 
 MAX_FAILURES = 20
-"""number of failed changes of a vehicle whose reasons are kept: the last"""
+"""number of a vehicle's last failed changes whose reasons are kept"""
 LISTED = 5
 """number of failed changes that are listed below the table"""
 

@@ -49,7 +49,7 @@ class FittedTable:
     def __init__(
         self, columns: Sequence[Column], *, caption: Sequence[str] = (), elsewhere: str = ""
     ) -> None:
-        """`caption`: lines below it. `elsewhere`: the file with the columns that are left out."""
+        """`caption`: lines below the table. `elsewhere`: the file with the columns that are left out."""
         self._columns = columns
         self._caption = caption
         self._elsewhere = elsewhere
@@ -94,7 +94,7 @@ class FittedTable:
         shown = list(range(len(self._columns)))
         if width is None or sum(self._least(index) + 2 for index in shown) <= width:
             return shown, 2
-        # An edge, and the columns with a gap or an edge behind each.
+        # One edge, and a gap or an edge after each column.
         while 1 + sum(self._least(index) + 1 for index in shown) > width:
             optional = [index for index in shown if self._columns[index].rank > 0]
             if not optional:

@@ -16,7 +16,7 @@ from swarmctl.report.ui import Ui
 
 LINE_EVERY_S = 30.0
 MESSAGE_FOR_S = 20.0
-"""time that a message stays below the table [s of flight time]"""
+"""flight time for which a message stays below the table [s]"""
 
 
 class Terminal(Ui, Protocol):

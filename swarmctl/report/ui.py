@@ -61,8 +61,8 @@ class UiObserver:
     ) -> None:
         if after.phase is not before.phase:
             note = f" ({after.outcome})" if after.outcome else ""
-            tell = self.ui.say if after.phase is Phase.RELEASED else self.ui.log
-            tell(f"{after.task.name}: {before.phase} → {after.phase}{note}")
+            show = self.ui.say if after.phase is Phase.RELEASED else self.ui.log
+            show(f"{after.task.name}: {before.phase} → {after.phase}{note}")
         if after.late and not before.late:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:

@@ -70,7 +70,7 @@ REFUSED: list[tuple[str, list[str], str, int, str]] = [
      PLAIN, 2, "[no-certificates]"),
     ("an order without a vehicle", ["order", "hold"], PLAIN + ROUTER, 2, "[which-vehicles]"),
     ("a return that ignores a vehicle", ["order", "return", "--all", "--ignore", "uav2"],
-     PLAIN + ROUTER, 2, "ignore with return"),
+     PLAIN + ROUTER, 2, "ignore with order return"),
     ("an unknown order", ["order", "fly", "--all"], PLAIN + ROUTER, 2, "Invalid value for"),
     ("routing without keys", ["router"], PLAIN + CERTIFIED, 1, "nowhere/router: "),
     ("reporting without keys", ["observe", "--uav", "1", "--cell", "1,1", "--clear"],

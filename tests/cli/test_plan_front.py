@@ -178,7 +178,7 @@ def test_a_configured_route_off_the_front_differs_from_all_routes_on_it() -> Non
 
 def test_every_route_has_its_chance_shown_or_not(small: Path, tmp_path: Path) -> None:
     (vehicle,) = front.fronts(after_looking(40, 0.6))
-    assert len(vehicle.shown) < len(vehicle.offers)
+    assert len(vehicle.shown) < len(vehicle.candidates)
     _, content, _ = front_of(small, tmp_path / "runs")
     for route in [r for v in content["vehicles"] for r in (*v["routes"], v["configured"])]:
         chance = route["chance_by_simulation"]
@@ -275,7 +275,9 @@ def test_a_configured_route_between_the_knees_is_shown() -> None:
     scenario = after_looking(60, 0.6)
     (vehicle,) = front.fronts(scenario)
     paper = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
-    between = [i for i in range(len(vehicle.offers)) if i not in vehicle.shown and vehicle.front.supported[i]]
+    between = [
+        i for i in range(len(vehicle.candidates)) if i not in vehicle.shown and vehicle.front.supported[i]
+    ]
     assert between
     w_range = vehicle.front.w_ranges[between[0]]
     assert w_range is not None

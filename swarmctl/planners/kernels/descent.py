@@ -156,7 +156,7 @@ def _shortest(
     length: Floats,
     assumes_least: bool,
 ) -> tuple[int, bool]:
-    """Return the neighbour of m on the shortest route among those that cost no more than `bound`.
+    """Return the neighbour of m on the shortest route that costs no more than `bound`.
 
     Lengths are from `length` or, if `assumes_least`, the least that the lattice allows. The second value is
     true if no route is as short as assumed.

@@ -1,9 +1,9 @@
 """Parameters of each firmware for the behaviour that a configuration declares. Pure.
 
-Names, values and bits by the parameter lists of ArduCopter and ArduPlane 4.5 to 4.7
+Sources of names, values and bits: the parameter lists of ArduCopter and ArduPlane 4.5 to 4.7
 (https://ardupilot.org/copter/docs/parameters.html, https://ardupilot.org/plane/docs/parameters.html) and of
-PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference), and by the code that reads
-them: ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC_Fence.cpp,
+PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference). The code that reads the
+parameters: ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC_Fence.cpp,
 AP_BattMonitor_Params.cpp; commander/failsafe/failsafe.cpp.
 ArduPlane's RTL_ALTITUDE, AIRSPEED_CRUISE, AIRSPEED_MIN and ROLL_LIMIT_DEG have these names from 4.5 on
 (before: ALT_HOLD_RTL, TRIM_ARSPD_CM, ARSPD_FBW_MIN, LIM_ROLL_CD; ArduPlane/Parameters.cpp converts them).

@@ -89,11 +89,11 @@ class CheckedChain:
     """the entries before the fault, or all"""
     fault: ChainFault | None
     last: str
-    """the hash of the last good entry"""
+    """the hash of the last unchanged entry"""
 
     @property
     def opened(self) -> Entry:
-        """The description of the run in the first entry; empty where it is missing."""
+        """The description of the run in the first entry; empty without entries."""
         return self.entries[0]["what"] if self.entries else {}
 
     @property
@@ -119,11 +119,11 @@ def check(lines: Iterable[bytes]) -> CheckedChain:
     return CheckedChain(tuple(entries), None, last)
 
 
-_Wrong = tuple[str, str]
+_Mismatch = tuple[str, str]
 """found, expected"""
 
 
-def _read(line: bytes) -> tuple[Entry | None, _Wrong | None]:
+def _read(line: bytes) -> tuple[Entry | None, _Mismatch | None]:
     if not line.endswith(b"\n"):
         return None, (
             "a line without its end",
@@ -135,27 +135,27 @@ def _read(line: bytes) -> tuple[Entry | None, _Wrong | None]:
     except (ValueError, RecursionError):
         return None, ("a line that is not JSON", "an entry as this program writes it")
     if not isinstance(entry, dict) or entry.keys() != KEYS or entry["kind"] not in KINDS:
-        return None, ("something else than an entry", f"an object with the keys {', '.join(sorted(KEYS))}")
+        return None, ("a line that is not an entry", f"an object with the keys {', '.join(sorted(KEYS))}")
     if not isinstance(entry["what"], dict) or not isinstance(entry["n"], int):
-        return None, ("something else than an entry", "a number in `n` and an object in `what`")
+        return None, ("a line that is not an entry", "a number in `n` and an object in `what`")
     if not is_canonical:
         return None, ("another form of JSON than the canonical one", "the line as it was written")
     return entry, None
 
 
-def _out_of_place(entry: Entry, before: list[Entry], last: str) -> _Wrong | None:
+def _out_of_place(entry: Entry, before: list[Entry], last: str) -> _Mismatch | None:
     n = len(before)
     if before and before[-1]["kind"] == "closed":
         return f"entry {entry['n']} after the closing one", "the end of the file"
     if entry["n"] != n:
-        return f"entry {entry['n']}", f"entry {n}: lines were taken out or put in here"
+        return f"entry {entry['n']}", f"entry {n}: lines were removed or inserted here"
     if (entry["kind"] == "opened") != (n == 0):
         return f"an entry of the kind {entry['kind']}", "the opening entry first, and only there"
     if entry["previous"] != last:
         return f"the previous hash {entry['previous']}", f"{last}, the hash of the line before"
     own = sha256(canonical({key: value for key, value in entry.items() if key != "hash"}))
     if entry["hash"] != own:
-        return f"the hash {entry['hash']}", f"{own}, as its content gives: the line was changed"
+        return f"the hash {entry['hash']}", f"{own}, the hash of its content: the line was changed"
     if entry["kind"] == "closed" and entry["what"].get("entries") != n:
         return f"a count of {entry['what'].get('entries')} entries", f"{n}"
     return None

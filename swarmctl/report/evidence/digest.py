@@ -29,7 +29,7 @@ _SHOWS = {
 }
 """the part of a vehicle's state that shows that a command was followed"""
 _ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
-"""messages that a vehicle acknowledges, beside commands"""
+"""messages other than commands that a vehicle acknowledges"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
 """ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and goes on"""
 
@@ -44,10 +44,10 @@ class CommandRow:
     answers: Counter[str] = field(default_factory=Counter)
     unanswered: int = 0
     seen: Counter[str] = field(default_factory=Counter)
-    goes_on: bool = False
-    """the last line held items of a transfer, and more lines of it may follow"""
+    is_in_transfer: bool = False
+    """True if the last entry had items of a transfer, and more entries of the transfer may follow"""
     by_others: int = 0
-    """number of those sent by another station"""
+    """number of commands sent by another station"""
 
     @property
     def refused(self) -> int:
@@ -56,9 +56,11 @@ class CommandRow:
 
 @dataclass(slots=True)
 class Digest:
+    """The digest of a whole chain."""
+
     rows: list[CommandRow] = field(default_factory=list)
     unasked: dict[str, Counter[str]] = field(default_factory=dict)
-    """changes of mode and arming that no command here had asked for, by vehicle"""
+    """changes of mode and arming without a recorded command, by vehicle"""
     landed: Counter[str] = field(default_factory=Counter)
     """number of times the vehicle disarmed by itself on the ground, by vehicle"""
     people: list[Entry] = field(default_factory=list)
@@ -99,10 +101,10 @@ def _sent(
     row = rows.setdefault((vehicle, name), CommandRow(vehicle, name))
     items = rows.get((vehicle, _ITEMS))
     if name in BEGINS and items is not None:
-        items.goes_on = False
-    if row.goes_on:
+        items.is_in_transfer = False
+    if row.is_in_transfer:
         return  # more items of the same transfer
-    row.goes_on = name == _ITEMS
+    row.is_in_transfer = name == _ITEMS
     row.sent += 1
     row.unanswered += "command" in what or name in _ANSWERED
     row.by_others += "by" in what
@@ -124,7 +126,7 @@ def _answered(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Entry
 
 
 def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
-    """Take a disarming after a landing off the unasked changes; telemetry may report either first."""
+    """Move a disarming after a landing from `unasked` to `landed`; telemetry may report either first."""
     part, to = what.get("changed"), what.get("to")
     if part == "landed":
         on_ground[vehicle] = to == Landed.ON_GROUND.name

@@ -12,7 +12,7 @@ from swarmctl.report.evidence.disk import Disk
 
 FILE_NAME = "evidence.jsonl"
 SETTLES_S = 10.0
-"""longest wait for the disk"""
+"""longest wait for the disk [s]"""
 
 
 class Signer(Protocol):
@@ -29,7 +29,7 @@ class Signer(Protocol):
 
 
 class EvidenceFile:
-    """An append-only file. A full disk ends it with a line to the operator and raises nothing."""
+    """An append-only file. A full disk ends the file with a message to the operator, without an exception."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class EvidenceFile:
         say: Callable[[str], None],
         in_thread: bool = False,
     ) -> None:
-        """Create the file; `opened` describes the run. Raises OSError where it cannot be created.
+        """Create the file; `opened` describes the run. Raises OSError if the file cannot be created.
 
         `in_thread`: a thread waits for the disk, which needs a running loop.
         """
@@ -73,7 +73,7 @@ class EvidenceFile:
         return not self.trouble
 
     async def settled(self) -> str:
-        """Wait until all entries are on the disk; return the reason if they are not, else an empty text."""
+        """Wait until all entries are on the disk; return the reason of a failure, or an empty text."""
         if self.trouble or self._file.closed:
             return self.trouble or f"{self._path}: the evidence is closed"
         self._disk.sync()
@@ -95,7 +95,7 @@ class EvidenceFile:
             self._say(f"{self.trouble}; no further vehicle is armed [evidence-ended]")
 
     def close(self, signer: Signer | None = None) -> None:
-        """Write the closing entry, signed where there is a key. Idempotent."""
+        """Write the closing entry, signed if a signer is given. Idempotent."""
         if self._file.closed:
             return
         entries, last = self._chain.n, self._chain.last

@@ -17,15 +17,15 @@ from swarmctl.report.evidence.transfer import NewEntry
 
 
 class Evidence:
-    """Fits the front end's `EvidenceRecorder` and the runners' `Observer`; one a run."""
+    """The evidence of one run: an `EvidenceRecorder` for the front end, and an `Observer` for runners."""
 
     def __init__(self, file: EvidenceFile, names: Mapping[int, str]) -> None:
         self._file = file
         self._names = names
         self._traffic: dict[tuple[int, str], Traffic] = {}
-        """by vehicle and sending station; empty: this one"""
+        """by vehicle and sending station; an empty name is this station"""
         self._in_transfer: set[tuple[int, str]] = set()
-        """vehicles and stations with items, or answers to them, that no entry holds yet"""
+        """vehicles and stations with items or answers that are not in an entry yet"""
         self._states: dict[int, VehicleState] = {}
 
     # The wire
@@ -60,7 +60,7 @@ class Evidence:
                     traffic.byte_wise = own.byte_wise
 
     async def settled(self) -> str:
-        """Wait until all entries are on the disk; return the reason if they are not, else an empty text."""
+        """Wait until all entries are on the disk; return the reason of a failure, or an empty text."""
         return await self._file.settled()
 
     # The agents

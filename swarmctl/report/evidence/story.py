@@ -49,8 +49,8 @@ def _plan(plan: FlightPlan) -> dict[str, Any]:
 def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
     what: dict[str, Any]
     match event:
-        case ev.OperatorCommand(order=order, command=int(), ignore=past):
-            what = {"asks": str(order), **({"past": past} if past else {})}
+        case ev.OperatorCommand(order=order, command=int(), ignore=ignored):
+            what = {"asks": str(order), **({"past": ignored} if ignored else {})}
         case ev.WeightsChanged(w=w, strength=strength):
             what = {"asks": "weights", "w": w, "firing_strength": strength and astuple(strength)}
         case _:

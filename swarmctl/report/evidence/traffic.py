@@ -1,8 +1,8 @@
 """Entries from the MAVLink messages of one vehicle: commands and acknowledgements. Pure.
 
 - Every message sent is a command, except those that only keep a link alive.
-- The items of a mission, a fence or rally points make one entry, with their number and hash, at the end of
-  their transfer, and one for the items so far at each call of `so_far`.
+- The items of a mission, a fence or rally points make one entry at the end of their transfer, with number and
+  hash. Each call of `so_far` makes an entry for the items so far.
 - Partial lists that follow each other, each for one item, are one transfer. The first of them is an entry;
   their acknowledgements are counted with the items.
 """
@@ -20,7 +20,7 @@ KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
 """messages that ask a vehicle for nothing"""
 ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
 _REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
-_TO_WHOM = frozenset({"target_system", "target_component", "mavpackettype"})
+_ADDRESS_FIELDS = frozenset({"target_system", "target_component", "mavpackettype"})
 
 
 def arms(message: Message) -> bool:
@@ -95,7 +95,7 @@ class Traffic:
         return [] if self._upload is None else self._upload.so_far()
 
     def _before(self, kind: str, message: Message) -> list[NewEntry]:
-        """Return the entries of a transfer that this message ends, and begin the one that it announces."""
+        """Return the entries of a transfer that this message ends; begin a transfer that it announces."""
         entries: list[NewEntry] = []
         if kind in BEGINS or kind == "MISSION_ACK" or self._is_partial:
             entries = self.so_far()
@@ -132,8 +132,11 @@ class Traffic:
 
 def _content(message: Message) -> dict[str, Any]:
     kind = message.get_type()
-    content = {"message": kind, **{k: _text(v) for k, v in message.to_dict().items() if k not in _TO_WHOM}}
-    # The key itself is a secret; the fact that one was sent is not.
+    content = {
+        "message": kind,
+        **{k: _text(v) for k, v in message.to_dict().items() if k not in _ADDRESS_FIELDS},
+    }
+    # The key is a secret; the fact that a key was sent is not.
     content.pop("secret_key", None)
     if kind in ("COMMAND_LONG", "COMMAND_INT"):
         content["command"] = name_of("MAV_CMD", int(message.command))

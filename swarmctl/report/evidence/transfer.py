@@ -30,9 +30,9 @@ class Transfer:
     announced: set[int] = field(default_factory=set)
     """numbers announced by partial lists"""
     answers: Counter[str] = field(default_factory=Counter)
-    """results of partial lists that no entry holds yet"""
+    """results of partial lists that are not in an entry yet"""
     is_recorded: bool = False
-    """an entry holds the items as they are now"""
+    """True if an entry has the present items"""
 
     @property
     def is_partial(self) -> bool:

@@ -37,7 +37,7 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
 def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
-    """Draw the cells, shaded as in Figure 8 and tinted where no vehicle observed them, and the goals."""
+    """Draw the goals and the cells, shaded as in Figure 8; tint cells that no vehicle observed."""
     grid = picture.grid
     hostile, first, second = shading(picture)
     missed = hostile & (picture.known != OCCUPIED)
@@ -111,7 +111,7 @@ def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
 
 
 def _apart(points: Points, least: float) -> Points:
-    """Return the points (n, 2), pushed away from each other until they lie about `least` apart."""
+    """Return the points (n, 2), moved away from each other to distances of about `least` or more."""
     angles = 2.4 * np.arange(len(points))
     # Points in the same place get a small offset, each in its own direction.
     moved = points + 1e-3 * least * np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -48,7 +48,7 @@ class MapPicture:
 
     grid: Grid
     hostiles: frozenset[Cell] | None
-    """the true hostiles; None on real flights, where the hostiles found are shaded"""
+    """the true hostiles; None on real flights: the map then shades the hostiles found"""
     known: NDArray[np.int8]
     """(rows, cols) of `swarmctl.core.belief`, at the end"""
     tracks: Sequence[VehicleTrack]

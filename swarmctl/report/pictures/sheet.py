@@ -32,7 +32,7 @@ ROW_IN = 0.205
 FOOT_IN = 0.8
 """height of the north arrow and the scale bar with the space above them"""
 BELOW_COLUMNS = 2
-"""columns of the vehicles' legend where it is too long to stand beside the map"""
+"""columns of the vehicles' legend if it is too long for the space beside the map"""
 
 
 def draw_map(path: Path, picture: MapPicture) -> None:
@@ -75,7 +75,7 @@ def figure_of(picture: MapPicture) -> Figure:
 
 
 def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
-    """Return the legend's rows beside the map and below it: the vehicles', where they are too many."""
+    """Return the legend's rows beside the map, and the rows below: vehicles, if too many for the side."""
     blocks, marks = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
     vehicles = [row for block in blocks for row in block]
     if (len(vehicles) + 1 + len(marks)) * ROW_IN + FOOT_IN <= map_high_in:

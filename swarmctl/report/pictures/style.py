@@ -1,4 +1,4 @@
-"""Colours, lines and the numbered disc, alike on the map and in its key."""
+"""Colours, lines and the numbered disc, the same on the map and in the legend."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ FORBIDDEN = "#B3261E"
 DASHES: tuple[Dashes, ...] = ((0, (4.0, 2.0)), (0, (1.0, 1.4)), (0, (7.0, 1.6, 1.2, 1.6)))
 """dashes of a vehicle's planned lines, in their order, beside flown lines, which are solid"""
 BANDS = ((5.4, 0.30), (3.2, 0.62), (1.2, 1.0))
-"""width [pt] and opacity of planned lines where nothing was flown. Drawn over each other, all of them stay
-visible where they coincide."""
+"""width [pt] and opacity of planned lines on a map without flown lines; coinciding lines all stay visible"""
 
 BADGE_PT = 11.5
 """diameter of the numbered disc of a vehicle with its white rim"""
