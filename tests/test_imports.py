@@ -85,7 +85,7 @@ PURE = {
     "swarmctl.core", "swarmctl.planners", "swarmctl.mavlink", "swarmctl.agent",
     "swarmctl.bus.node", "swarmctl.bus.radio", "swarmctl.bus.backlog", "swarmctl.bus.endpoint",
     "swarmctl.bus.keys", "swarmctl.bus.rate", "swarmctl.bus.sensor_reports",
-    "swarmctl.bus.transports.access", "swarmctl.bus.transports.neighbours", "swarmctl.bus.transports.renewal",
+    "swarmctl.bus.transports.access", "swarmctl.bus.transports.renewal",
     "swarmctl.bus.transports.zenoh_config",
     "swarmctl.config.arrival_checks", "swarmctl.config.checks", "swarmctl.config.communication_checks",
     "swarmctl.config.fence", "swarmctl.config.links_checks", "swarmctl.config.preflight_checks",
@@ -182,6 +182,18 @@ def test_a_module_that_calls_itself_pure_is_held_to_it() -> None:
         name for name in MODULES if "Pure." in (ast.get_docstring(ast.parse(MODULES[name].read_text())) or "")
     }
     assert {name for name in pure if not within(name, PURE)} == set()
+
+
+def test_every_name_of_the_tables_is_a_module() -> None:
+    named = {
+        *ROOMS,
+        *SIMULATOR,
+        *PURE,
+        *SHELLS,
+        *ALONE,
+        *(part for parts in ONLY_IN.values() for part in parts),
+    }
+    assert named - MODULES.keys() == set()
 
 
 def test_nothing_stays_loose_at_the_top() -> None:

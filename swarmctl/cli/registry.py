@@ -38,7 +38,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "watch",
         "Show the positions and states of a swarm on many machines, until Ctrl-C.",
     ),
-    "order": ("order", "Order vehicles flown by `swarmctl agent` to launch, hold, return or land."),
+    "order": ("order", "Order vehicles in flight to launch, hold, return or land."),
     "abort": (
         "abort",
         "End the flight of vehicles: hold where they are, return, or land where they are.",

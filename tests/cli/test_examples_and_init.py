@@ -8,6 +8,7 @@ import pytest
 from cli_runner import SHIPPED, swarmctl
 
 from swarmctl.cli.console import EXPECTED, OK, USAGE
+from swarmctl.config.model import load
 from swarmctl.config.roster import load_roster
 
 
@@ -63,6 +64,7 @@ def test_init_writes_a_configuration_that_passes_check(
 def test_init_writes_real_vehicles_with_lines_to_edit(tmp_path: Path) -> None:
     file = tmp_path / "real.yaml"
     assert swarmctl("init", file, "--vehicles", "3", "--real").exit_code == OK
+    assert load(file).sensor.source == "external"  # no real aircraft acts on invented hostiles
     assert load_roster(file).names == {1: "uav1", 2: "uav2", 3: "uav3"}
     assert "# EDIT" in file.read_text()
     assert swarmctl("plan", "--config", file, "--out", tmp_path / "runs").exit_code == OK

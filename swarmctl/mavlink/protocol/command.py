@@ -1,6 +1,7 @@
 """One command and its acknowledgement: https://mavlink.io/en/services/command.html
 
 An acknowledgement shows that the vehicle has accepted the command; only telemetry shows its effect.
+`procedures.guarded` repeats a command without an answer or an effect.
 """
 
 from __future__ import annotations
@@ -38,37 +39,36 @@ class CommandResult:
 
     @property
     def may_have_happened(self) -> bool:
-        """Return whether the command may have taken effect; without an answer, the answer may be lost."""
+        """Return whether the command may have taken effect: NO_ANSWER may be the loss of the answer."""
         return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.NO_ANSWER)
 
 
 def command_long(peer: MavlinkPeer, command: int, params: Sequence[float], confirmation: int = 0) -> Message:
-    """Return a COMMAND_LONG with missing parameters 0. Raises ValueError for a forced arming or disarming."""
-    p = (*params, *(0.0,) * (7 - len(params)))
-    _refuse_force(command, p)
-    return mavlink.MAVLink_command_long_message(peer.sysid, peer.compid, command, confirmation, *p)
+    """Return a COMMAND_LONG; missing parameters are 0.
+
+    Raises ValueError for a forced arming or disarming.
+    """
+    all_params = (*params, *(0.0,) * (7 - len(params)))
+    if _is_forced(command, all_params[1]):
+        raise ValueError(f"forced arming or disarming (param2 = {all_params[1]:g}) is never sent")
+    return mavlink.MAVLink_command_long_message(peer.sysid, peer.compid, command, confirmation, *all_params)
 
 
-def forces(message: Message) -> bool:
+def is_forced_arming(message: Message) -> bool:
     """Return whether a message commands arming without checks, or disarming in flight."""
     is_command = message.get_type() in ("COMMAND_LONG", "COMMAND_INT")
-    return is_command and _forces(int(message.command), message.param2)
+    return is_command and _is_forced(int(message.command), message.param2)
 
 
-def _forces(command: int, param2: float) -> bool:
-    # 21196, or 2989 for ArduPilot's arming. PX4 rounds, so every value but 0 counts as one of them.
+def _is_forced(command: int, param2: float) -> bool:
+    # 21196 forces, and for arming an ArduPilot also 2989. PX4 rounds, so every value but 0 counts.
     return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param2 != 0.0
-
-
-def _refuse_force(command: int, params: Sequence[float]) -> None:
-    if _forces(command, params[1]):
-        raise ValueError(f"forced arming or disarming (param2 = {params[1]:g}) is never sent")
 
 
 class Command(Conversation[CommandResult]):
     """One try of a COMMAND_LONG and its acknowledgement; `confirmation` is the number of earlier tries.
 
-    The procedure repeats it, because it has to check the vehicle's state before each try.
+    The procedure repeats the command, because each try needs a check of the vehicle's state.
     """
 
     ANSWER_S = 1.0
@@ -80,7 +80,7 @@ class Command(Conversation[CommandResult]):
         super().__init__()
         self._peer = peer
         self._command = command
-        # A forbidden command fails here, at its caller.
+        # A forced arming raises here, in the caller that builds it.
         self._message = command_long(peer, command, params, confirmation)
         self._outcome = CommandOutcome.NO_ANSWER
         self._in_progress = 0
@@ -105,7 +105,7 @@ class Command(Conversation[CommandResult]):
                 self._enter(ConversationState.EXCHANGING)
             self.next_deadline = now + self.IN_PROGRESS_S
         elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
-            # An immediate try would get the same answer, so this one lasts until its deadline.
+            # An immediate retry would get the same answer, so this try lasts until its deadline.
             self._outcome = CommandOutcome.NOT_NOW
             self.next_deadline = now + self.ANSWER_S
         else:
