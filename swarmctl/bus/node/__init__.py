@@ -1,4 +1,4 @@
-"""One UAV's part in the network, pure: the observations it holds, its requests, what it relays and refuses.
+"""One UAV's part in the network, without I/O: its observations, requests, relayed and refused messages.
 
 Begin with `node`.
 """

@@ -1,7 +1,7 @@
-"""Observations of other UAVs that contradict a UAV's own: a forged report, or a sensor error. Pure.
+"""Contradictions between a UAV's own observations and others: a forged report, or a sensor error. No I/O.
 
-Beliefs merge contradicting observations all the same, because neither side is known to be right. Only
-sensors that are configured as perfect contradict each other.
+Beliefs merge both observations, because neither is known to be right. Only sensors that are configured as
+perfect contradict each other.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Notice = tuple[str, str]
 
 
 class Contradictions:
-    """The contradictions that one UAV finds; counts cells in `flagged`, by the UAV that reported them."""
+    """Contradictions found by one UAV; `flagged` counts their cells, by the reporting UAV."""
 
     def __init__(
         self, uav: int, column: ReceptionColumn, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]
@@ -40,7 +40,7 @@ class Contradictions:
             self._sightings.record(self._place, row * self._cols + col, occupied=occupied)
 
     def has_none(self, decoded: DecodedFrame) -> bool:
-        """Return whether an observation contradicts none of the UAV's own."""
+        """Return whether an observation contradicts no own observation."""
         if not self._sightings.has_any(self._place):
             return True
         return not self._sightings.conflicting_places(decoded.clear, decoded.occupied) >> self._place & 1
@@ -67,15 +67,15 @@ class Contradictions:
             self._flagged[observer] += len(conflicting)
             cell = min(conflicting)
             row, col = divmod(cell, self._cols)
-            what = "occupied" if cell in occupied else "clear"
+            content = "occupied" if cell in occupied else "clear"
             text = (
-                f"vehicle {observer} reports cell ({row}, {col}) as {what}, which contradicts this vehicle's "
-                "own observation; both are kept"
+                f"vehicle {observer} reports cell ({row}, {col}) as {content}, which contradicts this "
+                "vehicle's own observation; both observations are kept"
             )
             yield f"flagged {observer}", text
 
     def _cells_of(self, decoded: DecodedFrame) -> tuple[Set[int], Set[int]]:
-        """Return (clear, occupied)."""
+        """Return the clear and the occupied cells of a frame."""
         content = decoded.frame.content
         if not isinstance(content, Checkpoint):
             return decoded.clear, decoded.occupied

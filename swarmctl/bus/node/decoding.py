@@ -1,4 +1,4 @@
-"""Decoding of frames, once a process however many of its nodes receive them. Pure."""
+"""Decoding of frames, once for all nodes of a process. No I/O."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from swarmctl.core.observation import Checkpoint, Observation, Source, indexed, 
 
 CACHED = 16_384
 CACHED_BYTES = 1024
-"""Longest frame that is cached; each receiver decodes longer ones itself. Forged frames must not fill the
-memory."""
+"""Longest cached frame; each receiver decodes longer frames itself. Forged frames must not fill the memory."""
 
 
 class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
@@ -35,16 +34,17 @@ class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
     source: Source
     """observer and incarnation, if the frame reports observations"""
     seq: int = 0
-    """number of an observation; 0 in all other frames, as in the fields below"""
+    """number of an observation; 0 in all other frames"""
     clear: frozenset[int] = frozenset()
-    """row · cols + col of the cells observed clear"""
+    """row · cols + col of the cells observed as clear; empty for other frames than observations"""
     occupied: frozenset[int] = frozenset()
+    """row · cols + col of the cells observed as occupied"""
     mark: int = 0
     """hash of the observation's name and content"""
 
 
 DecodeFrame = Callable[[bytes], DecodedFrame]
-"""Raises Refused."""
+"""decoder of a frame's bytes; raises MessageRefused"""
 
 
 def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
@@ -64,7 +64,7 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
             with _refuse_outside():
                 indexed(content, rows, cols)
             clear, occupied = (
-                frozenset(row * cols + col for row, col, is_so in content.cells if is_so == wanted)
+                frozenset(row * cols + col for row, col, state in content.cells if state == wanted)
                 for wanted in (False, True)
             )
             mark = mark_of(content)

@@ -12,7 +12,7 @@ from swarmctl.core.observation import BeliefItem
 
 @dataclass(frozen=True, slots=True)
 class NodeOptions:
-    """Options that all nodes of a swarm share."""
+    """Options of all nodes of a swarm."""
 
     rows: int
     cols: int
@@ -20,12 +20,12 @@ class NodeOptions:
     """number of nearest UAVs that each UAV sends to; None: all"""
     relay: bool = False
     sync_every_s: float = 3.0
-    """period of requests for missed observations; 0: none are sent"""
+    """period of requests for missed observations; 0: no requests"""
     round_trip_s: float = 0.0
     """delay of a request and its answer in the radio model"""
     clock_tolerance_s: float = 5.0
     perfect_sensors: bool = True
-    """two observations of a cell that differ contradict each other"""
+    """True if two different observations of a cell contradict each other"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,13 @@ class OutgoingMessage:
 
 
 class NodeOutput(msgspec.Struct):
-    """Result of a message or of a tick. A Struct, because each message makes one."""
+    """Result of a message or of a tick. A Struct, because every message creates a result."""
 
     messages: list[OutgoingMessage] = []
     news: list[BeliefItem] = []
     """observations that are new to the agent"""
     notices: list[tuple[str, str]] = []
-    """(topic, text): the network shows the first few of each topic"""
+    """(topic, text); the network shows the first few notices of each topic"""
 
 
 @dataclass(slots=True)
@@ -52,7 +52,7 @@ class NetworkCounters:
     """Statistics of one UAV's communication."""
 
     sent: Counter[str] = field(default_factory=Counter)
-    """messages by act/kind, each receiver counted"""
+    """messages by act/kind; a message to several receivers counts for each receiver"""
     sent_bytes: int = 0
     received: int = 0
     """accepted frames"""
@@ -61,10 +61,10 @@ class NetworkCounters:
     snapshots_asked: int = 0
     snapshots_served: int = 0
     lost: Counter[str] = field(default_factory=Counter)
-    """messages that the radio model dropped, sent or received, by cause"""
+    """sent or received messages that the radio model dropped, by cause"""
     refused: Counter[str] = field(default_factory=Counter)
     """messages refused, by reason"""
     refused_from: Counter[int] = field(default_factory=Counter)
     """messages refused, by sender"""
     flagged: Counter[int] = field(default_factory=Counter)
-    """cells that another UAV reported and this UAV observed otherwise, by that UAV"""
+    """cells that this UAV observed otherwise than another UAV, by the other UAV"""

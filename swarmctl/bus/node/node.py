@@ -1,9 +1,11 @@
-"""One UAV's part in the swarm's network, as a state machine: frames and time in, frames out. Pure.
+"""One UAV's part in the swarm's network, as a state machine: frames and time in, frames out. No I/O.
 
 The node numbers and stores its agent's observations, checks the messages of other UAVs, and replicates all
-observations to all UAVs. It asks a peer for missing observations when the peer is received for the first
-time or after a silence, when a sequence number is missing, and every few seconds one neighbour whose
-knowledge differs.
+observations to all UAVs. It requests missing observations from a peer:
+
+- at the peer's first message, and at the first message after a silence
+- when a sequence number is missing
+- every few seconds, from one neighbour whose knowledge differs
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
 from swarmctl.bus.node.exchange import NetworkCounters, NodeOptions, NodeOutput
 from swarmctl.bus.node.peer import (
     ASK_AGAIN_S,
-    QUESTIONS_PER_S,
+    REQUESTS_PER_S,
     WORK_PER_CHECKPOINT,
     WORK_PER_FRAME,
     PeerRecord,
@@ -28,7 +30,7 @@ from swarmctl.bus.node.peer import (
     is_stale,
     states_since,
 )
-from swarmctl.bus.node.questions import Questions
+from swarmctl.bus.node.request_schedule import RequestSchedule
 from swarmctl.bus.node.reception import ReceptionColumn, ReceptionTable
 from swarmctl.bus.node.replica import COMPACT_AFTER, Replica, SourceRecord
 from swarmctl.bus.node.sender import Sender, split_frames
@@ -49,11 +51,11 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source, checkpoint
 
 CHECKPOINT_EVERY = 64
-"""own observations"""
+"""number of own observations between two checkpoints"""
 DEFERRED_AT_ONCE = 8
-"""checkpoints without new observations that the agent receives at a tick"""
-MAX_WRONG = 8
-"""refused frames inside of a message, after which the rest of it is skipped"""
+"""largest number of checkpoints without new observations that the agent receives at a tick"""
+MAX_REFUSED_FRAMES = 8
+"""number of refused frames inside a message after which the rest of the message is skipped"""
 
 
 CanHear = Callable[[LatLon | None, LatLon | None], str | None]
@@ -96,12 +98,12 @@ class Node:
             flagged=self._counters.flagged,
         )
         self._last_sent_upto = 0
-        """last observation in the newest checkpoint that was sent to others"""
+        """last observation in the newest sent checkpoint"""
         self._sent_since_bytes = 0
-        """bytes of observations sent after it"""
+        """bytes of observations sent after that checkpoint"""
         self._deferred: dict[Source, Checkpoint] = {}
-        """checkpoints without new observations: they only save memory, so the agent gets a few at a time"""
-        self._questions = Questions(options, rng)
+        """checkpoints without new observations; these only save memory, so the agent gets a few at a time"""
+        self._questions = RequestSchedule(options, rng)
         self._rng = rng
         self._can_hear = can_hear
 
@@ -125,7 +127,7 @@ class Node:
 
     # --- messages of the agent
 
-    def say(
+    def publish(
         self, message: AgentMessage, now_s: float, unix_s: float, against: frozenset[Cell] = frozenset()
     ) -> NodeOutput:
         """Send a message of the agent.
@@ -161,7 +163,7 @@ class Node:
     def _one_silent(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
         """Return one silent UAV beyond the communication range, chosen at random.
 
-        Two groups that were separated for long would otherwise never merge, if each has enough neighbours.
+        Without this UAV two groups with enough neighbours each would never merge after a long separation.
         """
         if not receivers or self._options.sync_every_s == 0.0 or len(receivers) == len(self._peers):
             return ()
@@ -177,7 +179,7 @@ class Node:
         self._replica.take(self._replica.of(self._self), own, self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
-        """Make a checkpoint for requests; sometimes send it, so that others can drop single frames."""
+        """Make a checkpoint for requests; sometimes send it, so that other UAVs can drop single frames."""
         record, o = self._replica.of(self._self), self._options
         contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
@@ -186,7 +188,7 @@ class Node:
             return
         data = self._sender.frame(made, unix_s)
         self._store_own(made, data)
-        # Without requests for missed observations, a checkpoint must not deliver them either.
+        # If requests are disabled, checkpoints must not deliver missed observations either.
         is_worth_it = len(data) <= self._sent_since_bytes or made.upto >= self._last_sent_upto + COMPACT_AFTER
         if is_worth_it and self._questions.are_enabled:
             self._last_sent_upto, self._sent_since_bytes = made.upto, 0
@@ -204,10 +206,12 @@ class Node:
             output = NodeOutput()
             self._note_refusal(output, refused, sender)
             return output
-        return self.hear(sender, act, decoded, now_s, unix_s)
+        return self.receive_decoded(sender, act, decoded, now_s, unix_s)
 
-    def hear(self, sender: int, act: str, decoded: DecodedFrame, now_s: float, unix_s: float) -> NodeOutput:
-        """Handle a decoded message, whose bytes were counted if it came from outside of the process."""
+    def receive_decoded(
+        self, sender: int, act: str, decoded: DecodedFrame, now_s: float, unix_s: float
+    ) -> NodeOutput:
+        """Handle a decoded message; `receive` has counted the bytes of a message from another process."""
         output = NodeOutput()
         try:
             if self._can_hear is not None and (
@@ -280,13 +284,13 @@ class Node:
                 self._relay(output, fresh, sender, now_s, unix_s)
             case _:
                 raise MessageRefused(
-                    RefusalReason.MALFORMED, f"{decoded.act} is valid inside of other messages only"
+                    RefusalReason.MALFORMED, f"{decoded.act} is valid only inside another message"
                 )
 
     def _handle_state(
         self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now_s: float
     ) -> None:
-        """Store a state received from its own UAV, and compare the knowledge that it reports."""
+        """Store a state received directly from its UAV, and compare the reported knowledge."""
         peer.update_state(decoded, now_s)
         if peer.record is None:
             peer.attach(self._replica.of(decoded.source))
@@ -321,7 +325,7 @@ class Node:
     def _take_all_relayed(
         self, output: NodeOutput, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
     ) -> list[bytes]:
-        """Handle relayed frames; return the new ones. Refused frames do not affect the others."""
+        """Handle relayed frames; return the new frames. A refused frame does not affect other frames."""
         fresh, wrong, peer = [], 0, self._peers[sender]
         for data in frames:
             try:
@@ -333,7 +337,7 @@ class Node:
                 wrong += 1
                 self.refuse(refused.why, sender)
                 output.notices.append((refused.why, f"relayed by vehicle {sender}: {refused}"))
-                if wrong == MAX_WRONG or refused.why is RefusalReason.TOO_FAST:
+                if wrong == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
 
@@ -360,7 +364,7 @@ class Node:
                 return False
             case Observation() | Checkpoint() as item:
                 return self._take(output, self._replica.of(decoded.source), item, decoded)
-        raise MessageRefused(RefusalReason.MALFORMED, f"{decoded.act} is not valid inside of another message")
+        raise MessageRefused(RefusalReason.MALFORMED, f"{decoded.act} is not valid inside another message")
 
     def _relay(
         self, output: NodeOutput, frames: list[bytes], received_from: int, now_s: float, unix_s: float
@@ -380,7 +384,7 @@ class Node:
         self._questions.schedule(peer, now_s, self._peers[peer].ask_after_s)
 
     def _request_missing(self, peer: int, now_s: float) -> None:
-        """Schedule a request for observations that only this peer holds."""
+        """Schedule a request for observations that this peer holds and this UAV does not."""
         self._peers[peer].mark_ahead()
         self._schedule_request(peer, now_s)
 
@@ -421,7 +425,7 @@ class Node:
         if not self._peers[asker].may_ask(now_s):
             raise MessageRefused(
                 RefusalReason.TOO_FAST,
-                f"vehicle {asker} sends more than {QUESTIONS_PER_S:g} requests a second",
+                f"vehicle {asker} sends more than {REQUESTS_PER_S:g} requests a second",
             )
         frames = list(self._replica.missing(asked.have))
         frames += states_since(

@@ -1,7 +1,7 @@
-"""Observations of one source, in order: one list for all UAVs of a process that hold the same. Pure.
+"""Observations of one source, in order: one shared list for all UAVs of a process. No I/O.
 
-Separate lists for a hundred UAVs would be ten thousand, and each message would touch a hundred cold places
-of memory.
+A hundred UAVs with separate lists would have ten thousand lists, and each message would touch a hundred of
+them, mostly outside of the processor's cache.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _numbers = itertools.count(1)
 
 
 class ObservationLog:
-    """The observations after `base` without a gap. It only grows; each user keeps its own end of it."""
+    """The observations after `base`, without a gap. The list only grows; each user keeps its own end index."""
 
     __slots__ = ("__weakref__", "_frames", "base", "number")
 
@@ -28,14 +28,14 @@ class ObservationLog:
         self._frames = list(frames)
 
     def accepts(self, decoded: DecodedFrame) -> bool:
-        """Append an observation if it is next; return whether the log holds it in its place now."""
+        """Append an observation if it is the next one; return whether the log now holds it."""
         at = decoded.seq - self.base - 1
         if at == len(self._frames):
             self._frames.append(decoded)
         return self._frames[at] is decoded or self._frames[at].data == decoded.data
 
     def fork(self, decoded: DecodedFrame) -> ObservationLog:
-        """Return a copy with this observation in the place where this log holds another."""
+        """Return a copy up to this observation, which replaces another observation of the same number."""
         return ObservationLog(self.base, (*self.between(0, decoded.seq - 1), decoded))
 
     def between(self, after: int, upto: int) -> Sequence[DecodedFrame]:
@@ -44,14 +44,14 @@ class ObservationLog:
 
 
 class ObservationLogs:
-    """The shared logs of all sources, each as long as a UAV uses it."""
+    """The shared logs of all sources; a log without users is freed."""
 
     def __init__(self) -> None:
         self._logs: WeakValueDictionary[tuple[Source, int], ObservationLog] = WeakValueDictionary()
         self._by_number: WeakValueDictionary[int, ObservationLog] = WeakValueDictionary()
 
     def at(self, source: Source, base: int) -> ObservationLog:
-        """Return the shared log of a source after `base`, a new one if there is none."""
+        """Return the shared log of a source after `base`; make a missing log."""
         log = self._logs.get((source, base))
         if log is None:
             log = self._logs[source, base] = ObservationLog(base)
@@ -59,5 +59,5 @@ class ObservationLogs:
         return log
 
     def by_number(self, number: int) -> ObservationLog | None:
-        """Return a shared log; None for a fork, whose contents differ."""
+        """Return a shared log; None for a fork, because its contents differ."""
         return self._by_number.get(number)

@@ -1,4 +1,4 @@
-"""Each cell as the UAVs of a process observed it with their own sensors, which count as perfect. Pure."""
+"""Own observations of the UAVs of a process, by cell. The sensors count as perfect. No I/O."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 
 class OwnSightings:
-    """A bit mask of UAVs for each cell: one reported cell is compared with all UAVs' sightings at once."""
+    """Bit masks of UAVs by cell, so that one step compares a reported cell with all UAVs' sightings."""
 
     def __init__(self) -> None:
         self._clear: dict[int, int] = {}
         self._occupied: dict[int, int] = {}
         self._places = 0
-        """bit mask of the UAVs that have observed anything"""
+        """bit mask of the UAVs with at least one sighting"""
 
     def record(self, place: int, cell: int, *, occupied: bool) -> None:
         now, before = (self._occupied, self._clear) if occupied else (self._clear, self._occupied)
@@ -22,7 +22,7 @@ class OwnSightings:
             before[cell] &= ~(1 << place)
 
     def has_any(self, place: int) -> bool:
-        """Return whether the UAV in this place has observed anything."""
+        """Return whether the UAV at this place has a sighting."""
         return bool(self._places >> place & 1)
 
     def forget(self, place: int) -> None:
@@ -34,7 +34,7 @@ class OwnSightings:
         self._places ^= 1 << place
 
     def conflicting_places(self, clear: Iterable[int], occupied: Iterable[int]) -> int:
-        """Return a bit mask. Bit i: the UAV in place i observed one of these cells otherwise."""
+        """Return a bit mask: bit i is set if the UAV at place i observed one of these cells otherwise."""
         places = 0
         for cells, contrary in ((clear, self._occupied), (occupied, self._clear)):
             if contrary:
@@ -43,7 +43,7 @@ class OwnSightings:
         return places
 
     def conflicting_cells(self, place: int, clear: Iterable[int], occupied: Iterable[int]) -> set[int]:
-        """Return the cells that the UAV in this place observed otherwise."""
+        """Return the cells that the UAV at this place observed otherwise."""
         pairs = ((clear, self._occupied), (occupied, self._clear))
         return {
             cell

@@ -1,4 +1,4 @@
-"""The state that a UAV keeps of another, and its checks of that UAV's messages. Pure."""
+"""State that a UAV keeps about another UAV, and checks of that UAV's messages. No I/O."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ from swarmctl.bus.rate import TokenBucket
 from swarmctl.core.frames import Frame, IntentShared, MessageRefused, RefusalReason, StateShared
 
 MAX_BYTES = 8_000_000
-"""per sender in `RATE_PERIOD_S`"""
+"""limit per sender in `RATE_PERIOD_S`"""
 WORK_PER_FRAME, WORK_PER_CHECKPOINT = 1, 20
-"""frames inside of messages, counted in addition to the message"""
+"""work for a frame inside a message, in addition to the work for the message"""
 ASK_AGAIN_S = 1.0
 MAX_ASK_AGAIN_S = 8.0
-"""after answers without anything new"""
-QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
+"""first and longest pause between requests to a peer; answers without news double the pause"""
+REQUESTS_PER_S, QUESTIONS_BURST = 4.0, 16
 WINDOW = 1024
-"""a message that arrives after this number of later messages of its sender counts as a replay"""
+"""number of later messages of the same sender after which a late message counts as a replay"""
 IN_WINDOW = (1 << WINDOW) - 1
 MAX_CLOCK_S = 1.0
-"""a state that is newer by less is not relayed"""
+"""smallest lead of a state over the requester's state for which the state is sent"""
 
 
 def check_source(decoded: DecodedFrame, sender: int, act: str) -> None:
-    """Raise Refused if the frame's sender or act differs from its key."""
+    """Raise MessageRefused if the frame's sender or act differs from its key."""
     frame = decoded.frame
     if frame.sender != sender or decoded.act != act:
         raise MessageRefused(
             RefusalReason.SOURCE,
-            f"a frame {decoded.act} of vehicle {frame.sender} under the key of {act} of {sender}",
+            f"the frame is {decoded.act} of vehicle {frame.sender}, but its key is {act} of {sender}",
         )
 
 
 def check_time(frame: Frame, unix_s: float, options: NodeOptions) -> None:
-    """Raise Refused if the frame's time lies in the future."""
+    """Raise MessageRefused if the frame's time is in the future."""
     ahead_s = frame.unix_s - unix_s
     if ahead_s > options.clock_tolerance_s:
         raise MessageRefused(
@@ -58,7 +58,7 @@ def check_time(frame: Frame, unix_s: float, options: NodeOptions) -> None:
 
 
 def check_age(frame: Frame, unix_s: float, options: NodeOptions) -> None:
-    """Raise Refused if the frame is stale."""
+    """Raise MessageRefused if the frame is stale."""
     if is_stale(frame, unix_s, options):
         age_s = unix_s - frame.unix_s
         raise MessageRefused(
@@ -71,7 +71,7 @@ def is_stale(frame: Frame, unix_s: float, options: NodeOptions) -> bool:
 
 
 class PeerRecord(msgspec.Struct, gc=False):
-    """The known state of another UAV. It holds no cycles, so the garbage collector can skip it."""
+    """The known state of another UAV, without reference cycles, so the garbage collector can skip it."""
 
     column: ReceptionColumn
     row: int
@@ -80,28 +80,28 @@ class PeerRecord(msgspec.Struct, gc=False):
     intent_unix_s: float = -math.inf
     intent_frame: bytes = b""
     missing: int = 0
-    """bit i: message `missing_at` - i has not arrived. Sets took 1 GB for a hundred UAVs."""
+    """bit i: message `missing_at` - i has not arrived. Sets instead of bits took 1 GB for a hundred UAVs."""
     missing_at: int = 0
     n_bytes: int = 0
-    """received in the present period"""
+    """bytes received in the current period"""
     bytes_period_end_s: float = -math.inf
     ask_after_s: float = -math.inf
-    """earliest time of the next request to it"""
+    """earliest time of the next request to the peer"""
     ask_again_s: float = ASK_AGAIN_S
     questions: TokenBucket | None = None
     record: SourceRecord | None = None
-    """observations of its present incarnation; None until first needed"""
+    """observations of the peer's current incarnation; None until first needed"""
 
     def admit(self, frame: Frame, now_s: float) -> bool:
-        """Accept a message; return whether it is the first one, or the first after a silence.
+        """Accept a message; return whether it is the peer's first message, or the first after a silence.
 
-        Raises Refused for a repeated message, or one that exceeds the rate limit.
+        Raises MessageRefused for a repeated message, and above the rate limit.
         """
         n, column, row = frame.n, self.column, self.row
         if frame.incarnation != column.incarnation[row]:
             if frame.incarnation < column.incarnation[row]:
                 raise MessageRefused(
-                    RefusalReason.REPLAY, f"message {n} is from before vehicle {frame.sender} was restarted"
+                    RefusalReason.REPLAY, f"message {n} is older than the restart of vehicle {frame.sender}"
                 )
             self._begin(frame.incarnation)
         ahead = n - column.newest[row]
@@ -109,12 +109,12 @@ class PeerRecord(msgspec.Struct, gc=False):
             raise MessageRefused(
                 RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} was received before"
             )
-        # After all other checks: replayed messages must not use up the sender's rate.
+        # The rate limit comes last: replayed messages must not use up the sender's rate.
         self.add_work(WORK_PER_MESSAGE, now_s)
         if ahead > 1:
-            # The messages between are missing; after a long gap, all in the window.
-            between = (1 << min(ahead, WINDOW)) - 2
-            self.missing = (self._missing() << min(ahead, WINDOW) | between) & IN_WINDOW
+            # All messages of the gap are missing, up to the size of the window.
+            gap = (1 << min(ahead, WINDOW)) - 2
+            self.missing = (self._missing() << min(ahead, WINDOW) | gap) & IN_WINDOW
             self.missing_at = n
         elif ahead <= 0:
             self.missing = self._missing() ^ 1 << -ahead
@@ -133,21 +133,21 @@ class PeerRecord(msgspec.Struct, gc=False):
             self.record = None
 
     def _missing(self) -> int:
-        """Return `missing` relative to the newest message; none between is missing."""
+        """Return `missing`, shifted to the newest message; all messages since `missing_at` have arrived."""
         ahead = self.column.newest[self.row] - self.missing_at
         self.missing_at += ahead
         self.missing = self.missing << min(ahead, WINDOW) & IN_WINDOW if self.missing else 0
         return self.missing
 
     def attach(self, record: SourceRecord) -> SourceRecord:
-        """Make `record` that of its present incarnation, and return it."""
+        """Set and return the record of the peer's current incarnation."""
         if self.record is not record:
             record.attach(self.column, self.row)
             self.record = record
         return record
 
     def add_work(self, units: int, now_s: float) -> None:
-        """Count work that its messages cause. Raises Refused above the limit."""
+        """Count work caused by the peer's messages. Raises MessageRefused above the limit."""
         column, row = self.column, self.row
         if now_s >= column.work_period_end_s[row]:
             column.work_period_end_s[row], column.work[row] = now_s + RATE_PERIOD_S, 0
@@ -155,11 +155,11 @@ class PeerRecord(msgspec.Struct, gc=False):
         if column.work[row] > MAX_WORK_PER_PERIOD:
             raise MessageRefused(
                 RefusalReason.TOO_FAST,
-                f"its messages cause more than {MAX_WORK_PER_PERIOD} steps of work in {RATE_PERIOD_S:g} s",
+                f"the messages cause more than {MAX_WORK_PER_PERIOD} steps of work in {RATE_PERIOD_S:g} s",
             )
 
     def add_bytes(self, n_bytes: int, now_s: float) -> None:
-        """Count received bytes, before any are decoded. Raises Refused above the limit."""
+        """Count received bytes before decoding. Raises MessageRefused above the limit."""
         if now_s >= self.bytes_period_end_s:
             self.bytes_period_end_s, self.n_bytes = now_s + RATE_PERIOD_S, 0
         self.n_bytes += n_bytes
@@ -169,18 +169,18 @@ class PeerRecord(msgspec.Struct, gc=False):
             )
 
     def asked(self, now_s: float) -> None:
-        """Record a request to it; the delay until the next doubles while answers bring nothing new."""
+        """Record a request to the peer; the pause until the next request doubles while answers have no news."""
         self.ask_after_s = now_s + self.ask_again_s
         self.ask_again_s = min(2.0 * self.ask_again_s, MAX_ASK_AGAIN_S)
 
     def may_ask(self, now_s: float) -> bool:
-        """Return whether its next request is within the rate limit."""
+        """Return whether the peer's next request is within the rate limit."""
         if self.questions is None:
-            self.questions = TokenBucket(QUESTIONS_PER_S, QUESTIONS_BURST)
+            self.questions = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
         return self.questions.try_take(now_s)
 
     def update_state(self, decoded: DecodedFrame, now_s: float) -> None:
-        """Store the peer's state, received directly or relayed, unless a newer one is known."""
+        """Store the peer's state, received directly or relayed, unless a newer state is known."""
         frame, column, row = decoded.frame, self.column, self.row
         known = column.state[row]
         is_newer = frame.incarnation >= column.incarnation[row] and (
@@ -201,12 +201,12 @@ class PeerRecord(msgspec.Struct, gc=False):
         return has_more
 
     def mark_ahead(self) -> None:
-        """Record that the peer holds observations that are missing here, even if its last state denied it."""
+        """Record that the peer holds observations that are missing here, whatever its last state reported."""
         self.column.own_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
     @property
     def state_frame(self) -> DecodedFrame | None:
-        """Frame of its newest known state, received directly or relayed."""
+        """Frame of the peer's newest known state, received directly or relayed."""
         return self.column.state[self.row]
 
     @property
@@ -216,14 +216,14 @@ class PeerRecord(msgspec.Struct, gc=False):
         return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
 
     def update_intent(self, frame: Frame, intent: IntentShared, data: bytes) -> None:
-        """Store the peer's intended trajectory, unless a newer one is known."""
+        """Store the peer's intended trajectory, unless a newer trajectory is known."""
         if frame.incarnation >= self.column.incarnation[self.row] and frame.unix_s > self.intent_unix_s:
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 
     def agrees(self, now_s: float) -> bool:
-        """Return whether it holds nothing that is missing here, by its own recent reports.
+        """Return whether, by its recent reports, the peer holds nothing that is missing here.
 
-        Communication may be one-way: an old report says nothing.
+        Communication may be one-way, so old reports do not count.
         """
         column, row, state = self.column, self.row, self.state
         if now_s - column.agreed_s[row] <= SILENT_AFTER_S:
@@ -234,7 +234,7 @@ class PeerRecord(msgspec.Struct, gc=False):
 
 
 def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
-    """Return the frames of states newer than `known` (UAV: unix time [s]), and those of recent intents."""
+    """Return the frames of states newer than `known` (UAV -> unix time [s]), and of recent intents."""
     newer = [
         (peer, decoded)
         for peer in peers

@@ -1,10 +1,10 @@
-"""Reception state of all UAVs of a process as tables: a message to a hundred UAVs is one step. Pure.
+"""Reception state of all UAVs of a process as tables: a message to a hundred UAVs is one step. No I/O.
 
 A hundred UAVs in one process that observe five times a second receive fifty thousand observations a second.
-Nearly all of them are the sender's next message with its next observation, and need no answer. The numbers
-that decide this are tables here: one row for each UAV that sends, one place in it for each UAV that
-receives. `ReceptionTable.take` checks and updates a whole row at once. Each node reads and writes the same
-numbers one by one, through its `ReceptionColumn`.
+Nearly every one is the sender's next message with its next observation, and needs no answer. The numbers for
+this check are tables: one row for each sender, one place in the row for each receiver. `ReceptionTable.take`
+checks and updates a whole row at once. Each node reads and writes the same numbers one by one, through its
+`ReceptionColumn`.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from swarmctl.core.geo import LatLon, distances_m
 from swarmctl.core.observation import Observation
 
 STALE_S = 60.0
-"""Older messages, and older relayed states, are refused: they may be replays."""
+"""largest age of messages and of relayed states; older ones may be replays and are refused"""
 SILENT_AFTER_S = 5.0
-"""a UAV that is received again after so long is asked for missed observations"""
+"""silence of a UAV after which its next message causes a request for missed observations"""
 ALIVE_S = 20.0
-"""a UAV without any news for longer, direct or relayed, ranks last among the receivers"""
+"""time without direct or relayed news after which a UAV ranks last among the receivers"""
 WORK_PER_MESSAGE = 5
 MAX_WORK_PER_PERIOD, RATE_PERIOD_S = 10_000, 10.0
-"""Limit on the work that one sender causes at one receiver in a period; more is refused."""
+"""Limit on the work that one sender causes at one receiver in a period; further messages are refused."""
 N_FINGERPRINTS = 2048
-"""earlier fingerprints that are kept: while all UAVs send, no two hold exactly the same"""
+"""number of kept earlier fingerprints: while all UAVs send, no two UAVs hold exactly the same set"""
 EMPTY_FINGERPRINT = 0
 """fingerprint of an empty set of observations"""
 
@@ -49,7 +49,7 @@ class IndexedValues(Protocol[T]):
 
 
 ReceiverMask = NDArray[np.bool_]
-"""(places,) a set of UAVs"""
+"""(places,) mask of a set of UAVs"""
 
 
 class ReceptionTable:
@@ -109,11 +109,11 @@ class ReceptionTable:
         now_s: float,
         unix_s: float,
     ) -> ReceiverMask:
-        """Deliver a message to the receivers that need no further action; return the mask of those.
+        """Deliver a message to the receivers that need no further action; return the mask of these receivers.
 
-        For them the message is their next observation, or a state without consequences. The remaining
-        receivers were not touched; pass the message to `Node.hear` for each of them. Both paths give the same
-        result. `receivers` does not include the sender.
+        For such a receiver the message is its next observation, or a state without consequences. The
+        remaining receivers were not touched; pass the message to `Node.receive_decoded` for each of them.
+        Both paths give the same result. `receivers` does not include the sender.
         """
         frame, content = decoded.frame, decoded.frame.content
         is_its_own = frame.sender == sender and decoded.act == act
@@ -143,7 +143,7 @@ class ReceptionTable:
         return takes
 
     def _is_next(self, row: int, frame: Frame, receivers: ReceiverMask, now_s: float) -> ReceiverMask:
-        """Return the receivers for which the message is the next one and no observation is missing."""
+        """Return the receivers that miss neither an earlier message nor an observation of the sender."""
         return np.asarray(
             receivers
             & self.in_order[row]
@@ -166,7 +166,10 @@ class ReceptionTable:
         return holds
 
     def _append_to_logs(self, decoded: DecodedFrame, takes: ReceiverMask, numbers: NDArray[np.int64]) -> None:
-        """Append to the receivers' logs, nearly always one; `takes` loses those whose log holds another."""
+        """Append to the receivers' logs, nearly always one log.
+
+        Receivers whose log holds another observation under this number are removed from `takes`.
+        """
         remaining = takes.copy()
         while remaining.any():
             number = numbers[remaining.argmax()]
@@ -188,7 +191,7 @@ def _bits(bits: int) -> list[int]:
 
 
 class ReceptionColumn:
-    """The reception state of one UAV, by place of the sender: a readable and writable view of the tables."""
+    """The reception state of one UAV, by place of the sender: a writable view of the tables."""
 
     def __init__(self, table: ReceptionTable, uav: int) -> None:
         """Reset the column to that of a UAV that has received nothing."""
@@ -221,9 +224,9 @@ class ReceptionColumn:
         """work that the sender's messages caused in this period"""
         self.work_period_end_s: IndexedValues[float] = _values(table.work_period_end_s[:, at])
         self.upto: IndexedValues[int] = _values(table.upto[:, at])
-        """all observations of the sender's present incarnation are held up to this number"""
+        """number up to which all observations of the sender's current incarnation are held"""
         self.in_order: IndexedValues[bool] = _values(table.in_order[:, at])
-        """whether the log below holds all of them, and no observation beyond a gap is held"""
+        """True if log `log_number` holds all held observations, with none beyond a gap"""
         self.log_number: IndexedValues[int] = _values(table.log_number[:, at])
         self.state: IndexedValues[DecodedFrame | None] = table.state[:, at]
         """newest known state, received directly or relayed"""
@@ -231,20 +234,20 @@ class ReceptionColumn:
         self.lon_deg: IndexedValues[float] = _values(table.lon_deg[:, at])
         """position in that state; NaN: unknown"""
         self.failed: IndexedValues[bool] = _values(table.failed[:, at])
-        """whether that state says that the vehicle no longer flies"""
+        """True if that state reports the phase `failed`"""
         self.state_s: IndexedValues[float] = _values(table.state_s[:, at])
         """reception time of that state"""
         self.own_state_s: IndexedValues[float] = _values(table.own_state_s[:, at])
-        """reception time of the last state from the sender itself; -inf once it is known to hold more"""
+        """reception time of the last direct state; -inf if the sender is known to hold missing observations"""
         self.agreed_s: IndexedValues[float] = _values(table.agreed_s[:, at])
-        """last time when the sender reported to hold no observation that is missing here"""
+        """last time of a report that the sender holds no observation that is missing here"""
         self._fingerprint: IndexedValues[int] = _values(table.fingerprint[at : at + 1])
         self._fingerprints: IndexedValues[int] = _values(table.fingerprints[at])
         self._n_fingerprints: IndexedValues[int] = _values(table.n_fingerprints[at : at + 1])
 
     @property
     def fingerprint(self) -> int:
-        """Hash of the set of observations held, however they are stored; 63 bits."""
+        """Hash of the set of held observations, independent of their storage; 63 bits."""
         return self._fingerprint[0]
 
     def toggle_mark(self, mark: int) -> None:
@@ -254,7 +257,7 @@ class ReceptionColumn:
         self._n_fingerprints[0] += 1
 
     def has_held(self, fingerprint: int) -> bool:
-        """Return whether exactly this set was held recently; its holder then has nothing new."""
+        """Return whether exactly this set was held recently, so that a UAV with this set has nothing new."""
         if fingerprint in (EMPTY_FINGERPRINT, self._fingerprint[0]):
             return True
         return bool((self.table.fingerprints[self.place] == fingerprint).any())
@@ -273,7 +276,7 @@ class ReceptionColumn:
         return silent
 
     def nearest(self, position: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
-        """Return the `k` UAVs nearest to `position`, without those that reported the phase `failed`."""
+        """Return the `k` UAVs nearest to `position`, without UAVs in the phase `failed`."""
         table, at = self.table, self.place
         flies = ~table.failed[:, at]
         flies[at] = False
@@ -291,7 +294,7 @@ class ReceptionColumn:
 def _values(table: NDArray[Any]) -> Any:
     """Return a view of the same memory for access to single values.
 
-    Three times as fast as the array, and its values are Python's own numbers.
+    The view is three times as fast as the array, and its values are Python's own numbers.
     """
     return memoryview(table)  # type: ignore[arg-type]
 
@@ -306,8 +309,8 @@ def nearest_uavs(
     """Return the `k` nearest of `uavs` by last known position, nearest first. `k` None: all UAVs.
 
     This is the communication range of the paper, a number of UAVs. `uavs` ascend; `positions` are latitudes
-    and longitudes [deg], NaN where unknown. UAVs with a known position come first, then UAVs without, then
-    silent UAVs.
+    and longitudes [deg], or NaN if unknown. UAVs with a known position come first, then UAVs without a
+    position, then silent UAVs.
     """
     if k is None or k >= uavs.size:
         return tuple(uavs.tolist())

@@ -1,7 +1,7 @@
-"""The observations that a UAV holds, by source: the signed frames themselves, and the gaps. Pure.
+"""Replica of all observations at one UAV, by source: the signed frames themselves, and the gaps. No I/O.
 
-Frames are kept byte for byte with their observers' signatures. So a UAV gets from any neighbour what only
-that neighbour received. A checkpoint replaces the frames that it summarises.
+Frames are kept byte for byte with their observers' signatures, so any neighbour can pass them on. A
+checkpoint replaces the frames that it summarises.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
 from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
 
 COMPACT_AFTER = 256
-"""Longest run of single observations in an answer, before a checkpoint is sent in their place."""
+"""Longest run of single observations in an answer; a longer run is replaced by a checkpoint."""
 MAX_BEYOND = 600
-"""observations beyond gaps that a digest lists, over all sources; others may be sent twice"""
+"""largest number of observations beyond gaps in a digest, over all sources; further ones may be sent twice"""
 MAX_AHEAD = 1024
-"""Observations farther beyond a gap are not kept; they, or a checkpoint, can be requested later."""
+"""Largest distance of a kept observation beyond a gap; farther observations are requested later."""
 MAX_INCARNATIONS = 8
 """greatest number of incarnations kept for one observer"""
 
@@ -39,7 +39,7 @@ class DetachedColumn:
 
 
 class SourceRecord(msgspec.Struct, gc=False):
-    """All frames of one source. It holds no cycles, so the garbage collector can skip it."""
+    """All frames of one source, without reference cycles, so the garbage collector can skip it."""
 
     source: Source
     log: ObservationLog
@@ -52,7 +52,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     place: int = 0
     """index in `numbers`"""
     _mark: int = 0
-    """combined mark of all that is held up to `_marked`, and of `ahead`"""
+    """combined mark of all observations held up to `_marked`, and of `ahead`"""
     _marked: int = 0
 
     @property
@@ -62,7 +62,7 @@ class SourceRecord(msgspec.Struct, gc=False):
 
     @property
     def mark(self) -> int:
-        """Exclusive or of the marks of all observations held."""
+        """Exclusive or of the marks of all held observations."""
         if self._marked < self.upto:
             for decoded in self.log.between(self._marked, self.upto):
                 self._mark ^= decoded.mark
@@ -70,13 +70,13 @@ class SourceRecord(msgspec.Struct, gc=False):
         return self._mark
 
     def attach(self, numbers: DetachedColumn | ReceptionColumn, place: int = 0) -> None:
-        """Move the numbers to another column; its other users see and make changes too."""
+        """Move the numbers to another column, which other objects read and change too."""
         numbers.upto[place], self.numbers.in_order[self.place] = self.upto, False
         self.numbers, self.place = numbers, place
         self._update_column()
 
     def _update_column(self) -> None:
-        """Update the numbers that the reception table needs to append to the log itself."""
+        """Update the numbers with which the reception table appends to the log."""
         self.numbers.log_number[self.place] = self.log.number
         self.numbers.in_order[self.place] = not self.ahead
 
@@ -91,7 +91,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     def add(self, decoded: DecodedFrame) -> bool:
         """Add an observation; return whether it is new.
 
-        Raises Refused if its name is known with another content.
+        Raises MessageRefused if another observation with the same name is held.
         """
         seq, upto = decoded.seq, self.upto
         if seq <= self.covered or seq > upto + MAX_AHEAD:
@@ -111,7 +111,7 @@ class SourceRecord(msgspec.Struct, gc=False):
         return True
 
     def is_next(self, decoded: DecodedFrame) -> bool:
-        """Return whether this observation directly follows all that is held."""
+        """Return whether this observation directly follows all held observations."""
         return decoded.seq == self.upto + 1 and not self.ahead
 
     def append(self, decoded: DecodedFrame) -> None:
@@ -122,9 +122,9 @@ class SourceRecord(msgspec.Struct, gc=False):
         self.numbers.upto[self.place] += 1
 
     def advance(self, to: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
-        """Adopt a checkpoint that summarises more than the present one; return whether it was adopted.
+        """Adopt a checkpoint that summarises more than the current one; return whether it was adopted.
 
-        Raises Refused if it summarises other observations than those held.
+        Raises MessageRefused if the checkpoint contradicts held observations.
         """
         if to.upto <= self.covered:
             return False
@@ -150,16 +150,16 @@ class SourceRecord(msgspec.Struct, gc=False):
         self._update_column()
 
     def after(self, seq: int) -> Sequence[DecodedFrame]:
-        """Return the observations after `seq` that the checkpoint does not summarise, in order."""
+        """Return the observations after `seq` and after the checkpoint, in order."""
         in_log = self.log.between(max(seq, self.covered), self.upto)
         if not self.ahead:
             return in_log
         return [*in_log, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
 
-    def is_contradicted(self, theirs: HeldObservations) -> bool:
-        """Return whether another UAV holds other contents under the same names: one of both was forged."""
-        is_same = theirs.upto == self.upto and theirs.beyond == tuple(sorted(self.ahead))
-        return is_same and theirs.mark != self.mark
+    def is_contradicted(self, other: HeldObservations) -> bool:
+        """Return whether another UAV holds other contents under the same names; then one is forged."""
+        is_same = other.upto == self.upto and other.beyond == tuple(sorted(self.ahead))
+        return is_same and other.mark != self.mark
 
     def have(self, n_beyond: int) -> HeldObservations:
         ahead = tuple(sorted(self.ahead)[:n_beyond])
@@ -176,9 +176,9 @@ class Replica:
         self._incarnations: Counter[int] = Counter()
 
     def of(self, source: Source) -> SourceRecord:
-        """Return the record of a source, a new one if there is none.
+        """Return the record of a source; make a missing record.
 
-        Raises Refused for more than `MAX_INCARNATIONS` of one observer.
+        Raises MessageRefused for more than `MAX_INCARNATIONS` incarnations of one observer.
         """
         record = self._records.get(source)
         if record is None:
@@ -191,16 +191,16 @@ class Replica:
             record = self._records[source] = SourceRecord(source, self._logs.at(source, 0))
         return record
 
-    def take(self, record: SourceRecord, told: BeliefItem, decoded: DecodedFrame) -> bool:
+    def take(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
         """Add a frame to the record of its source; return whether it is new.
 
-        Raises Refused if its name is known with another content.
+        Raises MessageRefused if another item with the same name is held.
         """
         before = record.mark
-        if isinstance(told, Observation):
+        if isinstance(item, Observation):
             is_new = record.add(decoded)
         else:
-            is_new = record.advance(told, decoded, self._logs)
+            is_new = record.advance(item, decoded, self._logs)
         if record.mark != before:
             self._column.toggle_mark(before ^ record.mark)
         return is_new
@@ -211,7 +211,7 @@ class Replica:
         self._column.toggle_mark(decoded.mark)
 
     def frames(self) -> Iterator[DecodedFrame]:
-        """Yield every frame held."""
+        """Yield every held frame."""
         for record in self._records.values():
             if record.checkpoint_frame is not None:
                 yield record.checkpoint_frame
@@ -219,34 +219,34 @@ class Replica:
 
     def lacks(self, have: Iterable[HeldObservations]) -> bool:
         """Return whether a digest lists an observation that is missing here."""
-        for theirs in have:
-            mine = self._records.get((theirs.observer, theirs.incarnation))
-            upto, ahead = (0, {}) if mine is None else (mine.upto, mine.ahead)
-            if theirs.upto > upto or any(seq > upto and seq not in ahead for seq in theirs.beyond):
+        for other in have:
+            own = self._records.get((other.observer, other.incarnation))
+            upto, ahead = (0, {}) if own is None else (own.upto, own.ahead)
+            if other.upto > upto or any(seq > upto and seq not in ahead for seq in other.beyond):
                 return True
         return False
 
     def digest(self) -> tuple[HeldObservations, ...]:
-        """Return a digest of all that is held; it fits into a message, however much is missing."""
+        """Return a digest of all held observations, limited to the size of a message."""
         held = [(source, record) for source, record in sorted(self._records.items()) if record.latest]
         gaps = sum(bool(record.ahead) for _, record in held)
         return tuple(record.have(MAX_BEYOND // max(gaps, 1)) for _, record in held)
 
     def missing(self, have: Iterable[HeldObservations]) -> Iterator[bytes]:
-        """Yield the frames that are missing in a digest; checkpoints first where they save frames."""
-        theirs: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in have}
+        """Yield the frames that are missing in a digest; a checkpoint comes first if it saves frames."""
+        digest: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in have}
         for source in sorted(self._records):
             record = self._records[source]
-            told = theirs.get(source) or HeldObservations(*source, 0, 0)
-            upto = told.upto
-            if record.is_contradicted(told):
-                upto = told.checkpoint
-            is_better = record.covered > upto or record.covered >= told.checkpoint + COMPACT_AFTER
+            other = digest.get(source) or HeldObservations(*source, 0, 0)
+            upto = other.upto
+            if record.is_contradicted(other):
+                upto = other.checkpoint
+            is_better = record.covered > upto or record.covered >= other.checkpoint + COMPACT_AFTER
             if record.checkpoint_frame is not None and is_better:
                 yield record.checkpoint_frame.data
                 upto = max(upto, record.covered)
-            if told.beyond and upto == told.upto:
-                beyond = set(told.beyond)
+            if other.beyond and upto == other.upto:
+                beyond = set(other.beyond)
                 yield from (decoded.data for decoded in record.after(upto) if decoded.seq not in beyond)
             else:
                 yield from [decoded.data for decoded in record.after(upto)]

@@ -1,4 +1,4 @@
-"""Outgoing messages of a UAV: numbered, signed and counted. Pure."""
+"""Outgoing messages of a UAV: numbered, signed and counted. No I/O."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Sender:
 
 
 def split_frames(frames: list[bytes]) -> Iterator[tuple[bytes, ...]]:
-    """Yield the frames in parts that fit into a message each; one empty part where there are none."""
+    """Yield the frames in parts that each fit into a message; one empty part if `frames` is empty."""
     part: list[bytes] = []
     size = 0
     for frame in frames:
