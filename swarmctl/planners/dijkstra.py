@@ -1,8 +1,8 @@
 """The paper's planner: the route of least Eq. 5, C_mn = (1 − w)·ψ·d_mn + w·P_s(n).
 
 The field of the cost to go is spread backwards from the goals, and the route runs down the field (the paper's
-hill climbing). One field serves every start. `PLANNERS` of the room names all planners, `base.Planner` is their
-interface.
+hill climbing). One field serves every start. `PLANNERS` of the room names all planners; `base.Planner` is
+their interface.
 """
 
 from __future__ import annotations
