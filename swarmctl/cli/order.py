@@ -46,9 +46,10 @@ def order(
     """Order vehicles in flight to launch, hold, return or land.
 
     The order reaches the vehicles of `swarmctl agent` and of `swarmctl fly`. `fly` launches real vehicles
-    only by itself. On the ground, hold, return and land keep a vehicle there until an order to launch. In flight,
-    hold, return and land end the vehicle's route permanently. A launch waits on the ground for 3 min at
-    most while another vehicle conflicts with the route. After that the order expires; give it again.
+    only by itself. On the ground, hold, return and land keep a vehicle there until an order to launch. In
+    flight, hold, return and land end the vehicle's route permanently. A launch waits on the ground for
+    3 min at most while another vehicle conflicts with the route. After that the order expires; give it
+    again.
     """
     send_and_exit(
         lambda: GiveOrder(
