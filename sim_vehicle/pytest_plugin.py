@@ -70,10 +70,17 @@ def clock(_sim_rig: "Rig") -> "Clock":
 def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
     """Return a function that creates vehicles: `swarm(count=3, personality="px4", faults=["gps_loss"])`.
 
-    Arguments: count, personality (ardupilot, px4, mixed), kind (copter, plane), faults (as for --fault),
-    ready_s (from boot to a position [s], 0 by default; None: as on the real autopilots), params, home
-    (latitude [deg], longitude [deg], altitude [m]), wind (as in a scenario), scenario (a file or a Scenario,
-    which the other arguments change). ScenarioError if an argument is invalid.
+    Parameters
+    ----------
+    count, personality, kind: number of vehicles; ardupilot, px4 or mixed; copter or plane.
+    faults: as for --fault.
+    ready_s: time from boot to a position [s]; None: as on the real autopilots.
+    params: parameters of all vehicles.
+    home: latitude [deg], longitude [deg], altitude [m].
+    wind: as in a scenario.
+    scenario: a file or a Scenario to start from, which faults, params and wind extend.
+
+    ScenarioError if an argument is invalid.
     """
     from sim_vehicle.scenarios import ScenarioError  # noqa: PLC0415
     from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415

@@ -192,7 +192,7 @@ class Personality:
     mission_ends_in: Behaviour | None = None  # mode after a mission in the air
     rereads_mode_switch: bool = True  # reads the mode switch after a boot, which undoes a mode change
     active_when_armed: bool = False  # MAV_STATE_ACTIVE already when armed on the ground
-    fence_limits_latch: bool = False  # the fence keeps the limits set when it was enabled
+    fence_limits_latch: bool = False  # enabling the fence fixes its limits
     force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
     # reasons against a forced arming
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
@@ -203,7 +203,7 @@ class Personality:
     answers_ping: bool = False  # answers PING without a target
     home_is_local: bool = False  # HOME_POSITION has local coordinates, too
     home_with_position: bool = False  # home is set with the position estimate, not before
-    origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; else it only sets a missing one
+    origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; False: only sets a missing origin
     flight_counter: str | None = None  # name of the parameter that counts flights
     failsafe_disarms: bool = False  # a failsafe stops the motors on the ground
     # custom_mode of the actions without a Behaviour

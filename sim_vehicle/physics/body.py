@@ -1,4 +1,4 @@
-"""One vehicle's airframe and battery, as its autopilot reads and steers them."""
+"""One vehicle's airframe and battery, as its autopilot reads and commands them."""
 
 import math
 

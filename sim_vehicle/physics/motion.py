@@ -24,9 +24,9 @@ class MotionOrder:
     """Order of an autopilot to its airframe; plain numbers, as arrays compare slowly with enum members."""
 
     GROUNDED = 0  # motors off or idling, on the ground
-    POSITION = 1  # to the target: a copter stays there; a plane flies past it, or circles around it
+    POSITION = 1  # fly to the target: a copter stops; a plane flies past or circles around the target
     RATE = 2  # climb or sink at a rate: a copter over the target, a plane along its leg or circle
-    VELOCITY = 3  # move at a velocity; a plane flies in its direction
+    VELOCITY = 3  # move at a velocity; a plane flies in the direction of the velocity
     GLIDE = 4  # a plane: descend along the leg, to touch the ground at the target
     FALL = 5  # no thrust
     TILT = 6  # a copter: accelerate by its tilt, climb at a rate

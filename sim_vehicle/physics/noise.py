@@ -18,19 +18,19 @@ class Normals:
 
     def __init__(self, rngs: Sequence[np.random.Generator], width: int) -> None:
         self._rngs, self._width = rngs, width
-        self._present = np.zeros((BLOCK, width, len(rngs)))
-        self._coming = np.zeros((BLOCK, width, len(rngs)))
+        self._current = np.zeros((BLOCK, width, len(rngs)))
+        self._next = np.zeros((BLOCK, width, len(rngs)))
         self._used = 0
-        self._fill(self._present, 0, len(rngs))
+        self._fill(self._current, 0, len(rngs))
 
     def take(self) -> Floats:
         """Return the next draws, (width, n)."""
         n = len(self._rngs)
-        self._fill(self._coming, n * self._used // BLOCK, n * (self._used + 1) // BLOCK)
-        row: Floats = self._present[self._used].copy()
+        self._fill(self._next, n * self._used // BLOCK, n * (self._used + 1) // BLOCK)
+        row: Floats = self._current[self._used].copy()
         self._used += 1
         if self._used == BLOCK:
-            self._present, self._coming, self._used = self._coming, self._present, 0
+            self._current, self._next, self._used = self._next, self._current, 0
         return row
 
     def _fill(self, block: Floats, first: int, end: int) -> None:

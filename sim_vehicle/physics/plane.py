@@ -154,7 +154,7 @@ def _course(m: Motion, i: Selection, state: _PlaneState, air: Floats) -> tuple[F
 
 
 def _airspeed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
-    """Return the airspeed after the step, (n,) [m/s]; a gust changes it at once."""
+    """Return the airspeed after the step, including gusts, (n,) [m/s]."""
     air = m.airspeed_m_s[i] - (m.wind.change[0][i] * state.sin + m.wind.change[1][i] * state.cos)
     lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
     wanted = np.minimum(np.maximum(m.speed_m_s[i], lowest), m.airspeed_max_m_s[i])

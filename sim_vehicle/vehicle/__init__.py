@@ -1,4 +1,5 @@
 """The autopilot of one vehicle: messages and time in, messages out. Pure.
 
-Start with `autopilot`. Its parts use each other through `interface` and `personalities.base.Vehicle`.
+Start with `autopilot`. The parts of a vehicle use each other through `interface` and
+`personalities.base.Vehicle`.
 """

@@ -34,7 +34,7 @@ class AttitudeSetpoints:
         self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
 
     def apply(self, message: Any, since_s: float) -> bool:
-        """Apply a message received `since_s` [s] after the previous one; False if it has no usable value."""
+        """Apply a message `since_s` [s] after the previous message; False without a usable value."""
         if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
             return self._apply_rates(message, since_s)
         self.reset()

@@ -41,7 +41,7 @@ class BatteryWatch:
         return max(self.level - warns, 0)
 
     def update(self, now: float) -> FailsafeAction:
-        """Check the battery, announce a worse level, and return the action it requires."""
+        """Check the battery, announce a worse level, and return the action of that level."""
         vehicle = self._vehicle
         if vehicle.personality.battery_latches and not vehicle.armed:
             return FailsafeAction.NOTHING

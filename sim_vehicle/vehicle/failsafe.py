@@ -27,7 +27,7 @@ _BEHAVIOURS = {
 }
 # Priorities: a failsafe does not interrupt a behaviour that already brings the vehicle down.
 _BEHAVIOUR_PRIORITY = {Behaviour.RETURN: 1, Behaviour.LAND: 2}
-# required behaviour -> priority; others 1
+# required behaviour -> priority; 1 if not listed
 _ACTION_PRIORITY = {Behaviour.LAND: 2, Behaviour.SINK: 2, Behaviour.MISSION: 2}
 
 

@@ -36,7 +36,7 @@ class Zone:
 
 
 def zones_of(items: Sequence[Item]) -> list[Zone]:
-    """Return the zones of fence items.
+    """Return the zones in a list of fence items.
 
     The first vertex of a polygon gives the number of vertices. Return points and polygons with too few
     vertices are left out.
@@ -73,9 +73,9 @@ class Fence:
         """Stop enforcing the zones that a position violates; return their number."""
         north_m, east_m = metres_per_degree(lat_deg)
         margins_m = self._margins_m(lat_deg, lon_deg, north_m, east_m)
-        kept = tuple(zone for zone, margin in zip(self.zones, margins_m, strict=True) if margin >= 0)
-        discarded = len(self.zones) - len(kept)
-        self.zones = kept
+        enforced = tuple(zone for zone, margin in zip(self.zones, margins_m, strict=True) if margin >= 0)
+        discarded = len(self.zones) - len(enforced)
+        self.zones = enforced
         self._compile()
         return discarded
 
@@ -164,7 +164,7 @@ def _inside_polygons_m(
     inside = np.add.reduceat(crosses, starts, dtype=np.int64) % 2 == 1
     length_squared = np.maximum(edge_north_m**2 + edge_east_m**2, 1e-12)
     along = np.clip(-(north_m * edge_north_m + east_m * edge_east_m) / length_squared, 0.0, 1.0)
-    away_m = np.hypot(north_m + along * edge_north_m, east_m + along * edge_east_m)
-    nearest_m = np.minimum.reduceat(away_m, starts)
+    distance_m = np.hypot(north_m + along * edge_north_m, east_m + along * edge_east_m)
+    nearest_m = np.minimum.reduceat(distance_m, starts)
     signed: Floats = np.where(inside, nearest_m, -nearest_m)
     return signed

@@ -121,7 +121,7 @@ class FenceWatch:
             self._vehicle.announce("fence_recovery")
 
     def update(self, now: float) -> None:
-        """Check the position; call it about ten times a second while `active`."""
+        """Check the position; called about ten times a second while `active`."""
         vehicle = self._vehicle
         before = self.breached
         if not (self.enabled and self.has_limits):
@@ -146,7 +146,7 @@ class FenceWatch:
             vehicle.announce("fence_cleared")
 
     def _update_floor(self) -> None:
-        """Enforce the minimum altitude from the first time above it plus the margin, until the landing."""
+        """Enforce the minimum altitude from the first time above minimum plus margin until the landing."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._above_floor = False

@@ -25,8 +25,9 @@ RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in pr
 class Flight:
     """Steering of one body by mode and mission; reports by `announce`, `send`, `disarm` and `taken_off`.
 
-    `start_landing` starts the landing of the mission and returns False if it has none. `return_by_mission`
-    returns the items of a return by mission and the altitude to climb to first, or None.
+    `start_landing` starts the landing of the mission, and returns False for a mission without a landing.
+    `return_by_mission` returns the items of a return by mission and the altitude to climb to first [m above
+    mean sea level], or None.
     """
 
     def __init__(
@@ -103,7 +104,7 @@ class Flight:
         return flight_parameters.landing_speed_high_m_s
 
     def limit(self, **limits: float) -> None:
-        """Apply limits (see `Body.limit`) until the mode changes; they replace limits of the parameters."""
+        """Replace limits of the parameters (see `Body.limit`) until the mode changes."""
         self._set_in_flight.update(limits)
         self.body.limit(**limits)
 
@@ -113,7 +114,7 @@ class Flight:
         self.apply_limits()
 
     def parameters_changed(self, before: FlightParameters) -> None:
-        """Apply changed parameters; a limit set in flight stays unless its own parameter changed."""
+        """Apply changed parameters; a limit set in flight stays unless its parameter changed."""
         after = self.flight_parameters
         self._set_in_flight = {
             name: value
@@ -123,7 +124,7 @@ class Flight:
         self.apply_limits()
 
     def apply_limits(self) -> None:
-        """Set the airframe's limits from the parameters, then those set in flight."""
+        """Set the airframe's limits: from the parameters, then from commands in flight."""
         flight_parameters = self.flight_parameters
         self.body.limit(
             speed_m_s=flight_parameters.speed_m_s,
@@ -238,7 +239,7 @@ class Flight:
     # -- guided -------------------------------------------------------------------------------------------
 
     def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = 0.0) -> None:
-        """Fly to a point (east, north, up [m]) and stay there; a plane circles around it."""
+        """Fly to a point (east, north, up [m]) and hold; a plane circles around the point."""
         self.guided_target_m = target_m
         if self.body.plane and pass_speed_m_s == 0.0:
             self.body.loiter(*target_m)
@@ -246,7 +247,7 @@ class Flight:
             self.body.fly_to(*target_m, pass_speed_m_s)
 
     def takeoff_to(self, up_m: float) -> bool:
-        """Take off to an altitude above mean sea level; False if disarmed, in the air or not below it."""
+        """Take off to an altitude above mean sea level; False if disarmed, airborne or not below it."""
         if not self.armed or self.body.airborne or up_m <= self.body.alt_amsl_m:
             return False
         self.climb_to(up_m)

@@ -75,7 +75,7 @@ class FlightParameters:
     battery_critical_v: float
     battery_critical_share: float
     battery_critical_action: FailsafeAction
-    battery_delay_s: float  # duration of a low voltage before it counts
+    battery_delay_s: float  # duration of a low voltage before the action
     rc_required: bool  # RC is required; no vehicle has RC, so the link counts as lost
     rc_action: FailsafeAction
     setpoint_timeout_s: float
@@ -114,7 +114,7 @@ class FlightParameters:
     battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
     failsafe_delay_s: float = 0.0  # hold before a failsafe acts
     gcs_never_heard_is_lost: bool = False  # a ground station never heard since the boot counts as lost
-    # Actions in the air by mode number; they replace gcs_action, rc_action and rc_short_action.
+    # Actions in the air by mode number, instead of gcs_action, rc_action and rc_short_action.
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_short_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
@@ -127,7 +127,7 @@ class FlightParameters:
     position_lost_everywhere: bool = False  # acts also in modes that need no position
     pilot_missing: bool = False  # modes that need manual control cannot run
     takeoff_speed_m_s: float | None = None  # None: climb_m_s
-    after_takeoff: Behaviour | None = None  # behaviour after the take-off mode; None: hold in it
+    after_takeoff: Behaviour | None = None  # behaviour after the climb; None: hold in the take-off mode
     # Above home; from this height down to landing_slow_below_m the descent slows evenly.
     landing_slowing_below_m: float = 0.0
     return_hover_height_m: float | None = None  # height of the wait above home; None: the travel height
@@ -139,7 +139,7 @@ class FlightParameters:
     rally_includes_home: bool = True  # home replaces rally points that are farther away
     return_descends: bool = False  # descends to return_height_m from above
     gcs_only: bool = False  # messages of systems other than gcs_sysid are dropped
-    # (distance from home, height above it) [m] -> return height [m]; None: return_height_m.
+    # (distance from home, height above home) [m] -> return height [m]; None: return_height_m.
     return_height_at: Callable[[float, float], float] | None = None
     return_under_fence: bool = False  # limited by the fence's maximum altitude
     # distance beyond a limit at which the vehicle lands instead of the fence action

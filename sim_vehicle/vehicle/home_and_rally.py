@@ -34,7 +34,7 @@ class HomeAndRally:
             self.set_home(vehicle.here(), now)
 
     def set_origin(self, place: GeodeticPosition, now: float) -> None:
-        """Set the origin of local coordinates and report it."""
+        """Set and report the origin of local coordinates."""
         vehicle = self._vehicle
         self.origin = place
         self.origin_m = (*vehicle.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)

@@ -64,7 +64,7 @@ class InjectedFaults:
         self._combine()
 
     def begin(self, effect: FaultEffect, now: float) -> Callable[[float], None]:
-        """Add an effect at `now` [s]; return a function that ends it at a given time [s]."""
+        """Add an effect at `now` [s]; return a function that ends the effect at a given time [s]."""
         key = self._next_key
         self._next_key += 1
         self._set(key, effect, now)

@@ -1,6 +1,6 @@
 """Manoeuvres as state machines: landing, return to launch, climb after take-off, circles.
 
-The constructor begins a manoeuvre; `update(now)` continues it and returns True once it is done.
+The constructor begins a manoeuvre. `update(now)` continues the manoeuvre and returns True at its end.
 """
 
 import math
@@ -20,14 +20,14 @@ class Manoeuvre(Protocol):
     """A manoeuvre in progress."""
 
     def update(self, now: float) -> bool:
-        """Continue at `now` [s]; return True once it is done."""
+        """Continue the manoeuvre at `now` [s]; return True at its end."""
         ...
 
 
 class Landing:
     """Landing at a position, or here: level flight, descent, and 1 s on the ground.
 
-    A plane glides to the position along a straight line, or with `circles` spirals down around it.
+    A plane glides to the position along a straight line, or spirals down around the position with `circles`.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
-MAX_PER_UPDATE = 50  # do-commands in one update; jumps back can repeat them endlessly
+MAX_PER_UPDATE = 50  # do-commands per update, because jumps back can repeat commands endlessly
 MAX_BETWEEN = 1000  # do-commands between two navigation commands, with repetitions
 
 
@@ -78,7 +78,7 @@ class Pilot(Protocol):
     def armed(self) -> bool: ...
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
-        """Begin a navigation command; `following` is the next one, for the corner between them."""
+        """Begin a navigation command; the next one, `following`, sets the speed at the corner."""
 
     def navigation_done(self, now: float) -> bool:
         """Return True once the current navigation command (`Mission.flown`) is done."""
@@ -176,7 +176,7 @@ class Mission:
         if count >= self.count:
             return False
         del self._items[count:]
-        self._jumps = {index: taken for index, taken in self._jumps.items() if index < count}
+        self._jumps = {index: done for index, done in self._jumps.items() if index < count}
         if self._pending and self._pending[0] >= count:
             self._condition_begun_s = None
         self._pending = [index for index in self._pending if index < count]
@@ -296,7 +296,7 @@ class Mission:
             self.state = MissionState.NOT_STARTED
 
     def end(self) -> None:
-        """Complete the mission after a landing; disarming then resets it."""
+        """Complete the mission after a landing; disarming then resets the mission."""
         self.state = MissionState.COMPLETE
 
     def reboot(self) -> None:
@@ -339,7 +339,7 @@ class Mission:
         return True
 
     def update(self, pilot: Pilot, now: float) -> None:
-        """Advance at `now` [s]; call it in the mission mode."""
+        """Advance the mission at `now` [s]; called in the mission mode only."""
         if self.state is not MissionState.ACTIVE or self.paused:
             return
         self._run_pending(pilot, now)

@@ -111,7 +111,7 @@ class MissionPilot:
             flight.go(self._target_m, self._pass_speed_m_s(item, following))
 
     def _radius_m(self, item: Item) -> float:
-        """Return the acceptance radius of an item [m]; for a plane the item itself can set it."""
+        """Return the acceptance radius of an item [m]; an item can set the radius of a plane."""
         flight_parameters = self._flight.flight_parameters
         item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
         sets_radius = (
@@ -138,7 +138,7 @@ class MissionPilot:
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
         """Return a point far ahead, east and north [m].
 
-        The direction is that of the take-off position, or the heading if the vehicle is there already.
+        The point lies towards the take-off position, or straight ahead for a vehicle at that position.
         """
         body = self._flight.body
         east_m, north_m, _ = body.position_m
@@ -217,7 +217,7 @@ class MissionPilot:
         if item.command in LANDINGS and flight.mission.stays_landed:
             return False
         if done and flight.armed and flight.mission.disarms_on_landing:
-            # A landing ends the mission: disarming resets it, and the item is not reported as reached.
+            # A landing ends the mission. Disarming resets the mission, so the item is not reported.
             flight.mission.end()
             flight.disarm()
             return False

@@ -1,4 +1,4 @@
-"""Numbers of commands and mission items: they arrive as floats and can be NaN or infinite."""
+"""Conversion of numbers in commands and mission items: floats that can be NaN or infinite."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""One-shot messages: a vehicle sends them on request only.
+"""One-shot messages, which a vehicle sends on request only.
 
 Each function takes the vehicle and the request's second parameter, and returns the messages to send.
 """

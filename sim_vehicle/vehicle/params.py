@@ -123,7 +123,7 @@ class Parameters:
     def receive(self, message: Any, send: Callable[[Any], None], now: float) -> str | None:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; return the name that was set, or None.
 
-        A request for the list during its transfer restarts it. An unknown name gets no reply.
+        A request for the list during its transfer restarts the transfer. An unknown name gets no reply.
         """
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":

@@ -1,6 +1,6 @@
 """Remote control failsafe of one vehicle, with one or two stages of a loss.
 
-The return of the remote control undoes the mode change of the short stage, but not that of the long stage.
+The return of the remote control undoes only the mode change of the short stage.
 """
 
 import math

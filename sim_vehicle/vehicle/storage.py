@@ -124,7 +124,7 @@ class Storage:
         return vehicle.armed or when is LogWhen.ALWAYS or (when is LogWhen.FROM_BOOT and not self._flown)
 
     def sample(self, now: float, sample: Sample) -> None:
-        """Record the vehicle's state at `now` [s]; call it when `recorder.due`."""
+        """Record the vehicle's state at `now` [s]; called when `recorder.due`."""
         self.recorder.sample(now, sample)
 
     def text(self, now: float, severity: int, text: str) -> None:

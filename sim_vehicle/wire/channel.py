@@ -1,7 +1,7 @@
 """The impaired link between one vehicle and its ground stations.
 
-Frames enter at one end, pass a stack of stages that can drop, delay, copy or corrupt them, and leave at the
-other end at their due times. A vehicle with an unimpaired link has no channel.
+Frames pass a list of stages, which can drop, delay, copy or corrupt frames, and leave at their due times. A
+vehicle with an unimpaired link has no channel.
 """
 
 import heapq
@@ -56,7 +56,7 @@ class Channel:
         self._order = itertools.count()  # frames due at the same time leave in order of arrival
 
     def add(self, direction: Direction, stage: Stage) -> Callable[[], None]:
-        """Append a stage; return a function that removes it."""
+        """Append a stage; return a function that removes the stage."""
         stages = self._lanes[direction].stages
         stages.append(stage)
         return lambda: stages.remove(stage)

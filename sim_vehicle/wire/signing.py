@@ -20,7 +20,7 @@ NO_KEY = bytes(32)
 
 
 def _crc_changes() -> list[int]:
-    """Return the change of a frame's checksum by the bit SIGNED, indexed by the number of bytes after it.
+    """Return the change of a checksum by the bit SIGNED, indexed by the number of bytes after the flags.
 
     The checksum is linear, so the effect of a changed bit depends only on its place. The new checksum needs
     no CRC_EXTRA of the message.

@@ -92,7 +92,7 @@ _PLANE_SHORT_ACTIONS = {
     3: None,
     4: FailsafeAction.LEVEL,
 }
-# Modes of a copter, and the bits of FS_OPTIONS that let them continue without a link.
+# Modes of a copter, and bits of FS_OPTIONS for modes that continue without a link.
 _COPTER_PILOTED = (0, 1, 2, 5, 16, 17)
 _COPTER_AUTO, _COPTER_GUIDED = 3, 4
 RC_AUTO, GCS_AUTO, RC_GUIDED, GCS_PILOTED = 1, 2, 4, 16

@@ -9,11 +9,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 _COMMON: dict[str, float | int] = {
     "ARMING_CHECK": 1,  # 0: mandatory checks only
     "BATT_CAPACITY": 3300,  # mAh
-    "BATT_CRT_MAH": 0.0,  # mAh left, 0: not watched
+    "BATT_CRT_MAH": 0.0,  # remaining mAh, 0: not watched
     "BATT_CRT_VOLT": 0.0,  # V, 0: not watched
     "BATT_FS_CRT_ACT": 0,
     "BATT_FS_LOW_ACT": 0,
-    "BATT_LOW_MAH": 0.0,  # mAh left, 0: not watched
+    "BATT_LOW_MAH": 0.0,  # remaining mAh, 0: not watched
     "BATT_LOW_TIMER": 10,  # s of low voltage before the failsafe
     "BATT_LOW_VOLT": 10.5,  # V, 0: not watched
     "BATT_MONITOR": 4,  # to be read

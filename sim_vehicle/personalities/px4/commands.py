@@ -291,7 +291,7 @@ def flight_information(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Inject a failure if SYS_FAILURE_EN allows it."""
+    """Inject a failure if SYS_FAILURE_EN is 1."""
     if vehicle.params["SYS_FAILURE_EN"] != 1:
         return DENIED
     return failures.inject_failure(
@@ -300,7 +300,7 @@ def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def actuator_test(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept an actuator test without effect if COM_MOT_TEST_EN allows the test."""
+    """Accept an actuator test without effect while disarmed and with COM_MOT_TEST_EN 1."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
     output = whole(command.lat_deg)

@@ -61,9 +61,9 @@ def _other_place_is_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
     places = [point.place_deg for point in vehicle.home_and_rally.rally.items]
     if kind == CLOSEST:
         places.append(vehicle.home_and_rally.home_deg)
-    others_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
+    distances_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
     landing_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
-    return landing_m + (TO_BE_CLOSER_M if kind == CLOSEST else 0.0) >= min(others_m, default=math.inf)
+    return landing_m + (TO_BE_CLOSER_M if kind == CLOSEST else 0.0) >= min(distances_m, default=math.inf)
 
 
 def _is_landing(vehicle: Vehicle, first: int, last: int) -> bool:

@@ -1,7 +1,8 @@
 """Flight modes of PX4 1.15: numbers, and behaviour without stick input.
 
 custom_mode on the wire is sub mode << 24 | main mode << 16. A disarmed vehicle accepts a pilot's mode
-(`needs_pilot`). Without manual control, arming in such a mode and a change to it while armed are refused.
+(`needs_pilot`). Without manual control, the vehicle does not arm in such a mode, and does not change to such
+a mode while armed.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink

@@ -25,9 +25,9 @@ class Orbit:
 
     def update(self, _now: float) -> bool:
         east_m, north_m, up_m = self._body.position_m
-        away_m = (east_m - self._centre_m[0], north_m - self._centre_m[1])
-        distance_m = math.hypot(*away_m)
-        east, north = (away_m[0] / distance_m, away_m[1] / distance_m) if distance_m > 0.1 else (1.0, 0.0)
+        offset_m = (east_m - self._centre_m[0], north_m - self._centre_m[1])
+        distance_m = math.hypot(*offset_m)
+        east, north = (offset_m[0] / distance_m, offset_m[1] / distance_m) if distance_m > 0.1 else (1.0, 0.0)
         outward_m_s = self._limited((self._radius_m - distance_m) * CORRECTION_PER_S)
         # The tangential speed grows near the circle. Clockwise tangent at (east, north): (north, -east).
         nearness = max(0.0, 1.0 - abs(self._radius_m - distance_m) / self._radius_m)

@@ -107,8 +107,8 @@ def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     first = next((item for item in items if item.command in _PLACED), None)
     if first is None or limit_m <= 0 or not vehicle.position_known(vehicle.now):
         return None
-    far_m = distance_m((first.x * 1e-7, first.y * 1e-7), vehicle.body.lat_lon_deg)
-    return f"First waypoint too far away: {int(far_m)}m, {int(limit_m)} max" if far_m >= limit_m else None
+    away_m = distance_m((first.x * 1e-7, first.y * 1e-7), vehicle.body.lat_lon_deg)
+    return f"First waypoint too far away: {int(away_m)}m, {int(limit_m)} max" if away_m >= limit_m else None
 
 
 def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:

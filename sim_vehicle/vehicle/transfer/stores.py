@@ -209,22 +209,22 @@ def _kept_radius_m(radius_m: float) -> float:
 
 def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
     """Return the error of a fence as (severity, text), None for a valid fence."""
-    left = expected = 0  # vertices of the current polygon: missing, in total
+    missing = expected = 0  # vertices of the current polygon: missing, in total
     wanted: int | None = None
     seen_return_point = False
     for item in items:
         vertices = int(item.param1) if item.command in POLYGONS else 0
         if item.command in POLYGONS and vertices < 3:
             return WARNING, f"Invalid vertex count ({vertices})"
-        if left and item.command != wanted:
+        if missing and item.command != wanted:
             return WARNING, f"Received incorrect vertex type (want={wanted} got={item.command})"[:50]
-        if left and vertices != expected:
+        if missing and vertices != expected:
             return WARNING, f"Unexpected vertex count want={expected} got={vertices}"
         if item.command in POLYGONS:
-            if not left:
-                left = expected = vertices
+            if not missing:
+                missing = expected = vertices
                 wanted = item.command
-            left -= 1
+            missing -= 1
         elif item.command in CIRCLES and not item.param1 > 0:
             return WARNING, "Non-positive circle radius"
         elif item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
@@ -233,7 +233,7 @@ def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
             seen_return_point = True
         if abs(item.x) > LATITUDE_E7 or abs(item.y) > LONGITUDE_E7:
             return WARNING, "Bad lat or lon"
-    return (int(mavlink.MAV_SEVERITY_INFO), "Incorrect item count") if left else None
+    return (int(mavlink.MAV_SEVERITY_INFO), "Incorrect item count") if missing else None
 
 
 def _fence_storage(items: list[Item]) -> int:

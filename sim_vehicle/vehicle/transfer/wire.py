@@ -15,7 +15,7 @@ FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 
-# Commands without coordinates in x and y: the legacy MISSION_ITEM carries them unscaled.
+# Commands without coordinates in x and y: the legacy MISSION_ITEM has unscaled x and y.
 _NO_COORDINATES = frozenset(
     {
         mavlink.MAV_CMD_DO_DIGICAM_CONTROL,

@@ -43,12 +43,12 @@ CURRENT_MODE = Layout(
 
 
 def time_estimate_to_target(v: View) -> Columns:
-    """Return the time home at cruising speed [s]; other times are not estimated."""
+    """Return the time home at the present speed, at least 5 m/s [s]; other times are not estimated."""
     status, dynamics = v.status, v.world.dynamics
-    away_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
+    distance_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
     speed_m_s = np.maximum(np.hypot(dynamics.velocity_m_s[v.i, 0], dynamics.velocity_m_s[v.i, 1]), 5.0)
     others = ("land", "mission_next_item", "mission_end", "commanded_action")
-    home_s = np.where(dynamics.airborne[v.i], away_m / speed_m_s, UNKNOWN_TIME_S)
+    home_s = np.where(dynamics.airborne[v.i], distance_m / speed_m_s, UNKNOWN_TIME_S)
     return {"safe_return": home_s, **dict.fromkeys(others, UNKNOWN_TIME_S)}
 
 

@@ -64,7 +64,7 @@ def system_time(v: View) -> Columns:
 
 
 def timesync(v: View) -> Columns:
-    """Return the vehicle's own TIMESYNC request: tc1 is 0, ts1 its clock [ns]."""
+    """Return a TIMESYNC request of the vehicle: tc1 is 0, ts1 the vehicle's clock [ns]."""
     return {"ts1": np.rint(v.boot_s() * 1e9).astype(np.int64)}
 
 
