@@ -1,8 +1,8 @@
 """A conformance suite for MAVLink autopilots: named checks of one vehicle at a URL.
 
 `registry` holds the checks and `checks/` defines them, one file a category. `vehicle` is the vehicle under
-test and `traffic` the messages to and from it. `guard` lists what is never sent. `dialects` has the known
-behaviour of each autopilot where the specification leaves it open. `runner` runs the checks, `report` prints
+test and `traffic` the messages to and from it. `guard` lists the forbidden frames. `dialects` has the known
+behaviour of each autopilot where the specification allows a choice. `runner` runs the checks, `report` prints
 the results. Only `sockets` does I/O and reads a clock. On the wire of a `Fleet`, the same checks run in
 simulated time.
 """

@@ -1,4 +1,4 @@
-"""Failures of checks, comparisons that raise them, and names of MAVLink numbers."""
+"""Failures of checks, comparisons that raise failures, and names of MAVLink numbers."""
 
 from typing import Any
 
@@ -35,16 +35,16 @@ def command_name(command: int) -> str:
     return _enum_name("MAV_CMD", command, "MAV_CMD_")
 
 
-def equal(seen: Any, expected: Any, what: str) -> None:
+def equal(seen: Any, expected: Any, label: str) -> None:
     """Raise CheckFailed unless `seen` equals the expected value."""
     if seen != expected:
-        raise CheckFailed(f"{what}: expected {expected}, saw {seen}")
+        raise CheckFailed(f"{label}: expected {expected}, saw {seen}")
 
 
-def near(seen: float, expected: float, tolerance: float, what: str) -> None:
+def near(seen: float, expected: float, tolerance: float, label: str) -> None:
     """Raise CheckFailed unless two numbers agree."""
     if not abs(seen - expected) <= tolerance:  # also false for NaN
-        raise CheckFailed(f"{what}: expected {expected:g} within {tolerance:g}, saw {seen:g}")
+        raise CheckFailed(f"{label}: expected {expected:g} within {tolerance:g}, saw {seen:g}")
 
 
 def holds(condition: bool, otherwise: str) -> None:

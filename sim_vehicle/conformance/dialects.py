@@ -1,4 +1,4 @@
-"""The behaviour of known autopilots where the MAVLink specification leaves it open.
+"""The behaviour of known autopilots where the MAVLink specification allows a choice.
 
 Observed on ArduCopter 4.6.2 and PX4 1.15 in software-in-the-loop. For any other autopilot only the
 specification counts: a check that needs more is skipped.
@@ -20,7 +20,7 @@ def px4_mode(main: int, sub: int = 0) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """The known behaviour of one autopilot; None where it is unknown.
+    """The known behaviour of one autopilot; None for unknown behaviour.
 
     modes: purpose of a mode -> custom_mode. ready_mode: the mode for arming and for commands. hold_mode: a
     mode that stays in place without stick input. arm_refused, disarm_refused: MAV_RESULT. whole_parameters,

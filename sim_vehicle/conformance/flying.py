@@ -19,7 +19,7 @@ FLIGHT_RATES_HZ = {"GLOBAL_POSITION_INT": 5.0, "EXTENDED_SYS_STATE": 5.0, "MISSI
 
 
 def mode_number(vehicle: VehicleUnderTest, role: str) -> int:
-    """Return the autopilot's mode number for a role, such as "hold". Raises Skip for an unknown role."""
+    """Return the autopilot's mode number for a role, such as "hold"; Skip for an unknown role."""
     if role not in vehicle.dialect.modes:
         raise Skip(f"this autopilot has no known mode for {role!r}")
     return vehicle.dialect.modes[role]
@@ -48,7 +48,7 @@ def in_mode(vehicle: VehicleUnderTest, role: str) -> Callable[[], bool]:
 
 
 def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
-    """Set a mode. Raises CheckFailed unless it is accepted and appears in the heartbeat."""
+    """Set a mode; CheckFailed unless the vehicle accepts the mode and shows it in the heartbeat."""
     number = mode_number(vehicle, role)
     # PX4 refuses its mission mode for a moment after an upload.
     for _ in range(5):

@@ -66,7 +66,7 @@ def requested(
     result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
     if result != mavlink.MAV_RESULT_ACCEPTED:
         raise Skip(f"the vehicle does not send message {message_id} on request ({result_name(result)})")
-    vehicle.expect(kind, mark=mark, what=f"message {message_id} after its request was accepted")
+    vehicle.expect(kind, mark=mark, description=f"message {message_id} after its request was accepted")
     return fields(vehicle.last[kind], layout)
 
 

@@ -36,7 +36,7 @@ class Reply:
 
     @property
     def error(self) -> int:
-        """The error code of a NAK."""
+        """Return the error code of a NAK."""
         return self.data[0] if self.data else FAIL
 
 

@@ -68,7 +68,7 @@ class RunReport:
 def granted_permissions(
     identity: VehicleIdentity, allow: frozenset[str], *, ground_only: bool
 ) -> frozenset[str]:
-    """Return the granted permissions: all for the simulator, else only those given by option."""
+    """Return the granted permissions: all for the simulator, else the permissions of the options."""
     granted = allow - {SIMULATOR}
     if identity.simulator:
         granted = granted | {"arm", "reboot", "alter", SIMULATOR}
@@ -132,7 +132,7 @@ class _RunState:
         self.flown_by_another = False  # the vehicle was armed before the run
 
     def run_check(self, check: Check) -> None:
-        """Run one check, or record the reason against it."""
+        """Run one check, or record a skipped check with its reason."""
         reason = self.stop_reason if self.stop_reason is not None else _skip_reason(self._vehicle, check)
         result = (
             CheckResult(check, Outcome.SKIPPED, reason, 0.0) if reason is not None else self._run_check(check)
@@ -263,7 +263,7 @@ def _prepare(vehicle: VehicleUnderTest, check: Check) -> None:
     elif vehicle.armed and ARM in vehicle.permissions:
         flying.ensure_landed(vehicle)
     elif vehicle.armed:
-        raise Skip("the vehicle is armed, and landing it is not permitted")
+        raise Skip("the vehicle is armed, and landing is not permitted")
 
 
 def _enlarge_battery(vehicle: VehicleUnderTest) -> None:
@@ -323,7 +323,7 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
 def _land(vehicle: VehicleUnderTest) -> list[str]:
     """Land and disarm over an unreliable link; return a text for each failure."""
     if vehicle.armed and ARM not in vehicle.permissions:
-        return ["the vehicle is armed, and landing it is not permitted"]
+        return ["the vehicle is armed, and landing is not permitted"]
     trouble = ""
     for _ in range(LANDING_ATTEMPTS):
         try:

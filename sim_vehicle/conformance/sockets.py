@@ -1,4 +1,4 @@
-"""Links to a real vehicle: the suite's only I/O and its only clock."""
+"""Links to a real vehicle: the suite's only I/O and only clock."""
 
 import contextlib
 import select
@@ -51,7 +51,7 @@ class SenderAddresses:
 
 
 class _VehicleClock:
-    """Vehicle time: wall time multiplied by `speedup`."""
+    """The vehicle time: wall time multiplied by `speedup`."""
 
     def __init__(self, speedup: float) -> None:
         self._speedup = speedup

@@ -14,7 +14,7 @@ from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
 
 Condition = Callable[[Any], bool]
 HEARTBEAT_S = 1.0
-REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers within a fraction of it
+REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers much earlier
 RESTORE_S = 60.0  # guaranteed time for undoing a change, also after the limit of a check
 SYSTEMS = 250  # the highest system id of a vehicle
 EPSILON_S = 1e-6  # tolerance for sums of times
@@ -98,11 +98,11 @@ class Traffic:
         return data
 
     def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
-        """Send a message as one of the suite's stations; `Skip` if it is not permitted."""
+        """Send a message as one of the suite's stations; `Skip` without the permission."""
         self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
-        """Send any bytes, after a check of each frame in them; all output passes here."""
+        """Send any bytes, after a check of each frame; all output passes here."""
         objection = self.objection(data)
         if objection is not None:
             raise objection
@@ -200,12 +200,12 @@ class Traffic:
             self._pump(end_s - self.now)
         return begin
 
-    def wait_until(self, condition: Callable[[], bool], what: str, within_s: float) -> float:
-        """Wait for a condition and return the time taken [s]; `what` describes it in a failure."""
+    def wait_until(self, condition: Callable[[], bool], description: str, within_s: float) -> float:
+        """Wait for a condition; return the time taken [s]. `description`: the condition in a failure."""
         began_s = self.now
         while not condition():
             if self.now - began_s > within_s:
-                raise CheckFailed(f"expected {what} within {within_s:g} s")
+                raise CheckFailed(f"expected {description} within {within_s:g} s")
             self._pump(0.1)
         return self.now - began_s
 
@@ -238,12 +238,12 @@ class Traffic:
         *,
         within_s: float = REPLY_S,
         mark: int | None = None,
-        what: str = "",
+        description: str = "",
     ) -> Any:
         """Wait for a message; CheckFailed without one."""
         message = self.wait_for(kind, where, within_s=within_s, mark=mark)
         if message is None:
-            raise CheckFailed(f"expected {what or kind} within {within_s:g} s, saw none")
+            raise CheckFailed(f"expected {description or kind} within {within_s:g} s, saw none")
         return message
 
     def expect_none(

@@ -1,4 +1,4 @@
-"""The vehicle under test, as a ground station sees and commands it."""
+"""The vehicle under test, observed and commanded as by a ground station."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
 class VehicleUnderTest(Traffic):
-    """One vehicle: its identity and state, commands to it, and changes that are undone afterwards."""
+    """One vehicle: identity, state, commands, and changes that are undone afterwards."""
 
     def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
         super().__init__(wire, permissions=permissions)
@@ -83,28 +83,28 @@ class VehicleUnderTest(Traffic):
         return int(self.heartbeat.custom_mode)
 
     @contextmanager
-    def restoring(self, what: str, undo: Callable[[], None]) -> Iterator[None]:
+    def restoring(self, part: str, undo: Callable[[], None]) -> Iterator[None]:
         """Record a change of the vehicle and undo it at the end; after a failure `restore_all` undoes it."""
-        outer = what in self.pending_restores
-        self.pending_restores.setdefault(what, undo)
+        outer = part in self.pending_restores
+        self.pending_restores.setdefault(part, undo)
         try:
             yield
         finally:
             with self.extra_time():
                 undo()
             if not outer:
-                del self.pending_restores[what]
+                del self.pending_restores[part]
 
     def restore_all(self) -> list[str]:
         """Undo the remaining changes; return a text for each failure."""
         trouble = []
-        for what, undo in reversed(list(self.pending_restores.items())):
+        for part, undo in reversed(list(self.pending_restores.items())):
             try:
                 undo()
             except (CheckFailed, Skip) as error:
-                trouble.append(f"{what} could not be restored: {error} [not-restored]")
+                trouble.append(f"{part} could not be restored: {error} [not-restored]")
             else:
-                del self.pending_restores[what]
+                del self.pending_restores[part]
         return trouble
 
     def command_long(self, command: int, *params: float, confirmation: int = 0, to: Any = None) -> Any:
@@ -168,7 +168,7 @@ class VehicleUnderTest(Traffic):
         result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
         if result != mavlink.MAV_RESULT_ACCEPTED:
             raise Skip(f"the vehicle does not send {kind} on request ({result_name(result)})")
-        return self.expect(kind, mark=mark, what=f"{kind} after its request was accepted")
+        return self.expect(kind, mark=mark, description=f"{kind} after its request was accepted")
 
     def set_interval(self, kind: str, rate_hz: float) -> int:
         """Send SET_MESSAGE_INTERVAL (-1: stop, 0: default rate) and return the MAV_RESULT."""

@@ -18,7 +18,7 @@ class Params(FaultParams):
 
 
 class Bandwidth:
-    """Limiter of the byte rate. A frame that does not fit into the buffer is dropped."""
+    """A stage that limits the byte rate and drops a frame that does not fit into the buffer."""
 
     in_order = True
 

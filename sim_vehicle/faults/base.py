@@ -66,7 +66,7 @@ BeginFault = Callable[[FaultTarget, Any, float], EndFault]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One kind of fault: `begin(target, params, now)` starts it at `now` [s] and returns its end function."""
+    """One kind of fault; `begin(target, params, now)` begins it at `now` [s] and returns the end function."""
 
     name: str
     summary: str  # one line

@@ -43,17 +43,17 @@ class Params(FaultParams):
 
     @property
     def bad_share(self) -> float:
-        """Share of the frames in bad spells."""
+        """Return the share of the frames in bad spells."""
         return (self.rate - self.good_loss) / (self.bad_loss - self.good_loss)
 
     @property
     def leave_bad(self) -> float:
-        """Probability at each frame that a bad spell ends."""
+        """Return the probability at each frame that a bad spell ends."""
         return 1.0 / self.burst_frames
 
     @property
     def enter_bad(self) -> float:
-        """Probability at each frame that a bad spell begins; `bad_share` is then the stationary share."""
+        """Return the probability at each frame that a bad spell begins, for the stationary `bad_share`."""
         return self.leave_bad * self.bad_share / (1.0 - self.bad_share)
 
 

@@ -27,7 +27,7 @@ class Params(FaultParams):
 
 
 class Corruption:
-    """Flip of 1 to `bits` different bits in a share of the frames."""
+    """A stage that flips 1 to `bits` different bits in a share of the frames."""
 
     in_order = True
 

@@ -25,7 +25,7 @@ class Params(FaultParams):
 
 
 class Delay:
-    """Delay of each frame by delay_s plus or minus jitter_s (uniform); no frame overtakes another."""
+    """A stage that delays each frame by delay_s ± jitter_s (uniform) and keeps the order of frames."""
 
     in_order = True
 

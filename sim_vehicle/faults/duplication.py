@@ -26,7 +26,7 @@ class Params(FaultParams):
 
 
 class Duplication:
-    """Copier of a share of the frames."""
+    """A stage that duplicates a share of the frames."""
 
     def __init__(self, rate: float, gap_s: float, rng: np.random.Generator) -> None:
         self._rate, self._gap_s, self._rng = rate, gap_s, rng

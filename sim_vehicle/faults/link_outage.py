@@ -9,7 +9,7 @@ class Params(FaultParams):
 
 
 class Silence:
-    """Loss of every frame."""
+    """A stage that drops every frame."""
 
     in_order = True
 

@@ -21,7 +21,7 @@ class Params(FaultParams):
 
 
 class Loss:
-    """Loss of a share of the frames."""
+    """A stage that drops a share of the frames."""
 
     in_order = True
 

@@ -24,7 +24,7 @@ class Params(FaultParams):
 
 
 class Reordering:
-    """Delay of a share of the frames by up to hold_s (uniform); later frames overtake delayed frames."""
+    """A stage that delays a share of the frames by up to hold_s (uniform), so that later frames overtake."""
 
     in_order = False
 

@@ -18,7 +18,7 @@ from sim_vehicle.ranges import ranges
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel
 
-SPAWN_KEY = 0xFA17  # separates the faults' randomness from that of the vehicles
+SPAWN_KEY = 0xFA17  # separates the faults' randomness from the vehicles' randomness
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Scenarios: their file format (`model`, `plan`, `steps`), its reader (`file`) and their runs.
+"""Scenarios: file format (`model`, `plan`, `steps`), reader (`file`) and runs (`runner`).
 
 Begin with `file.load_scenario` and `runner.Run`. Only `command` prints and reads the wall clock.
 """

@@ -135,7 +135,7 @@ def check(
     most: float = BOUND,
     away_m: AwayFunction | None = None,
 ) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a check under its function's name; its docstring is the summary."""
+    """Register a check; the function's name and docstring are the check's name and summary."""
 
     def register(function: CheckFunction) -> CheckFunction:
         name = function.__name__

@@ -1,4 +1,4 @@
-"""The exchanges for each step of a script, as each autopilot needs them."""
+"""The exchanges for each step of a script, by autopilot."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 

@@ -38,7 +38,7 @@ class Pace(Protocol):
 
 
 class RealTime:
-    """Real time multiplied by `speedup`, with a warning on a slow machine."""
+    """A pace by the wall clock times `speedup`, with a warning on a slow machine."""
 
     def __init__(self, speedup: float, warn: Callable[[str], None]) -> None:
         self.finished = False
@@ -89,7 +89,7 @@ class RealTime:
 
 
 class ManualPace:
-    """Time that passes only on request."""
+    """A pace by request: time passes only after `grant`."""
 
     def __init__(self) -> None:
         self.finished = False

@@ -146,7 +146,7 @@ def _allow_files() -> None:
 def _recorded(
     folder: Path, scenario: Scenario, warn: Callable[[str], None]
 ) -> Iterator[Callable[[Frames, float], None]]:
-    from sim_vehicle.serving.tlog import tlogs  # noqa: PLC0415 - only where it is asked for
+    from sim_vehicle.serving.tlog import tlogs  # noqa: PLC0415 - only for --tlog
 
     files = contextlib.ExitStack()
     try:

@@ -71,7 +71,7 @@ class Server:
         ----------
         warn: function of a line for the operator.
         port_step: difference between the ports of two links.
-        parent_pid: process at whose end the run ends.
+        parent_pid: process that the server watches; the run ends with it.
         record: function of all sent frames and the simulated time [s].
         """
         self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step

@@ -257,7 +257,7 @@ class Station:
         )
 
     def _advance(self, contact: Contact, now: float) -> None:
-        """Advance the vehicle's present step and begin the next ones."""
+        """Advance the vehicle's present step and begin the next steps."""
         while contact.pending and self._advance_step(contact, contact.pending[0], now):
             contact.pending.popleft()
 
@@ -311,7 +311,7 @@ class Station:
 
 
 def _is_plain_telemetry(data: bytes) -> bool:
-    """Return True for one whole frame whose kind is not processed here."""
+    """Return True for one whole frame of a kind that the station does not process."""
     whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + FRAME_BYTES
     return whole and int.from_bytes(data[7:10], "little") not in PROCESSED
 

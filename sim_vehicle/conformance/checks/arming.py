@@ -175,7 +175,7 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
         raise Skip(f"the delay is {delay_s}")
     flying.arm(vehicle)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "disarmed by itself", delay_s + 5.0)
-    near(took_s, delay_s, 3.0, "seconds until it disarmed")
+    near(took_s, delay_s, 3.0, "seconds until disarmed")
     return f"after {took_s:.1f} s"
 
 

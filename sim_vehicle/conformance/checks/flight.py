@@ -139,7 +139,7 @@ def reposition_plane(vehicle: VehicleUnderTest) -> str:
         flying.distance_to_m(vehicle, target) < 300,
         f"{flying.distance_to_m(vehicle, target):.0f} m away, 20 s after the arrival",
     )
-    return f"there after {took_s:.0f} s"
+    return f"arrived after {took_s:.0f} s"
 
 
 @check("flight.reposition.as_long", airborne=True, limit_s=300, pins="AUTOPILOTS 1.17: LONG -> UNSUPPORTED")

@@ -26,7 +26,7 @@ def setpoint_position(vehicle: VehicleUnderTest) -> str:
             *[0.0] * 8,
         )
     )
-    return f"there after {flying.wait_until_near(vehicle, target):.0f} s"
+    return f"arrived after {flying.wait_until_near(vehicle, target):.0f} s"
 
 
 def _velocity(vehicle: VehicleUnderTest, north_m_s: float, east_m_s: float) -> None:

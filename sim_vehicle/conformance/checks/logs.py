@@ -84,7 +84,7 @@ def unknown_id(vehicle: VehicleUnderTest) -> str:
 
 @check("logs.download_can_be_ended", limit_s=120)
 def download_ends(vehicle: VehicleUnderTest) -> str:
-    """LOG_REQUEST_END in the middle of a download ends it."""
+    """LOG_REQUEST_END ends a download before the end of the log."""
     entry = max(logclient.entries(vehicle).values(), key=lambda found: found.size, default=None)
     if entry is None or entry.size <= BYTES_IN_FLIGHT:
         logclient.end_transfer(vehicle)
@@ -107,7 +107,7 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
 
 @check("logs.erase", needs=[ALTER], limit_s=90)
 def erase(vehicle: VehicleUnderTest) -> str:
-    """LOG_ERASE removes all logs except the one in progress."""
+    """LOG_ERASE removes all logs except the log in progress."""
     before = len(logclient.entries(vehicle))
     logclient.end_transfer(vehicle)
     vehicle.send(mavlink.MAVLink_log_erase_message(*vehicle.target))

@@ -64,7 +64,7 @@ def current_state(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.current.set_by_message", pins="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works")
 def set_by_message(vehicle: VehicleUnderTest) -> str:
-    """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports it."""
+    """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports this item."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     for seq in (2, 1):
         mark = vehicle.mark()

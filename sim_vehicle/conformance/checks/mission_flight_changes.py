@@ -84,7 +84,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: CLEAR_ALL while flying the mission",
 )
 def clear_in_flight(vehicle: VehicleUnderTest) -> str:
-    """Clearing the mission in flight is an ERROR on ArduPilot in AUTO; PX4 accepts it and loiters."""
+    """Clearing the mission in flight is an ERROR on ArduPilot in AUTO; PX4 accepts it, then loiters."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     missions.under_way(vehicle)
     seen = mission_result_name(plans.clear(vehicle))

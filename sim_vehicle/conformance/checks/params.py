@@ -36,7 +36,7 @@ def list_is_complete(vehicle: VehicleUnderTest) -> str:
 @check("parameters.list.another_vehicles")
 def list_anothers(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a list request to another system."""
-    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # it does answer
+    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
     vehicle.send(
         mavlink.MAVLink_param_request_list_message(vehicle.unused_sysid(), vehicle.identity.component)
     )
@@ -123,7 +123,7 @@ def read_long_name(vehicle: VehicleUnderTest) -> str:
 @check("parameters.read.unknown_name", pins="AUTOPILOTS 1.16")
 def read_unknown(vehicle: VehicleUnderTest) -> str:
     """A read of an unknown name is not answered."""
-    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # it does answer
+    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
     vehicle.send(parameters.read_message(vehicle, NO_SUCH))
     vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
     return "no PARAM_VALUE"
@@ -215,7 +215,7 @@ def set_repeated(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.unknown_name", pins="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all")
 def set_unknown(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET of an unknown name is not answered."""
-    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # it does answer
+    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
     vehicle.send(parameters.set_message(vehicle, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
     vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
     return "no PARAM_VALUE"

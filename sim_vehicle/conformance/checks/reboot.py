@@ -135,7 +135,7 @@ def fence_stays(vehicle: VehicleUnderTest) -> str:
 
 @check("reboot.not_ready_at_once", needs=[REBOOT, ARM], limit_s=300, pins="AUTOPILOTS 1.3: Wait about 41 s")
 def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
-    """After a boot, arming is refused until the vehicle reports that it is ready."""
+    """After a boot, arming is refused until the vehicle reports readiness."""
     if vehicle.dialect.arm_refused is None:
         raise Skip("the refusals of this autopilot are unknown")
     _reboot(vehicle)

@@ -70,7 +70,7 @@ def half_a_frame(vehicle: VehicleUnderTest) -> str:
         mark = vehicle.mark()
         vehicle.send_raw(_request(vehicle))
         if vehicle.wait_for("COMMAND_ACK", within_s=1.0, mark=mark) is not None:
-            return f"answered the {attempt + 1}. frame"
+            return f"answered frame {attempt + 1}"
     _require_answer(vehicle)
     return "answered later"
 

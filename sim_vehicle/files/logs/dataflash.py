@@ -1,4 +1,4 @@
-"""ArduPilot's DataFlash format (.BIN): self-describing messages, readable by all its log tools."""
+"""ArduPilot's DataFlash format (.BIN): self-describing messages, readable by ArduPilot's log tools."""
 
 import math
 import struct

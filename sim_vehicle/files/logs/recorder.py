@@ -107,7 +107,7 @@ class FlightRecorder:
         return now + EPSILON_S >= self._due_s
 
     def sample(self, now: float, sample: Sample) -> None:
-        """Record a sample; ignore a sample before it is due."""
+        """Record a sample, unless `now` [s] is before the next due time."""
         log = self._log
         if log is None or now + EPSILON_S < self._due_s:
             return

@@ -1,4 +1,4 @@
-"""PX4's ULog format (.ulg): self-describing topics, parameters and texts, readable by all its log tools.
+"""PX4's ULog format (.ulg): self-describing topics, parameters and texts, readable by PX4's log tools.
 
 Topics and fields have PX4's names. A topic has only the simulated fields.
 """
