@@ -60,7 +60,7 @@ RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
 """message id -> rate: 19 a second beside the heartbeat"""
 VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
-AHEAD_S = swap_times.MOST_S
+AHEAD_S = swap_times.MAX_EXPECTED_S
 SETTLE_S, MEASURE_S = 8.0, 15.0
 MISSION_MESSAGES = frozenset({37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
 """ids of transfer messages, and of MISSION_SET_CURRENT"""

@@ -20,7 +20,7 @@ from swarmctl.cli.console import (
     say,
 )
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.inference.survival import WORLDS
+from swarmctl.core.inference.survival import N_WORLDS
 from swarmctl.core.texts import resolve_vehicles
 from swarmctl.planners.front import MAX_LABELS
 from swarmctl.report import first_plans, front, outputs
@@ -70,7 +70,7 @@ def plan(
     out.print(first_plans.plan_table(scenario, routes))
     out.print(
         "ΣP_s is a sum of probabilities, and ∏(1 − P_s) assumes independent cells; neither is the "
-        f"probability of survival. `chance` is that probability, simulated in {WORLDS} worlds drawn from "
+        f"probability of survival. `chance` is that probability, simulated in {N_WORLDS} worlds drawn from "
         "the belief.",
         style="bright_black",
         highlight=False,

@@ -14,7 +14,7 @@ from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.occupancy import CellClasses
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import (
-    CELL,
+    CELL_INDEX_DTYPE,
     BeliefItem,
     CellCounts,
     Checkpoint,
@@ -37,11 +37,11 @@ class ObservationLog:
     nothing. Exception: a merge into an older belief copies the log, because the log has newer entries.
     """
 
-    __slots__ = ("at", "items", "n_covered")
+    __slots__ = ("index_of", "items", "n_covered")
 
     def __init__(self, items: Iterable[IndexedObservation] = ()) -> None:
         self.items = list(items)
-        self.at = {item.name: index for index, item in enumerate(self.items)}
+        self.index_of = {item.name: index for index, item in enumerate(self.items)}
         """name -> index in `items`"""
         self.n_covered = 0
         """approximate number of observations that checkpoints replace; above one half they are dropped"""
@@ -49,7 +49,7 @@ class ObservationLog:
     def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
         if upto - after < n:
-            found = [self.at.get((*source, seq), n) for seq in range(after + 1, upto + 1)]
+            found = [self.index_of.get((*source, seq), n) for seq in range(after + 1, upto + 1)]
             return [index for index in found if index < n]
         return [
             index
@@ -162,15 +162,15 @@ class Belief:
             base, upto = self._counted_all, n
         else:
             base, upto = self._base, self._counted
-        items, at, (rows, cols) = log.items, log.at, base.looks.shape
+        items, index_of, (rows, cols) = log.items, log.index_of, base.looks.shape
         for seen in new:
             assert isinstance(seen, Observation)
             item = indexed(seen, rows, cols)
             checkpoint = checkpoints.get(seen.source) if checkpoints else None
             if checkpoint is None or seen.seq > checkpoint.upto:
-                index = at.setdefault(item.name, len(items))
+                index = index_of.setdefault(item.name, len(items))
             else:
-                index = at.get(item.name, -1)
+                index = index_of.get(item.name, -1)
             if index == len(items):
                 items.append(item)
             elif index >= 0 and items[index] is not item and items[index].seen != seen:
@@ -356,7 +356,7 @@ class Belief:
 
 
 def _joined(cells: Iterable[bytes]) -> NDArray[np.int64]:
-    return np.frombuffer(b"".join(cells), CELL)
+    return np.frombuffer(b"".join(cells), CELL_INDEX_DTYPE)
 
 
 def _read_only(rows: int, cols: int) -> NDArray[np.int32]:

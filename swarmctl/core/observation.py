@@ -106,9 +106,9 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
 BeliefItem = Observation | Checkpoint
 _encode = msgspec.msgpack.Encoder().encode
 CellBytes = tuple[bytes, bytes]
-"""row · cols + col of the cells with a look, and of the cells with a hostile, as bytes of `CELL`. Joining the
-bytes of many observations is much faster than joining arrays."""
-CELL = np.dtype(np.int64)
+"""row · cols + col of the cells with a look, and of the cells with a hostile, as bytes of `CELL_INDEX_DTYPE`.
+Joining the bytes of many observations is much faster than joining arrays."""
+CELL_INDEX_DTYPE = np.dtype(np.int64)
 
 
 def checkpoint(
@@ -176,8 +176,10 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
                 f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) "
                 f"is outside the area of {rows} × {cols} cells; check that all use the same configuration"
             )
-    looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL).tobytes()
-    occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=CELL).tobytes()
+    looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL_INDEX_DTYPE).tobytes()
+    occupied = np.array(
+        [row * cols + col for row, col, here in seen.cells if here], dtype=CELL_INDEX_DTYPE
+    ).tobytes()
     if len(_indexed) >= MAX_CACHED:
         _indexed.clear()
     made = IndexedObservation(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))

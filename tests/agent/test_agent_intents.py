@@ -20,7 +20,13 @@ from traffic_stories import AMSL_M, MID_M, operator_texts
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
 from swarmctl.agent.step import wants_tick
-from swarmctl.agent.traffic.intents import EVERY_S, LAST_POSITION_S, MAX_AGE_S, MAX_UNCERTAINTY_M, STANDS_S
+from swarmctl.agent.traffic.intents import (
+    EVERY_S,
+    HOLD_DURATION_S,
+    LAST_POSITION_S,
+    MAX_AGE_S,
+    MAX_UNCERTAINTY_M,
+)
 from swarmctl.agent.traffic.route_deconfliction import AGAIN_S, clashes_of
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
@@ -101,7 +107,7 @@ def test_the_intent_of_a_hold_is_fixed() -> None:
     story = Flier()
     story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     (intent,) = intents(story.at(100.0, ground_speed_m_s=0.0, east_m_s=0.0, mode_role="hold"))
-    assert [p.in_s for p in intent.points] == [0.0, STANDS_S]
+    assert [p.in_s for p in intent.points] == [0.0, HOLD_DURATION_S]
     assert len({(p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points}) == 1
     assert not intent.may_change
 
@@ -189,7 +195,7 @@ def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAc
         return
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects)[-1] == "plan-deferred-hold"
-    assert [p.in_s for p in intents(effects)[0].points] == [0.0, STANDS_S]
+    assert [p.in_s for p in intents(effects)[0].points] == [0.0, HOLD_DURATION_S]
     # Again when the other has passed.
     story.other(3, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode_role": "hold"}

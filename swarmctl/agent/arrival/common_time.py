@@ -9,7 +9,7 @@ LEAST_SHARE = 0.2
 """least speed of a vehicle that waits for others, as a share of its full speed"""
 LEAST_M_S = 1.0
 """least speed of a vehicle that waits for others [m/s]; `not_following` would act on a slower vehicle"""
-HALVINGS = 14
+N_BISECTIONS = 14
 """number of bisections for a speed, to within 1 mm/s"""
 
 
@@ -57,7 +57,7 @@ def speed_for(
         return high
     if arrives_s(low) <= due_s:
         return low
-    for _ in range(HALVINGS):
+    for _ in range(N_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if arrives_s(middle) > due_s else (low, middle)
     return high

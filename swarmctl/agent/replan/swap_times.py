@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-KEPT = 3
+N_KEPT = 3
 """number of last swaps that are kept; the worst of them is expected"""
 PRIOR_S = 1.5
 """least expected duration before the first measurement [s]"""
-SPARE_S, SPARE_SHARE = 0.5, 0.25
+MARGIN_S, MARGIN_SHARE = 0.5, 0.25
 """margin over the measured duration: positions come 4 times a second, and links and plans differ"""
-MOST_S = 60.0
+MAX_EXPECTED_S = 60.0
 """greatest expected duration [s]"""
-STANDS_S = 0.3
+MAX_STANDSTILL_S = 0.3
 """longest standstill that does not count as a stop [s]; a slow turn can show this much in telemetry"""
 
 
@@ -30,20 +30,20 @@ class SwapTimes:
     @classmethod
     def expecting(cls, takes_s: float) -> SwapTimes:
         """Return the expectation for a vehicle on the ground, from the duration of its upload."""
-        return cls(prior_s=min(max(_with_spare_s(takes_s), PRIOR_S), MOST_S))
+        return cls(prior_s=min(max(_with_margin_s(takes_s), PRIOR_S), MAX_EXPECTED_S))
 
     def measured(self, took_s: float, stood_s: float) -> SwapTimes:
         """Return these times with one more swap."""
-        return SwapTimes((*self.took_s, took_s)[-KEPT:], (*self.stood_s, stood_s)[-KEPT:], self.prior_s)
+        return SwapTimes((*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
         """Return these times with a swap that missed its splice point, at twice the expected duration."""
-        return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MOST_S))[-KEPT:])
+        return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MAX_EXPECTED_S))[-N_KEPT:])
 
     @property
     def expected_s(self) -> float:
         """Expected duration with a margin [s]; the vehicle flies by its old plan for this time."""
-        return _with_spare_s(max(self.took_s)) if self.took_s else self.prior_s
+        return _with_margin_s(max(self.took_s)) if self.took_s else self.prior_s
 
     @property
     def likely_s(self) -> float:
@@ -56,8 +56,8 @@ class SwapTimes:
         if not self.stood_s:
             return None
         longest_s = max(self.stood_s)
-        return longest_s if longest_s > STANDS_S else 0.0
+        return longest_s if longest_s > MAX_STANDSTILL_S else 0.0
 
 
-def _with_spare_s(took_s: float) -> float:
-    return (1.0 + SPARE_SHARE) * took_s + SPARE_S
+def _with_margin_s(took_s: float) -> float:
+    return (1.0 + MARGIN_SHARE) * took_s + MARGIN_S

@@ -48,7 +48,7 @@ from swarmctl.core import events as ev
 
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle takes some seconds to follow the order."""
-HOLDS_FOR_S = 60.0
+RETRY_HEIGHT_AFTER_S = 60.0
 """Interval at which a vehicle that holds looks for another height [s]."""
 CEILING_MARGIN_M = 3.0
 """Distance kept below the fence's ceiling [m]."""
@@ -168,7 +168,7 @@ def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Traje
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _passes_silent(state):
         return _resume(state, "the route is clear of other vehicles; the vehicle resumes it [resumes]")
-    if now_s - state.holding_since_boot_s < HOLDS_FOR_S:
+    if now_s - state.holding_since_boot_s < RETRY_HEIGHT_AFTER_S:
         return state, []
     return _resume_above(state, others)
 
@@ -242,7 +242,7 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
         plan = with_level_off(state.task, replace(plan, track=plan.track[n_passed:]), here, 0.0)
     higher = replace(higher, interrupted_plan=msgspec.structs.replace(state.interrupted_plan, plan=plan))
     own = own_trajectory(higher)
-    text, now_s = f"the vehicle has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
+    text, now_s = f"the vehicle has held for {RETRY_HEIGHT_AFTER_S:.0f} s", state.vehicle.time_boot_s
     clear = own is not None and _is_clear(higher, own, others) and not _passes_silent(higher)
     if higher.height_m > state.height_m and clear:
         higher = replace(higher, holding_since_boot_s=now_s, deferred_for=frozenset())

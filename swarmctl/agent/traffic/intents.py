@@ -41,7 +41,7 @@ DRIFT_S, DRIFT_M = 1.0, 3.0
 greater."""
 MAX_AGE_S = 20.0
 """Greatest age of an intent in use [s]. At this age four intents in a row are lost, or the sender is."""
-STANDS_S = 30.0
+HOLD_DURATION_S = 30.0
 """Duration of the announced hold [s]."""
 LAST_POSITION_S, MAX_UNCERTAINTY_M = 180.0, 60.0
 """For a vehicle without a position: the time for which the last one is announced [s], and its greatest
@@ -139,7 +139,7 @@ def _hold_at_last_position(state: AgentState) -> Trajectory | None:
         return None
     place = state.task.grid.frame.to_local(last.lat_deg, last.lon_deg)
     up_m = last.alt_amsl_m - 0.5 * max(last.alt_rel_m, 0.0)
-    return Trajectory((now_s, now_s + STANDS_S), ((*place, up_m), (*place, up_m)))
+    return Trajectory((now_s, now_s + HOLD_DURATION_S), ((*place, up_m), (*place, up_m)))
 
 
 def _uncertainty_m(state: AgentState) -> tuple[float, float]:
@@ -206,7 +206,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             return fly_with_stop(here, plan.height_m, remaining, speed_m_s, begins_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopping_point(state, here)
-            return Trajectory((0.0, STANDS_S), (stop, stop))
+            return Trajectory((0.0, HOLD_DURATION_S), (stop, stop))
         case Phase.LEAVING if state.ordered is ev.FlightOrder.LAND:
             return land_from([here], [0.0])
     # A return is not predicted: the height to which a firmware climbs first is its own parameter.

@@ -30,7 +30,7 @@ from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoi
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.collision_avoidance import end_give_way
 from swarmctl.agent.traffic.intents import (
-    STANDS_S,
+    HOLD_DURATION_S,
     planned_flight,
     position_amsl,
     publish_intent,
@@ -48,7 +48,7 @@ from swarmctl.core.vehicle import Landed
 
 CHECK_EVERY_S = 0.2
 """Interval between checks of the descent [s]."""
-WAITS_WITHIN_S = 15.0
+WAIT_WITHIN_S = 15.0
 """Time within which a conflict causes a wait [s]; a later conflict may still change."""
 MIN_WAIT_S = 3.0
 """Shortest wait [s]; after it the vehicle stands, and other vehicles have its intent."""
@@ -64,7 +64,7 @@ STOPS_BEFORE_S = 3.0
 """Time before the descent at which the hold is ordered [s]: near the landing spot, but still at height."""
 SAME_HEIGHT_M = 1.0
 """Difference in height below which the system id decides [m]."""
-REPORTS_AGAIN_S = 60.0
+REPORT_EVERY_S = 60.0
 """Interval of reports to the operator while waiting [s]."""
 
 
@@ -172,7 +172,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
     """Return the time within which a conflict counts [s]; the other vehicle can still avoid a later one."""
-    return SEPARATES_WITHIN_S if intent.may_change else WAITS_WITHIN_S
+    return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
 
 
 def _others(state: AgentState) -> dict[int, NeighbourIntent]:
@@ -211,7 +211,7 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
-    stands = Trajectory((now_s, now_s + STANDS_S), (stop, stop))
+    stands = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
     # Vehicles above wait for this one.
     near = {
         uav: intent
@@ -241,9 +241,9 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
         state, published = publish_intent(state, planned_flight(state))
         text = "the descent is clear; the vehicle lands [descent-clear]"
         return state, [ev.NotifyOperator(text), *ordered, *published]
-    if now_s - state.holding_since_boot_s < REPORTS_AGAIN_S:
+    if now_s - state.holding_since_boot_s < REPORT_EVERY_S:
         return state, []
-    text = f"the vehicle has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; the descent still "
+    text = f"the vehicle has held above its landing spot for {REPORT_EVERY_S:.0f} s; the descent still "
     text += f"conflicts with {describe_clashes(clashes, now_s)}; the vehicle continues to hold"
     return replace(state, holding_since_boot_s=now_s), [ev.NotifyOperator(f"{text} [landing-queue-long]")]
 

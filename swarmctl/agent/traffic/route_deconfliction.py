@@ -27,8 +27,8 @@ from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
 from swarmctl.agent.state import AgentState, FlightComparison, Phase
 from swarmctl.agent.traffic.collision_avoidance import ceiling_m, least_share, may_give_way
 from swarmctl.agent.traffic.intents import (
+    HOLD_DURATION_S,
     MAX_AGE_S,
-    STANDS_S,
     flight_by_plan,
     may_change,
     planned_flight,
@@ -297,7 +297,7 @@ def _may_hold(state: AgentState) -> bool:
     if here is None or task.separation.action != "hold" or task.wings is not None or not may_give_way(state):
         return False
     stop = stopping_point(state, here)
-    return not clashes_of(state, Trajectory((now_s, now_s + STANDS_S), (stop, stop)))
+    return not clashes_of(state, Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop)))
 
 
 def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:

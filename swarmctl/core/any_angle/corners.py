@@ -16,10 +16,10 @@ SPAN = 32
 """Longest leg of the first search [steps of the route]. Later searches try longer legs between the corners
 found so far. For a route of at most this many steps the number of legs is minimal."""
 
-TIES = 1e-9
+TIE_TOLERANCE = 1e-9
 """Relative difference below which sums count as equal, because of rounding."""
 
-ROUNDS = 50
+MAX_SEARCHES = 50
 """Greatest number of searches; a search is repeated if an arc of its track meets a wall or is worse."""
 
 
@@ -112,7 +112,7 @@ class _Search:
         return (0, *turns.tolist(), len(self._route) - 1)
 
     def _with_good_arcs(self, weights: Weights | None) -> tuple[int, ...] | None:
-        for _ in range(ROUNDS):
+        for _ in range(MAX_SEARCHES):
             corners = self._corners(weights)
             if corners is None or self._radius == 0.0:
                 return corners
@@ -161,7 +161,7 @@ class _Search:
         length = legs.measures[0]
         replaced = self._so_far[:, last] - self._so_far[:, first]
         # A leg as long as the cells it replaces lies on the lattice route, which the planner has chosen.
-        on_lattice = replaced[0] <= length * (1.0 + TIES)
+        on_lattice = replaced[0] <= length * (1.0 + TIE_TOLERANCE)
         if weights is None:
             rows = self._measure.rows
             good = _no_worse(legs.measures[rows], replaced[rows])
@@ -169,7 +169,7 @@ class _Search:
         else:
             exposure = legs.measures[ENTERED if self._measure is ExposureMeasure.ENTERED else INTEGRAL]
             good = np.ones(len(first), dtype=bool)
-            cost = (1.0 - weights.w) * weights.psi_per_cell * length + weights.w * exposure + TIES
+            cost = (1.0 - weights.w) * weights.psi_per_cell * length + weights.w * exposure + TIE_TOLERANCE
         return np.where((length > 0.0) & (on_lattice | (legs.clear & good)), cost, np.inf)
 
     def _best(self, nodes: Ints, costs: Floats) -> Ints | None:
@@ -225,4 +225,4 @@ class _Search:
 
 def _no_worse(measures: Floats, reference: Floats) -> Any:
     """Return whether every row of `measures` is at most that of `reference`, for one leg or for many."""
-    return (measures <= reference * (1.0 + TIES) + TIES).all(axis=0)
+    return (measures <= reference * (1.0 + TIE_TOLERANCE) + TIE_TOLERANCE).all(axis=0)

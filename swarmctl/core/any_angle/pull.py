@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarmctl.core.any_angle.corners import TIES, ExposureMeasure, Weights, choose_corners
+from swarmctl.core.any_angle.corners import TIE_TOLERANCE, ExposureMeasure, Weights, choose_corners
 from swarmctl.core.any_angle.track import CrossedCells, GridPoint, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.grid import Cell
@@ -124,7 +124,7 @@ def still_holds(
     rest, lattice = _rest_of(under, here), _rest_of(ahead, 0)
     on_track, on_route = measure.of(now, rest), measure.of(now, lattice)
     excess_before = np.maximum(measure.of(before, rest) - measure.of(before, lattice), 0.0)
-    return bool((on_track <= on_route * (1.0 + WORSE_BY) + excess_before + TIES).all())
+    return bool((on_track <= on_route * (1.0 + WORSE_BY) + excess_before + TIE_TOLERANCE).all())
 
 
 def _rest_of(under: CrossedCells, here: int) -> CrossedCells:

@@ -40,7 +40,7 @@ WALL_MARGIN = 0.1
 """Least distance of a track from the corner of a wall [cells], for errors of position and of following.
 Between the centres of neighbouring cells a track comes near a wall only at a corner."""
 
-NO_CHANCE = 1e-12
+MIN_SURVIVAL = 1e-12
 """Value for 1 − P_s of a cell with a certain hit, so that its logarithm is finite."""
 
 
@@ -117,7 +117,7 @@ class ThreatMap:
         """Return the map for `p_s` (rows, cols); infinite cells and cells above `max_exposure` are walls."""
         blocked = ~np.isfinite(p_s) | (p_s > max_exposure)
         finite = np.where(np.isfinite(p_s), p_s, 0.0)
-        return cls(finite, -np.log(np.maximum(1.0 - finite, NO_CHANCE)), blocked)
+        return cls(finite, -np.log(np.maximum(1.0 - finite, MIN_SURVIVAL)), blocked)
 
     def entered(self, cells: Sequence[Cell]) -> Floats:
         """Return (2,): ΣP_s and Σ −ln(1 − P_s) over cells that are entered."""

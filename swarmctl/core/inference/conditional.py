@@ -37,7 +37,7 @@ REACH_SIGMA = 6.0
 KNOT_SIGMA = 3.0
 """distance between knots of the saddle point bound [standard deviations]"""
 MAX_KNOTS = 257
-STEPS = 32
+N_BISECTIONS = 32
 """number of bisections for t; t need not be exact"""
 
 
@@ -193,7 +193,7 @@ def _tilt(log_ratio: Floats, n_cells: Ints, expected: Floats) -> Floats:
     margin = math.log(2.0 * float(n_cells.sum())) + 1.0
     low = np.full(expected.shape, -float(log_ratio.max()) - margin)
     high = np.full(expected.shape, -float(log_ratio.min()) + margin)
-    for _ in range(STEPS):
+    for _ in range(N_BISECTIONS):
         middle = 0.5 * (low + high)
         too_few = expit(log_ratio + middle[:, None]) @ n_cells < expected
         low, high = np.where(too_few, middle, low), np.where(too_few, high, middle)

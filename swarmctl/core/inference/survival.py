@@ -20,10 +20,10 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.inference.occupancy import CellClasses, posterior
 from swarmctl.core.threat import FiringStrength
 
-WORLDS = 4096
+N_WORLDS = 4096
 Z_95 = 1.959964
 """two-sided 95 % of a normal distribution"""
-ENOUGH = 100.0
+MIN_EFFECTIVE_WORLDS = 100.0
 """Least effective number of worlds, n·mean²/mean of squares, for the normal interval. If the average rests on
 a few worlds of thousands, that interval is too narrow; Wilson's holds for any spread between 0 and 1."""
 
@@ -55,7 +55,7 @@ def survival_probability(
     strength: FiringStrength,
     cells: Sequence[Cell],
     rng: np.random.Generator,
-    n_worlds: int = WORLDS,
+    n_worlds: int = N_WORLDS,
 ) -> ProbabilityEstimate:
     """Return the probability, by belief, that a vehicle enters every cell of a route without being hit.
 
@@ -95,7 +95,7 @@ def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]
     least = min(mean, 1.0 - mean)
     rare = survived if mean <= 0.5 else 1.0 - survived
     squares = float(np.mean(rare**2))
-    if squares == 0.0 or n * least**2 / squares < ENOUGH:
+    if squares == 0.0 or n * least**2 / squares < MIN_EFFECTIVE_WORLDS:
         z2 = Z_95**2 / n
         centre = (mean + z2 / 2.0) / (1.0 + z2)
         spread = Z_95 / (1.0 + z2) * math.sqrt(mean * (1.0 - mean) / n + z2 / (4.0 * n))
