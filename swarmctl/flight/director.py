@@ -81,7 +81,7 @@ class Director:
         launch: Launch = "when-ready",
         return_queue: ReturnQueue | None = None,
     ) -> None:
-        """`return_queue`: given if this process flies one vehicle of a swarm; None: it flies them all."""
+        """`return_queue`: for a process that flies one vehicle of a swarm; None if it flies all vehicles."""
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay

@@ -34,7 +34,7 @@ async def in_turns(
     within_s: float,
     speedup: float,
 ) -> None:
-    """Order armed vehicles whose agents have crashed; released vehicles are left alone.
+    """Order armed vehicles whose agents have crashed, but no released vehicles.
 
     Returning vehicles hold until their turn, at most `within_s`, so that no two meet. `speedup` is vehicle
     seconds in one second of the loop. No operator has given these orders, so each order first checks that the

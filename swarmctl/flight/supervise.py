@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Backoff:
-    """Waits between attempts: `first_s`, each next wait `factor` times longer, at most `most_s`."""
+    """The waits between `attempts` attempts: `first_s`, then each `factor` times longer, up to `most_s`."""
 
     attempts: int
     first_s: float

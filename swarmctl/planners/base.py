@@ -26,11 +26,11 @@ class BadProblem(ValueError):
 
 
 class Unreachable(ValueError):
-    """No route leads from the start to a goal."""
+    """A problem without a route from the start to a goal."""
 
 
 class BoundTooTight(Unreachable):
-    """Routes lead to a goal, but none keeps the bounds; `nearest` is the route closest to the bounds."""
+    """A problem whose routes all break the bounds; `nearest` is the route closest to the bounds."""
 
     def __init__(self, text: str, nearest: Route) -> None:
         super().__init__(text)
@@ -83,7 +83,7 @@ class Problem:
 
     @property
     def passable(self) -> NDArray[np.float64]:
-        """P_s for searches: cells above `max_exposure` are infinite too."""
+        """P_s for searches, also infinite in cells above `max_exposure`."""
         if math.isinf(self.max_exposure):
             return self.exposure
         return np.where(self.exposure > self.max_exposure, math.inf, self.exposure)

@@ -47,7 +47,7 @@ class Summed:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """Two neighbours of the envelope, the price at which they cost the same, and the field at that price."""
+    """Two neighbours of the envelope, the price at which both cost the same, and the field at that price."""
 
     short: Summed
     long: Summed

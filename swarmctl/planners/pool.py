@@ -28,7 +28,7 @@ class Pool(Generic[T]):
                 return taken
 
     def put(self, objects: Iterable[T], size: Callable[[T], int], most: int) -> None:
-        """Put objects back, the oldest first; drop the oldest while all together are larger than `most`."""
+        """Put objects back, the oldest first; drop the oldest while the total size exceeds `most`."""
         self._objects.extend(list(objects))
         while sum(map(size, kept := self._objects.copy())) > most and len(kept) > 1:
             with contextlib.suppress(IndexError):

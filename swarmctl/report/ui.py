@@ -20,7 +20,7 @@ class Ui(Protocol):
         """Show a line to the operator."""
 
     def log(self, text: str) -> None:
-        """Show a line if the operator asked for all of them (`--verbose`)."""
+        """Show a line if the operator asked for all lines (`--verbose`)."""
 
     def refresh(self, view: SwarmView) -> None: ...
 

@@ -35,7 +35,7 @@ TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
 
 class Unclear(ValueError):
-    """The options do not select one swarm or its vehicles; the text names the missing option."""
+    """Options that do not select one swarm and its vehicles; the text names the missing option."""
 
 
 class NoAnswer(Exception):

@@ -242,7 +242,7 @@ def _is_above(stairs: Floats, n_stairs: int, length: float, exposure: float) -> 
 
 
 def _insert(stairs: Floats, n_stairs: int, length: float, exposure: float) -> int:
-    """Insert a step between the shorter and the longer ones; return the number of steps."""
+    """Insert a step between the shorter and the longer steps; return the number of steps."""
     slot = n_stairs
     while slot > 0 and stairs[slot - 1, 0] > length:
         stairs[slot] = stairs[slot - 1]

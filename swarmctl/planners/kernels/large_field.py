@@ -88,7 +88,7 @@ class LargeField(Field):
         return compiled(sweep.is_prepared)(compilable(exposure), self.w, self.step, self.straight)
 
     def _settle(self, label: Floats, seeds: Ints) -> None:
-        """Spread labels from `seeds`, the only finite ones, until no neighbour improves any."""
+        """Spread labels from `seeds`, the only finite labels, until no neighbour improves a label."""
         rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
         by_columns, by_rows = compiled(sweep.sweep_columns), compiled(sweep.sweep_rows)
         # Outward from the seeds; between two seeds the sweeps cross.

@@ -104,7 +104,7 @@ class CheckedChain:
 
 
 def check(lines: Iterable[bytes]) -> CheckedChain:
-    """Follow a chain to its end or to its first fault. Malformed bytes never raise."""
+    """Return the entries of a chain up to its end or its first fault. Malformed bytes raise no exception."""
     entries: list[Entry] = []
     last = GENESIS
     for line in lines:
