@@ -62,12 +62,12 @@ class Sample:
     used_mah: float
     used_wh: float
     remaining: float  # share, in [0, 1]
-    gps_fix: int  # GPS_FIX_TYPE
-    gps_satellites: int
     gps_hdop: float
     gps_lat_deg: float
     gps_lon_deg: float
     gps_alt_amsl_m: float
+    gps_fix: int  # GPS_FIX_TYPE
+    gps_satellites: int
 
 
 class FlightLog(Protocol):

@@ -1,9 +1,6 @@
 """Samples for flight logs, taken from the fleet's columns for all due vehicles at once."""
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from sim_vehicle.files.logs.record import Sample
 from sim_vehicle.wire.telemetry.view import View
@@ -22,7 +19,8 @@ def samples(v: View) -> list[Sample]:
     velocity_m_s = world.estimate_velocity_m_s[i]
     attitude_rad = dynamics.attitude_rad[i]
     fix_type = np.where(status.gps_seen[i], gps.fix_type[i], 1)
-    columns = (
+    satellites = np.where(fix_type >= 2, gps.satellites[i], 0)
+    floats = (
         lat_deg[i],
         lon_deg[i],
         world.estimate_m[i, 2],
@@ -41,15 +39,12 @@ def samples(v: View) -> list[Sample]:
         batteries.used_mah[i],
         batteries.used_j[i] * WH_PER_J,
         batteries.remaining[i],
-        fix_type,
-        np.where(fix_type >= 2, gps.satellites[i], 0),
         gps.eph_m[i],
         gps_lat_deg[i],
         gps_lon_deg[i],
         gps.position_m[i, 2],
     )
-    return [Sample(*row) for row in zip(*(_fitting(column).tolist() for column in columns), strict=True)]
-
-
-def _fitting(column: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    return np.clip(column, -FLOAT32_MAX, FLOAT32_MAX) if column.dtype.kind == "f" else column
+    rows = np.clip(np.column_stack(floats), -FLOAT32_MAX, FLOAT32_MAX).tolist()
+    return [
+        Sample(*row, *whole) for *whole, row in zip(fix_type.tolist(), satellites.tolist(), rows, strict=True)
+    ]
