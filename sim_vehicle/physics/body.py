@@ -5,12 +5,12 @@ import math
 from sim_vehicle.physics.motion import YAW_RATE_RAD_S, MotionOrder
 from sim_vehicle.physics.world import World
 
-SHORTEST_LEG_M = 2.0  # shortest leg that sets a copter's heading
+MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
 # Limits of the values that the equations of motion support.
 SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
 YAW_RATES_RAD_S = (math.radians(1.0), YAW_RATE_RAD_S)
 BANKS_RAD = (math.radians(5.0), math.radians(75.0))
-STRONGEST_WIND_M_S = 100.0
+MAX_WIND_M_S = 100.0
 STALLS_M_S = (2.0, 50.0)
 CAPACITIES_MAH, VOLTAGES_V = (1.0, 1e6), (1.0, 1000.0)
 
@@ -333,12 +333,12 @@ class Body:
         batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
-        """Set the steady wind at this vehicle: speed up to STRONGEST_WIND_M_S, origin direction [deg].
+        """Set the steady wind at this vehicle: speed up to MAX_WIND_M_S, origin direction [deg].
 
         Speed None: the scenario's wind.
         """
         if speed_m_s is not None:
-            speed_m_s = min(speed_m_s, STRONGEST_WIND_M_S)
+            speed_m_s = min(speed_m_s, MAX_WIND_M_S)
         self._world.wind.set_steady(self._index, speed_m_s, from_deg)
 
     # -- internals ----------------------------------------------------------------------------------------
@@ -373,7 +373,7 @@ class Body:
 
     def _face_along(self) -> None:
         i, motion = self._index, self._motion
-        if motion.leg_length_m[i] > SHORTEST_LEG_M:
+        if motion.leg_length_m[i] > MIN_LEG_M:
             motion.wanted_heading_rad[i] = motion.leg_heading_rad[i]
         else:
             motion.wanted_heading_rad[i] = motion.attitude[2, i]

@@ -37,24 +37,24 @@ IDLE_W = 16.0
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
     """Advance velocities and attitudes of the copters `i` by `dt_s` [s]."""
     order = m.acting[i]
-    thrusts = m.airborne[i] & (order != MotionOrder.FALL)
+    has_thrust = m.airborne[i] & (order != MotionOrder.FALL)
     climb_error_m = m.target[2][i] - m.estimate[2][i]
-    pushes = _horizontal_acceleration(m, i, order, climb_error_m, dt_s) * thrusts
+    acceleration = _horizontal_acceleration(m, i, order, climb_error_m, dt_s) * has_thrust
     air = m.velocity[:2, i] - m.wind.now[:, i]
     airspeed = np.hypot(air[0], air[1])
     drag = air * (airspeed * DRAG_PER_M)
     known_air = m.velocity[:2, i] - m.wind.known[:, i]
     known_drag = known_air * (np.hypot(known_air[0], known_air[1]) * DRAG_PER_M)
-    tilt = (pushes + known_drag) * thrusts
+    tilt = (acceleration + known_drag) * has_thrust
     tilts = order == MotionOrder.TILT
     if np.count_nonzero(tilts):
-        np.copyto(tilt, m.wanted_tilt[:, i], where=tilts & thrusts)
+        np.copyto(tilt, m.wanted_tilt[:, i], where=tilts & has_thrust)
     size = np.hypot(tilt[0], tilt[1])
     if size.max(initial=0.0) > TILT_LIMIT_M_S2:
         tilt *= np.minimum(1.0, TILT_LIMIT_M_S2 / np.maximum(size, 1e-9))
     change = (tilt - drag) * (dt_s * m.airborne[i])
     climb = _climb(m, i, order, climb_error_m, dt_s)
-    lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * thrusts
+    lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * has_thrust
     m.velocity[:2, i] += change
     m.velocity[2][i] = climb
     m.airspeed_m_s[i] = airspeed * m.airborne[i]

@@ -18,7 +18,7 @@ GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # greatest accepted innovation, and its grow
 RESET_AFTER_S = 7.0  # time of rejection until the filter restarts
 LOST_AFTER_S = 8.0  # time without an accepted sample until the position is lost
 ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor, applied without GPS only
-FASTEST_ERROR_M_S = 5.0
+MAX_VELOCITY_ERROR_M_S = 5.0
 
 
 class Estimator:
@@ -48,7 +48,7 @@ class Estimator:
         """Propagate by inertia alone for `dt_s` [s]."""
         if self._any_unaided:
             grown = self._velocity_error[:2] + self._bias * (dt_s * (self.unaided_s > 0))
-            self._velocity_error[:2] = grown.clip(-FASTEST_ERROR_M_S, FASTEST_ERROR_M_S)
+            self._velocity_error[:2] = grown.clip(-MAX_VELOCITY_ERROR_M_S, MAX_VELOCITY_ERROR_M_S)
         self._error[:2] += self._velocity_error[:2] * dt_s
 
     def correct(self, dt_s: float, gps: Gps, height_draws: Floats | None) -> None:

@@ -28,7 +28,7 @@ CLIMB_OUT_BELOW_M = 3.0  # climb-out continues until this far below the target
 APPROACH_M = 20.0  # height above the ground below which a landing plane slows down
 FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4
 ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
-SLOWEST_M_S = 3.0  # lowest airspeed in the equations
+MIN_SPEED_M_S = 3.0  # lowest airspeed in the equations
 MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
 
 
@@ -57,7 +57,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
         rolling = _ground_speed(m, i, state, dt_s)
         tailwind = m.wind.now[0][i] * state.sin + m.wind.now[1][i] * state.cos
         air = np.where(state.airborne, air, np.maximum(rolling - tailwind, 0.0))
-    airspeed = np.maximum(air, SLOWEST_M_S)
+    airspeed = np.maximum(air, MIN_SPEED_M_S)
     stall = m.stall_m_s[i]
     attack = ATTACK_RAD * (2.0 * stall / np.maximum(air, stall)) ** 2
     pitch = (np.arcsin(np.maximum(np.minimum(climb / airspeed, 1.0), -1.0)) + attack) * state.airborne
@@ -111,7 +111,7 @@ def _is_commanded_up(m: Motion, i: Selection, order: Ints) -> Bools:
 
 def _bank(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the bank after the step toward the course, right wing down positive, (n,) [rad]."""
-    air = np.maximum(m.airspeed_m_s[i], SLOWEST_M_S)
+    air = np.maximum(m.airspeed_m_s[i], MIN_SPEED_M_S)
     course, turn = _course(m, i, state, air)
     crosswind = m.wind.known[0][i] * np.cos(course) - m.wind.known[1][i] * np.sin(course)
     heading = course - np.arcsin(np.maximum(np.minimum(crosswind / air, 1.0), -1.0))
@@ -170,7 +170,7 @@ def _airspeed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Float
     falls = air < m.stall_m_s[i]
     if np.count_nonzero(falls):
         sink = np.maximum(-m.velocity[2][i], 0.0)
-        air += falls * (GRAVITY_M_S2 * dt_s) * sink / np.maximum(air, SLOWEST_M_S)
+        air += falls * (GRAVITY_M_S2 * dt_s) * sink / np.maximum(air, MIN_SPEED_M_S)
     return np.asarray(air)
 
 

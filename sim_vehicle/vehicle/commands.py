@@ -33,7 +33,7 @@ UNSUPPORTED = int(mavlink.MAV_RESULT_UNSUPPORTED)
 TEMPORARILY_REJECTED = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
 IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
 CALIBRATION_S = 3.0
-LONGEST_INTERVAL_US = 2**31 - 1
+MAX_INTERVAL_US = 2**31 - 1
 
 
 def execute(vehicle: Vehicle, command: Command, now: float) -> int:
@@ -168,7 +168,7 @@ def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int
 def _interval_us(vehicle: Vehicle, message_id: int) -> int:
     """Return the interval as in MESSAGE_INTERVAL [us]; -1 if the message is not streamed."""
     interval_s = vehicle.rates.interval_s(message_id)
-    return -1 if interval_s is None else round(min(interval_s * 1e6, LONGEST_INTERVAL_US))
+    return -1 if interval_s is None else round(min(interval_s * 1e6, MAX_INTERVAL_US))
 
 
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:

@@ -193,7 +193,7 @@ class Failsafes:
         """Return True if the ground station has been silent longer than the limit."""
         flight_parameters = self._vehicle.flight_parameters
         if self._gcs_heartbeat_s is None:
-            return self.gcs_missing and flight_parameters.gcs_never_heard_is_lost
+            return self.gcs_missing and flight_parameters.gcs_missing_is_lost
         return now - self._gcs_heartbeat_s > flight_parameters.gcs_timeout_s
 
     def _handle_lost_link(

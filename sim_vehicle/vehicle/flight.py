@@ -16,8 +16,8 @@ from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
 
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
 DROP_M_S = 8.0
-FASTEST_M_S = 50.0
-FARTHEST_M = 1e6  # limit of altitudes, up and down
+MAX_SPEED_M_S = 50.0
+MAX_ALTITUDE_M = 1e6  # limit of altitudes, up and down
 PILOT_ACCELERATION_M_S2 = 2.5
 RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in progress
 
@@ -294,7 +294,7 @@ class Flight:
         """Carry out DO_CHANGE_SPEED until the mode changes; `kind` is SPEED_TYPE."""
         if not speed_m_s > 0:
             return False
-        speed_m_s = min(speed_m_s, FASTEST_M_S)
+        speed_m_s = min(speed_m_s, MAX_SPEED_M_S)
         if kind in (mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED):
             self.limit(speed_m_s=speed_m_s)
         elif kind == mavlink.SPEED_TYPE_CLIMB_SPEED:
@@ -325,7 +325,7 @@ class Flight:
         """
         if not math.isfinite(z_m):
             return self.body.alt_amsl_m
-        z_m = max(-FARTHEST_M, min(z_m, FARTHEST_M))
+        z_m = max(-MAX_ALTITUDE_M, min(z_m, MAX_ALTITUDE_M))
         if frame in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
             return z_m
         if frame in (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT):

@@ -29,7 +29,7 @@ class FailsafeAction(Enum):
 class RallyAltitude(Enum):
     """Meaning of a rally point's altitude for a vehicle that returns there."""
 
-    LEAST = auto()  # lowest travel altitude, like the height above home
+    MINIMUM = auto()  # lowest travel altitude, like the height above home
     EXACT = auto()  # altitude of the travel and of the circle
     GROUND = auto()  # reference of the travel heights, like home's altitude
 
@@ -106,14 +106,14 @@ class FlightParameters:
     # altitude tolerance at a waypoint; a plane outside the tolerance circles to the altitude
     waypoint_height_m: float = math.inf
     circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
-    takeoff_along: bool = False  # climbs straight towards the take-off position; else in circles
+    takeoff_straight: bool = False  # climbs straight towards the take-off position; else in circles
     # environment by parameter (SIM_*)
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0
     # parameters of some autopilots only
     battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
     failsafe_delay_s: float = 0.0  # hold before a failsafe acts
-    gcs_never_heard_is_lost: bool = False  # a ground station never heard since the boot counts as lost
+    gcs_missing_is_lost: bool = False  # a ground station without a heartbeat since the boot counts as lost
     # Actions in the air by mode number, instead of gcs_action, rc_action and rc_short_action.
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
@@ -132,7 +132,7 @@ class FlightParameters:
     landing_slowing_below_m: float = 0.0
     return_hover_height_m: float | None = None  # height of the wait above home; None: the travel height
     # Height above home at the end of a return, with remote control; None: landing.
-    return_ends_m: float | None = None
+    return_final_height_m: float | None = None
     zero_keeps_altitude: bool = False  # altitude 0 of a mission item is the present altitude
     rally_limit_m: float = math.inf  # farther rally points are ignored
     rally_altitude: RallyAltitude = RallyAltitude.GROUND

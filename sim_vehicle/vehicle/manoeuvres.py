@@ -59,7 +59,7 @@ class Landing:
 class Return:
     """Return to launch: climb, flight home or to the nearest rally point, wait, landing.
 
-    With `return_ends_m` the vehicle hovers at that height instead of landing (`ModeRTL::run`).
+    With `return_final_height_m` the vehicle hovers at that height instead of landing (`ModeRTL::run`).
     """
 
     def __init__(self, flight: FlightControl) -> None:
@@ -67,7 +67,7 @@ class Return:
         body, flight_parameters = flight.body, flight.flight_parameters
         self._place = flight.return_place()
         east_m, north_m, up_m = body.position_m
-        self._up_m = self._travel_m(up_m)
+        self._up_m = self._travel_altitude_m(up_m)
         flight.limit(speed_m_s=flight_parameters.return_speed_m_s)
         if body.plane and flight_parameters.return_loiter_radius_m:
             flight.limit(loiter_radius_m=flight_parameters.return_loiter_radius_m)
@@ -86,21 +86,21 @@ class Return:
             2,
         )
 
-    def _travel_m(self, up_m: float) -> float:
+    def _travel_altitude_m(self, up_m: float) -> float:
         """Return the travel altitude for a start at `up_m` [m above mean sea level]."""
         home, flight_parameters = self._flight.home(), self._flight.flight_parameters
         place_m = self._place.alt_amsl_m
         if self._place == home or flight_parameters.rally_altitude is RallyAltitude.GROUND:
-            wanted_m = place_m + self._height_m()
+            wanted_m = place_m + self._travel_height_m()
         elif flight_parameters.rally_altitude is RallyAltitude.EXACT:
             return place_m
         else:
-            wanted_m = max(place_m, home.alt_amsl_m + self._height_m())
+            wanted_m = max(place_m, home.alt_amsl_m + self._travel_height_m())
         if flight_parameters.return_under_fence:
             wanted_m = min(wanted_m, self._flight.ceiling_amsl_m())
         return wanted_m if flight_parameters.return_descends else max(up_m, wanted_m)
 
-    def _height_m(self) -> float:
+    def _travel_height_m(self) -> float:
         """Return the travel height above the destination [m]."""
         body, flight_parameters = self._flight.body, self._flight.flight_parameters
         if flight_parameters.return_height_at is None:
@@ -122,12 +122,12 @@ class Return:
 
     def _end(self) -> None:
         flight = self._flight
-        ends_m = flight.flight_parameters.return_ends_m
-        if ends_m is None or flight.remote_lost():
+        final_height_m = flight.flight_parameters.return_final_height_m
+        if final_height_m is None or flight.remote_lost():
             self._landing = Landing(flight, None)
             return
         self._stays = True
-        self._up_m = flight.home().alt_amsl_m + ends_m
+        self._up_m = flight.home().alt_amsl_m + final_height_m
         self._fly_home()
 
     def _fly_home(self) -> None:
@@ -232,7 +232,7 @@ class Circling:
     turns: number of circles.
     """
 
-    POINTS_A_TURN = 16
+    POINTS_PER_TURN = 16
 
     def __init__(
         self, flight: FlightControl, centre_m: tuple[float, float, float], radius_m: float, turns: float
@@ -240,7 +240,7 @@ class Circling:
         self._flight, self._centre_m, self._radius_m = flight, centre_m, radius_m
         east_m, north_m, _ = flight.body.position_m
         self._bearing_rad = math.atan2(east_m - centre_m[0], north_m - centre_m[1])
-        self._points_left = math.ceil(turns * self.POINTS_A_TURN) if radius_m else 0
+        self._points_left = math.ceil(turns * self.POINTS_PER_TURN) if radius_m else 0
         self._turns = turns
         self._flown_rad = 0.0
         self._last_bearing_rad: float | None = None
@@ -262,7 +262,7 @@ class Circling:
         radius_m = abs(self._radius_m)
         east_m = self._centre_m[0] + radius_m * math.sin(self._bearing_rad)
         north_m = self._centre_m[1] + radius_m * math.cos(self._bearing_rad)
-        speed_m_s = self._flight.body.corner_speed_m_s(2 * math.pi / self.POINTS_A_TURN)
+        speed_m_s = self._flight.body.corner_speed_m_s(2 * math.pi / self.POINTS_PER_TURN)
         self._flight.body.fly_to(east_m, north_m, self._centre_m[2], speed_m_s if self._points_left else 0.0)
 
     def update(self, _now: float) -> bool:
@@ -274,7 +274,7 @@ class Circling:
         if self._points_left == 0:
             return True
         self._points_left -= 1
-        step_rad = 2 * math.pi / self.POINTS_A_TURN
+        step_rad = 2 * math.pi / self.POINTS_PER_TURN
         self._bearing_rad += step_rad if self._radius_m >= 0 else -step_rad
         self._fly_to_point()
         return False

@@ -37,7 +37,7 @@ TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKE
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
 MAX_PER_UPDATE = 50  # do-commands per update, because jumps back can repeat commands endlessly
-MAX_BETWEEN = 1000  # do-commands between two navigation commands, with repetitions
+MAX_DO_COMMANDS = 1000  # do-commands between two navigation commands, with repetitions
 
 
 class MissionState(IntEnum):
@@ -233,7 +233,7 @@ class Mission:
                     continue
             else:
                 passed.append(index)
-                if len(passed) > MAX_BETWEEN:
+                if len(passed) > MAX_DO_COMMANDS:
                     return None
             index += 1
         return None

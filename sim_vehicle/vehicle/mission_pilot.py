@@ -21,8 +21,8 @@ YAW_REACHED_RAD = math.radians(2.0)
 FLOWN_THROUGH = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT, mavlink.MAV_CMD_CONDITION_GATE}
 )
-WAITS = FLOWN_THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY}
-REPORTED = FLOWN_THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_LOITER_TURNS}
+TIMED_COMMANDS = FLOWN_THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY}
+REPORTED_COMMANDS = FLOWN_THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_LOITER_TURNS}
 SHORT_NAMES = {
     mavlink.MAV_CMD_NAV_TAKEOFF: "Takeoff",
     mavlink.MAV_CMD_NAV_WAYPOINT: "WP",
@@ -123,17 +123,20 @@ class MissionPilot:
         flight = self._flight
         east_m, north_m, up_m = flight.body.position_m
         if item.command in TAKEOFFS:
-            over_m = self._takeoff_toward(item) if self._takes_off_along else (east_m, north_m)
-            return *over_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
+            place_m = self._takeoff_toward(item) if self._takes_off_straight else (east_m, north_m)
+            return *place_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
         if item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT:
-            on_m, heading_rad = (AHEAD_M if flight.body.plane else 0.0), flight.body.heading_rad
-            ahead_m = east_m + on_m * math.sin(heading_rad), north_m + on_m * math.cos(heading_rad)
+            distance_m, heading_rad = (AHEAD_M if flight.body.plane else 0.0), flight.body.heading_rad
+            ahead_m = (
+                east_m + distance_m * math.sin(heading_rad),
+                north_m + distance_m * math.cos(heading_rad),
+            )
             return *ahead_m, flight.altitude_amsl_m(item.frame, item.z)
         return target_of(flight, item)
 
     @property
-    def _takes_off_along(self) -> bool:
-        return self._flight.body.plane and self._flight.flight_parameters.takeoff_along
+    def _takes_off_straight(self) -> bool:
+        return self._flight.body.plane and self._flight.flight_parameters.takeoff_straight
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
         """Return a point far ahead, east and north [m].
@@ -200,7 +203,7 @@ class MissionPilot:
         cleared = flight.cleared_for_takeoff or flight.flight_parameters.mission_takes_off
         if not (flight.armed and cleared):
             return False
-        if self._takes_off_along:
+        if self._takes_off_straight:
             if not flight.body.airborne:
                 east_m, north_m, up_m = self._target_m
                 flight.go((east_m, north_m, up_m + CLIMB_MARGIN_M), flight.flight_parameters.speed_m_s)
@@ -244,7 +247,7 @@ class MissionPilot:
             )
             return False
         if self._wait_until_s is None:
-            self._wait_until_s = now + (finite(item.param1) if item.command in WAITS else 0.0)
+            self._wait_until_s = now + (finite(item.param1) if item.command in TIMED_COMMANDS else 0.0)
         return now >= self._wait_until_s
 
     def _is_too_high_or_low(self, item: Item) -> bool:
@@ -289,7 +292,7 @@ class MissionPilot:
 
     def mission_item_reached(self, index: int, item: Item) -> None:
         self._flight.send(mavlink.MAVLink_mission_item_reached_message(index))
-        if item.command in REPORTED:
+        if item.command in REPORTED_COMMANDS:
             self._flight.announce("item_reached", index=index)
 
     def mission_ended(self) -> None:
@@ -339,13 +342,13 @@ class ReturnByMission:
     Every item has a position. The vehicle does not stop there; only a plane circles to change its altitude.
     """
 
-    def __init__(self, flight: FlightControl, items: Sequence[Item], least_amsl_m: float) -> None:
+    def __init__(self, flight: FlightControl, items: Sequence[Item], minimum_amsl_m: float) -> None:
         self._flight = flight
         self._remaining_items = list(items)
         self._manoeuvre: Manoeuvre | None = None
-        if flight.body.alt_amsl_m < least_amsl_m:
+        if flight.body.alt_amsl_m < minimum_amsl_m:
             east_m, north_m, _ = flight.body.position_m
-            flight.body.loiter(east_m, north_m, least_amsl_m)
+            flight.body.loiter(east_m, north_m, minimum_amsl_m)
         else:
             self._begin_next()
 

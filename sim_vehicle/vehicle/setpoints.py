@@ -23,7 +23,7 @@ BODY_FRAMES = frozenset(
 )
 RELATIVE_YAW_FRAMES = frozenset({mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED})
 LOCAL_FRAMES = BODY_FRAMES | {mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED}
-FAR_M = 1e5
+MAX_COORDINATE_M = 1e5
 NEVER_S = -math.inf
 
 
@@ -114,12 +114,12 @@ class Setpoints:
             lat_deg, lon_deg = message.lat_int * 1e-7, message.lon_int * 1e-7
             if frame not in FRAMES_WITH_ALTITUDE or abs(lat_deg) > 90 or abs(lon_deg) > 180:
                 return
-            if not abs(message.alt) < FAR_M:  # also excludes NaN
+            if not abs(message.alt) < MAX_COORDINATE_M:  # also excludes NaN
                 return
             target_m = (*body.locate(lat_deg, lon_deg), flight.altitude_amsl_m(frame, message.alt))
         else:
             if frame not in LOCAL_FRAMES or not all(
-                abs(v) < FAR_M for v in (message.x, message.y, message.z)
+                abs(v) < MAX_COORDINATE_M for v in (message.x, message.y, message.z)
             ):
                 return
             target_m = self._local_m(frame, message.x, message.y, message.z)

@@ -15,7 +15,7 @@ from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.mission import MissionState
 
-SEND_EVERY_S = 0.1  # interval of sending during a transfer
+SEND_INTERVAL_S = 0.1  # interval of sending during a transfer
 WATCHED = (Failsafe.RADIO, Failsafe.BATTERY, Failsafe.GROUND_STATION, Failsafe.FENCE, Failsafe.POSITION)
 
 
@@ -86,7 +86,7 @@ class Storage:
 
     def next_s(self, now: float) -> float:
         """Return the time of the next `tick` with work [s]."""
-        return now + SEND_EVERY_S if self._ftp.busy or self._transfer.busy else math.inf
+        return now + SEND_INTERVAL_S if self._ftp.busy or self._transfer.busy else math.inf
 
     def reboot(self, now: float) -> None:
         """End the log and forget transfers; files and logs stay."""

@@ -7,8 +7,8 @@ from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters, RallyAltitude
 from sim_vehicle.vehicle.params import Parameters
 
-SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
-LEAST_RETURN_M, LEAST_CONE_SLOPE = 0.3, 0.5
+MIN_SPEED_M_S, MAX_SPEED_M_S = 0.1, 50.0
+MIN_RETURN_HEIGHT_M, MIN_CONE_SLOPE = 0.3, 0.5
 FENCE_GIVE_UP_M = 100.0
 STALL_M_S = 8.0  # for a plane with AIRSPEED_STALL 0
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
@@ -101,7 +101,7 @@ RC_AUTO, GCS_AUTO, RC_GUIDED, GCS_PILOTED = 1, 2, 4, 16
 def _m_s(params: Parameters, *names: str) -> float:
     """Return the first nonzero value [cm/s] in m/s, limited to the abilities of the airframe."""
     value = next((params[name] for name in names if params[name] != 0), 0.0)
-    return min(max(value / 100, SLOWEST_M_S), FASTEST_M_S)
+    return min(max(value / 100, MIN_SPEED_M_S), MAX_SPEED_M_S)
 
 
 def _share(params: Parameters, name: str) -> float:
@@ -123,9 +123,9 @@ def _return_height(params: Parameters) -> Callable[[float, float], float]:
     slope = params["RTL_CONE_SLOPE"]
 
     def height_m(distance_m: float, height_m: float) -> float:
-        least_m = max(LEAST_RETURN_M, height_m + climb_m)
-        wanted_m = max(full_m, least_m)
-        return wanted_m if slope < LEAST_CONE_SLOPE else min(wanted_m, max(slope * distance_m, least_m))
+        minimum_m = max(MIN_RETURN_HEIGHT_M, height_m + climb_m)
+        wanted_m = max(full_m, minimum_m)
+        return wanted_m if slope < MIN_CONE_SLOPE else min(wanted_m, max(slope * distance_m, minimum_m))
 
     return height_m
 
@@ -164,7 +164,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         fence_give_up_m=FENCE_GIVE_UP_M,
         return_speed_m_s=_m_s(params, "RTL_SPEED", "WPNAV_SPEED"),
         return_wait_s=params["RTL_LOIT_TIME"] / 1000,
-        return_ends_m=params["RTL_ALT_FINAL"] / 100 if params["RTL_ALT_FINAL"] > 0 else None,
+        return_final_height_m=params["RTL_ALT_FINAL"] / 100 if params["RTL_ALT_FINAL"] > 0 else None,
         landing_speed_m_s=_m_s(params, "LAND_SPEED"),
         landing_slow_below_m=params["LAND_ALT_LOW"] / 100,
         landing_speed_high_m_s=_m_s(params, "LAND_SPEED_HIGH", "WPNAV_SPEED_DN"),
@@ -209,7 +209,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         fence_margin_m=params["FENCE_MARGIN"],
         zero_keeps_altitude=True,
         rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
-        rally_altitude=RallyAltitude.LEAST,
+        rally_altitude=RallyAltitude.MINIMUM,
         rally_includes_home=params["RALLY_INCL_HOME"] == 1,
         wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
         wind_from_deg=params["SIM_WIND_DIR"],
@@ -236,8 +236,8 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
     short_never = (*_SHORT_NEVER, _AUTO, _GUIDED, _LOITER) if short == 0 else _SHORT_NEVER
     return FlightParameters(
         speed_m_s=params["AIRSPEED_CRUISE"],
-        climb_m_s=max(params["TECS_CLMB_MAX"], SLOWEST_M_S),
-        descent_m_s=max(params["TECS_SINK_MAX"], SLOWEST_M_S),
+        climb_m_s=max(params["TECS_CLMB_MAX"], MIN_SPEED_M_S),
+        descent_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S),
         acceleration_m_s2=3.0,
         vertical_acceleration_m_s2=3.0,
         waypoint_radius_m=max(params["WP_RADIUS"], 1.0),
@@ -252,7 +252,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         return_lands=int(params["RTL_AUTOLAND"]),
         landing_speed_m_s=2.0,
         landing_slow_below_m=10.0,
-        landing_speed_high_m_s=max(params["TECS_SINK_MAX"], SLOWEST_M_S),
+        landing_speed_high_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S),
         pilot_descent_m_s=3.0,
         arming_checks=params["ARMING_CHECK"] != 0,
         mission_mode_armable=True,

@@ -9,7 +9,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.params import Parameters
 
-SLOWEST_M_S = 0.1
+MIN_SPEED_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0
 STICKS_DISABLED = 4  # COM_RC_IN_MODE
 MIN_DELAY_S = 0.1  # a shorter COM_FAIL_ACT_T counts as 0
@@ -78,7 +78,7 @@ def _positive_or_inf(value: float) -> float:
 
 
 def _at_least(value: float) -> float:
-    return max(value, SLOWEST_M_S)
+    return max(value, MIN_SPEED_M_S)
 
 
 def _common(params: Parameters) -> dict[str, object]:
@@ -108,7 +108,7 @@ def _common(params: Parameters) -> dict[str, object]:
         "gcs_sysid": None,
         "gcs_timeout_s": math.inf if gcs is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
         "gcs_action": gcs,
-        "gcs_never_heard_is_lost": True,
+        "gcs_missing_is_lost": True,
         "battery_warning_share": params["BAT_LOW_THR"],
         "battery_low_v": 0.0,
         "battery_low_share": params["BAT_CRIT_THR"],
@@ -181,7 +181,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
     )
 
 
-def _switch_m(params: Parameters) -> float:
+def _switch_distance_m(params: Parameters) -> float:
     """Return the switch distance of a fixed wing before a waypoint (NPFG::switchDistance, cruise) [m]."""
     error_bound_m = params["NPFG_PERIOD"] * params["NPFG_DAMPING"] * params["FW_AIRSPD_TRIM"]
     return float(max(params["NAV_ACC_RAD"], params["NPFG_SW_DST_MLT"] * error_bound_m))
@@ -193,11 +193,11 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
     landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
     glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
     return FlightParameters(
-        **_common(params) | {"waypoint_radius_m": _switch_m(params)},  # type: ignore[arg-type]
+        **_common(params) | {"waypoint_radius_m": _switch_distance_m(params)},  # type: ignore[arg-type]
         waypoints_set_radius=False,
         waypoint_height_m=params["NAV_FW_ALT_RAD"],
         circles_first=True,
-        takeoff_along=True,
+        takeoff_straight=True,
         speed_m_s=_at_least(params["FW_AIRSPD_TRIM"]),
         climb_m_s=_at_least(params["FW_T_CLMB_MAX"]),
         descent_m_s=_at_least(params["FW_T_SINK_MAX"]),

@@ -17,7 +17,7 @@ from sim_vehicle.vehicle.rally import distance_m
 
 LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 HOME_OR_RALLY, LANDING_OR_RALLY, BY_MISSION, CLOSEST = 0, 1, 2, 3  # RTL_TYPE
-TO_BE_CLOSER_M = 2.0  # MIN_DIST_THRESHOLD
+MIN_DISTANCE_THRESHOLD_M = 2.0  # MIN_DIST_THRESHOLD
 
 
 def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
@@ -39,16 +39,16 @@ def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
     if landing is None or kind not in (LANDING_OR_RALLY, BY_MISSION, CLOSEST):
         return None
     first, last = landing
-    least_amsl_m = -math.inf
+    minimum_amsl_m = -math.inf
     if _is_landing(vehicle, first, last) or (kind == BY_MISSION and _flies_mission(vehicle)):
         first = mission.index
     elif kind != BY_MISSION:
         if _other_place_is_nearer(vehicle, mission.items[last], kind):
             return None
         ground_m = vehicle.flight.altitude_amsl_m(mission.items[last].frame, mission.items[last].z)
-        least_amsl_m = ground_m + vehicle.flight_parameters.return_height_m
+        minimum_amsl_m = ground_m + vehicle.flight_parameters.return_height_m
     flown = [item for item in mission.items[first : last + 1] if item.place_deg is not None]
-    return (flown, least_amsl_m) if flown and flown[-1] is mission.items[last] else None
+    return (flown, minimum_amsl_m) if flown and flown[-1] is mission.items[last] else None
 
 
 def _flies_mission(vehicle: Vehicle) -> bool:
@@ -63,7 +63,9 @@ def _other_place_is_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
         places.append(vehicle.home_and_rally.home_deg)
     distances_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
     landing_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
-    return landing_m + (TO_BE_CLOSER_M if kind == CLOSEST else 0.0) >= min(distances_m, default=math.inf)
+    return landing_m + (MIN_DISTANCE_THRESHOLD_M if kind == CLOSEST else 0.0) >= min(
+        distances_m, default=math.inf
+    )
 
 
 def _is_landing(vehicle: Vehicle, first: int, last: int) -> bool:

@@ -6,7 +6,7 @@ from sim_vehicle.physics.body import Body
 
 CORRECTION_PER_S = 0.5  # correction speed per distance from the circle
 CENTRIPETAL_M_S2 = 2.0  # largest centripetal acceleration, which limits the speed on a narrow circle
-NARROWEST_M, WIDEST_M = 1.0, 1000.0
+MIN_RADIUS_M, MAX_RADIUS_M = 1.0, 1000.0
 
 
 class Orbit:
@@ -19,7 +19,7 @@ class Orbit:
         self, body: Body, centre_m: tuple[float, float], up_m: float, radius_m: float, speed_m_s: float
     ) -> None:
         self._body, self._centre_m, self._up_m = body, centre_m, up_m
-        self._radius_m = min(max(abs(radius_m), NARROWEST_M), WIDEST_M)
+        self._radius_m = min(max(abs(radius_m), MIN_RADIUS_M), MAX_RADIUS_M)
         self._turns = -1.0 if radius_m < 0 else 1.0
         self._speed_m_s = min(speed_m_s, math.sqrt(CENTRIPETAL_M_S2 * self._radius_m))
 

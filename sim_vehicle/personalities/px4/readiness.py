@@ -37,10 +37,10 @@ _UNHEALTHY = {
 
 def refusals(vehicle: Vehicle, now: float) -> list[str]:
     """Return all reasons against arming in the present mode, in PX4's words."""
-    return [*_estimate(vehicle, now), *_mode(vehicle, now), *_system(vehicle)]
+    return [*_position_refusals(vehicle, now), *_mode_refusals(vehicle, now), *_system_refusals(vehicle)]
 
 
-def _estimate(vehicle: Vehicle, now: float) -> list[str]:
+def _position_refusals(vehicle: Vehicle, now: float) -> list[str]:
     if vehicle.params["COM_ARM_WO_GPS"] == 0 and not (
         vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix
     ):
@@ -52,7 +52,7 @@ def _estimate(vehicle: Vehicle, now: float) -> list[str]:
     return ["No valid global position estimate"]
 
 
-def _mode(vehicle: Vehicle, now: float) -> list[str]:
+def _mode_refusals(vehicle: Vehicle, now: float) -> list[str]:
     mode = vehicle.mode
     if not mode.armable:
         return ["Mode not suitable for takeoff"]
@@ -65,22 +65,22 @@ def _mode(vehicle: Vehicle, now: float) -> list[str]:
     return []
 
 
-def _battery(vehicle: Vehicle) -> list[str]:
+def _battery_refusals(vehicle: Vehicle) -> list[str]:
     """Return the battery's reason against arming: a charge below COM_ARM_BAT_MIN, else below critical."""
     share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
-    least_share = vehicle.params["COM_ARM_BAT_MIN"]
-    if share >= (least_share if least_share >= 0 else flight_parameters.battery_low_share):
+    minimum_share = vehicle.params["COM_ARM_BAT_MIN"]
+    if share >= (minimum_share if minimum_share >= 0 else flight_parameters.battery_low_share):
         return []
     if share < flight_parameters.battery_critical_share:
         return ["Emergency battery level"]
     return ["Critical battery" if share < flight_parameters.battery_low_share else "Low battery"]
 
 
-def _system(vehicle: Vehicle) -> list[str]:
+def _system_refusals(vehicle: Vehicle) -> list[str]:
     reasons = []
     if vehicle.failsafes.gcs_missing:
         reasons.append("No connection to the ground control station")
-    reasons += _battery(vehicle)
+    reasons += _battery_refusals(vehicle)
     if vehicle.params["COM_ARM_MIS_REQ"] == 1 and vehicle.mission.empty:
         reasons.append("No valid mission")
     unhealthy = vehicle.injected_faults.unhealthy_sensors
@@ -89,19 +89,23 @@ def _system(vehicle: Vehicle) -> list[str]:
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
     """Return True for a mission that PX4 flies; else send the reason as a text."""
-    refusal = _far(vehicle, items)
+    refusal = _distance_refusal(vehicle, items)
     if refusal is None and vehicle.body.plane:
-        refusal = _outside(vehicle, items)
+        refusal = _fence_refusal(vehicle, items)
     if refusal is None and vehicle.body.plane:
         home_m = vehicle.flight.home().alt_amsl_m
         refusal = wing_missions.refusal(items, home_m, vehicle.params["FW_LND_ANG"])
-    refusal = refusal or _takeoff(items) or _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
+    refusal = (
+        refusal
+        or _takeoff_refusal(items)
+        or _required_items_refusal(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
+    )
     if refusal is not None:
         vehicle.send_text(mavlink.MAV_SEVERITY_CRITICAL, refusal)
     return refusal is None and bool(items)
 
 
-def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
+def _distance_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     """Return the refusal of a first position too far from the vehicle; 0, 0 is a position too."""
     limit_m = vehicle.params["MIS_DIST_1WP"]
     first = next((item for item in items if item.command in _PLACED), None)
@@ -111,7 +115,7 @@ def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     return f"First waypoint too far away: {int(away_m)}m, {int(limit_m)} max" if away_m >= limit_m else None
 
 
-def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
+def _fence_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     """Return the refusal of a position outside the fence, under any fence action.
 
     The check applies to fixed wings only: the refusal was not observed for multicopters.
@@ -125,12 +129,12 @@ def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     return None
 
 
-def _takeoff(items: Sequence[Item]) -> str | None:
+def _takeoff_refusal(items: Sequence[Item]) -> str | None:
     placed = [item.command in _TAKEOFFS for item in items if item.command in _PLACED]
     return "Mission rejected: takeoff not first waypoint item" if any(placed[1:]) else None
 
 
-def _infeasible(items: Sequence[Item], required: int) -> str | None:
+def _required_items_refusal(items: Sequence[Item], required: int) -> str | None:
     if not items:
         return None
     takeoff = any(item.command in _TAKEOFFS for item in items)

@@ -18,19 +18,19 @@ _ABOVE_SEA = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 
 def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> str | None:
     """Return the reason against flying these items, in PX4's words; `steepest_deg` is FW_LND_ANG."""
-    return _pattern(items) or next(
+    return _order_error(items) or next(
         (
             text
             for before, item in pairwise(items)
             if item.command == mavlink.MAV_CMD_NAV_LAND
             and before.place_deg is not None
-            and (text := _approach(before, item, home_amsl_m, steepest_deg)) is not None
+            and (text := _approach_error(before, item, home_amsl_m, steepest_deg)) is not None
         ),
         None,
     )
 
 
-def _pattern(items: Sequence[Item]) -> str | None:
+def _order_error(items: Sequence[Item]) -> str | None:
     """Return the error in the order of the landing items, None without an error."""
     starts = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_DO_LAND_START]
     ends = [i for i, item in enumerate(items) if item.command in LANDINGS]
@@ -46,7 +46,7 @@ def _pattern(items: Sequence[Item]) -> str | None:
     return None
 
 
-def _approach(before: Item, land: Item, home_amsl_m: float, steepest_deg: float) -> str | None:
+def _approach_error(before: Item, land: Item, home_amsl_m: float, steepest_deg: float) -> str | None:
     """Return the error in the approach to a landing, None without an error."""
     down_m = _amsl_m(before, home_amsl_m) - _amsl_m(land, home_amsl_m)
     if down_m < MIN_DESCENT_M:

@@ -119,9 +119,9 @@ class _Server:
         elif upload.peer != peer:
             self.acknowledge(peer, DENIED)
         else:
-            self._take(upload, item_from_message(message), refusal, now)
+            self._accept_item(upload, item_from_message(message), refusal, now)
 
-    def _take(self, upload: _Upload, item: Item | None, refusal: int | None, now: float) -> None:
+    def _accept_item(self, upload: _Upload, item: Item | None, refusal: int | None, now: float) -> None:
         if refusal is not None:
             result = refusal
         elif item is None:
@@ -269,13 +269,13 @@ class ArduPilotTransfer:
 
     def _item(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
         if message.mission_type == MISSION and message.current in (GUIDED, ALTITUDE):
-            server.acknowledge(peer, self._go(message))
+            server.acknowledge(peer, self._fly_guided(message))
             return
         refusal = self._refusal()
         refused = refusal is not None and refusal.at_item == message.seq
         server.item(message, peer, now, refusal.result if refusal is not None and refused else None)
 
-    def _go(self, message: Any) -> int:
+    def _fly_guided(self, message: Any) -> int:
         item = item_from_message(message)
         if item is None:
             return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)

@@ -228,9 +228,9 @@ class Px4Transfer:
         else:
             self._last_received_s = now
             if message.seq == self._seq:
-                self._take(message, now)
+                self._accept_item(message, now)
 
-    def _take(self, message: Any, now: float) -> None:
+    def _accept_item(self, message: Any, now: float) -> None:
         stored = self._stored_form(message)
         if not isinstance(stored, Item):
             if stored != ERROR:

@@ -165,7 +165,7 @@ class FenceStore:
         if item.command in POLYGONS:
             value = float(int(item.param1) & 0xFF) if math.isfinite(item.param1) else 0.0
         elif item.command in CIRCLES:
-            value = _kept_radius_m(item.param1)
+            value = _stored_radius_m(item.param1)
         elif item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
             value = 0.0
         else:
@@ -200,7 +200,7 @@ class FenceStore:
         return ERROR if index == self.count else INVALID_SEQUENCE
 
 
-def _kept_radius_m(radius_m: float) -> float:
+def _stored_radius_m(radius_m: float) -> float:
     """Return a radius as stored [m]: an integer if the radius is less than 1 mm above an integer."""
     if math.isfinite(radius_m) and 0 <= radius_m - int(radius_m) < 0.001:
         return float(int(radius_m))
