@@ -85,8 +85,8 @@ def _demanded(state: AgentState, kind: DemandKind) -> str:
 
 def _keeps_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether a failsafe lands the vehicle, so that a recall does not stop the landing."""
-    called_back = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
-    return called_back and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
+    is_recall = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
+    return is_recall and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
 def _is_released_in_air(state: AgentState) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from swarmctl.agent.arrival.simultaneous import earliest_in_s
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.neighbours import heard_neighbours
+from swarmctl.agent.traffic.neighbours import received_neighbours
 from swarmctl.agent.traffic.returning import return_target
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
@@ -76,7 +76,7 @@ def share_state(state: AgentState) -> StepResult:
         alt_amsl_m=last.alt_amsl_m,
         earliest_in_s=earliest_in_s(state),
         velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
-        hears=heard_neighbours(state),
+        hears=received_neighbours(state),
         returns_to=return_target(state),
         age_s=max(vehicle.time_boot_s - last.time_boot_s, 0.0),
     )

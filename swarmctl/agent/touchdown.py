@@ -42,7 +42,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
         cause = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{cause}; landed{_away(state)}", pending=None)
+        return replace(state, phase=phase, outcome=f"{cause}; landed{_distance_text(state)}", pending=None)
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"
@@ -51,7 +51,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
 
 
-def _away(state: AgentState) -> str:
+def _distance_text(state: AgentState) -> str:
     """Return the distance from home as text for a return that ended elsewhere; "" for other flights."""
     v = state.vehicle
     if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:

@@ -110,7 +110,7 @@ class Belief:
     """number of the log's observations that belong to this belief"""
     _checkpoints: Mapping[Source, Checkpoint]
     """checkpoint of each source; it replaces the observations that it summarises"""
-    _counted_all: LookCounts | None = None
+    _counts_cache: LookCounts | None = None
     """counts of all observations; None before their first use"""
 
     @classmethod
@@ -156,10 +156,10 @@ class Belief:
     def _append(self, new: Iterable[BeliefItem]) -> Belief:
         log, n, checkpoints = self._log, self._n, self._checkpoints
         if n == 0 or n < len(log.items):
-            log, base = self._own_log(), self._looked
+            log, base = self._own_log(), self._all_counts
             n = upto = len(log.items)
-        elif self._counted_all is not None:
-            base, upto = self._counted_all, n
+        elif self._counts_cache is not None:
+            base, upto = self._counts_cache, n
         else:
             base, upto = self._base, self._counted
         items, index_of, (rows, cols) = log.items, log.index_of, base.looks.shape
@@ -192,7 +192,7 @@ class Belief:
         no reason to plan again.
         """
         checkpoints = dict(self._checkpoints)
-        looked, size, n_covered = self._looked.copy(), self._base.looks.size, 0
+        counts, size, n_covered = self._all_counts.copy(), self._base.looks.size, 0
         for checkpoint in new:
             before = checkpoints.get(checkpoint.source)
             if before is not None and checkpoint.upto <= before.upto:
@@ -200,19 +200,19 @@ class Belief:
             after = 0 if before is None else before.upto
             covered = self._log.of(checkpoint.source, after, checkpoint.upto, self._n)
             n_covered += len(covered)
-            looked.change(checkpoint.counts(size), 1)
-            looked.count([self._log.items[index] for index in covered], -ONE)
+            counts.change(checkpoint.counts(size), 1)
+            counts.count([self._log.items[index] for index in covered], -ONE)
             if before is not None:
-                looked.change(before.counts(size), -1)
+                counts.change(before.counts(size), -1)
             checkpoints[checkpoint.source] = checkpoint
         if checkpoints == self._checkpoints:
             return self
-        looked.sealed()
+        counts.sealed()
         belief = self
-        if not n_covered or not looked.equals(self._looked):
-            belief = Belief(self.count, self.sensor, looked, self._n, self._log, self._n, checkpoints)
-        belief._base, belief._counted, belief._checkpoints = looked, self._n, checkpoints
-        belief._counted_all = looked
+        if not n_covered or not counts.equals(self._all_counts):
+            belief = Belief(self.count, self.sensor, counts, self._n, self._log, self._n, checkpoints)
+        belief._base, belief._counted, belief._checkpoints = counts, self._n, checkpoints
+        belief._counts_cache = counts
         belief._log.n_covered += n_covered
         if 2 * belief._log.n_covered > belief._n:
             belief._log = belief._own_log()
@@ -222,22 +222,22 @@ class Belief:
     @property
     def looks(self) -> NDArray[np.int32]:
         """(rows, cols) looks at each cell; read-only"""
-        return self._looked.looks
+        return self._all_counts.looks
 
     @property
     def hits(self) -> NDArray[np.int32]:
         """(rows, cols) looks at each cell that showed a hostile; read-only"""
-        return self._looked.hits
+        return self._all_counts.hits
 
     @property
-    def _looked(self) -> LookCounts:
-        if self._counted_all is None:
-            looked = self._base
+    def _all_counts(self) -> LookCounts:
+        if self._counts_cache is None:
+            counts = self._base
             if self._counted < self._n:
-                looked = looked.copy()
-                looked.count(self._log.items[self._counted : self._n])
-            self._counted_all = looked.sealed()
-        return self._counted_all
+                counts = counts.copy()
+                counts.count(self._log.items[self._counted : self._n])
+            self._counts_cache = counts.sealed()
+        return self._counts_cache
 
     @cached_property
     def n_observed(self) -> int:

@@ -43,7 +43,7 @@ MAX_AHEAD_S = 14_400.0
 MAX_MAGNITUDE = 1e7
 """Greatest height, distance [m] or speed [m/s] in a message. Autopilots report none above 2.2e6, and sums of
 such numbers stay finite."""
-MAX_HEARD = 254
+MAX_ACKNOWLEDGED = 254
 """number of system ids"""
 MAX_FRAMES = 256
 """most frames inside one message"""
@@ -114,7 +114,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """east, north, up [m/s]"""
     earliest_in_s: float | None = None
     """for simultaneous arrival: least time to the goal [s]; negative: time since the arrival"""
-    hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_HEARD)] = ()
+    hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_ACKNOWLEDGED)] = ()
     """nearby UAVs received recently; the list acknowledges the reception to each of them"""
     returns_to: tuple[float, float] | None = None
     """landing spot of a UAV that returns, or that holds until its turn to return [deg]"""

@@ -182,9 +182,9 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
     ).tobytes()
     if len(_indexed) >= MAX_CACHED:
         _indexed.clear()
-    made = IndexedObservation(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
-    _indexed[id(seen)] = made, rows, cols
-    return made
+    item = IndexedObservation(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
+    _indexed[id(seen)] = item, rows, cols
+    return item
 
 
 @lru_cache(maxsize=128)  # half a megabyte each for a large area

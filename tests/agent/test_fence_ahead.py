@@ -69,7 +69,7 @@ def test_a_position_above_the_ceiling_is_outside() -> None:
     assert "60 m" in demand.reason
 
 
-@pytest.mark.parametrize("changes", [{"fence": None}, {"lost": True}, {"doing": "ground"}])
+@pytest.mark.parametrize("changes", [{"fence": None}, {"lost": True}, {"activity": "ground"}])
 def test_the_rule_is_silent_without_a_fence_on_the_ground_or_with_a_lost_link(
     changes: dict[str, Any],
 ) -> None:

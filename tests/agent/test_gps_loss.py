@@ -39,7 +39,7 @@ def test_the_rule_is_silent_without_a_receiver_on_the_ground_or_with_a_lost_link
     for second in range(10):
         assert rule(float(second), facts(at(0.0, 0.0, gps_ok=None))) is None
         assert rule(float(second), facts(NO_FIX, lost=True)) is None
-        assert rule(float(second), facts(NO_FIX, doing="ground")) is None
+        assert rule(float(second), facts(NO_FIX, activity="ground")) is None
 
 
 def kinds_of(
@@ -69,7 +69,7 @@ def test_a_vehicle_with_a_fix_but_no_position_returns_or_else_lands() -> None:
     blind = facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
     found = kinds_of(RuleRunner(gps_loss), blind, range(60), position_s=0.0)
     assert found == {2: DemandKind.WARN, 20: DemandKind.RETURN, 40: DemandKind.LAND}
-    comes = facts(replace(blind.vehicle, mode="RTL", mode_role="return"), doing="return")
+    comes = facts(replace(blind.vehicle, mode="RTL", mode_role="return"), activity="return")
     found = kinds_of(RuleRunner(gps_loss), comes, range(200), position_s=0.0)
     assert DemandKind.LAND not in found.values()
 

@@ -42,7 +42,7 @@ def test_the_warning_announces_the_configured_reaction(does: Any, part: str) -> 
 )
 def test_the_warning_names_the_last_mode_or_the_reaction(mode: str, role: Any, does: Any, part: str) -> None:
     vehicle = at(0.0, 0.0, mode=mode, mode_role=role)
-    demand = RuleRunner(lost_link, does=does, after_s=10.0)(0.0, facts(vehicle, doing="hold", lost=True))
+    demand = RuleRunner(lost_link, does=does, after_s=10.0)(0.0, facts(vehicle, activity="hold", lost=True))
     assert demand is not None
     assert part in demand.reason
     assert ("10 s" in demand.reason) is (part == "10 s")
@@ -51,7 +51,7 @@ def test_the_warning_names_the_last_mode_or_the_reaction(mode: str, role: Any, d
 def test_the_rule_is_silent_with_a_link_or_on_the_ground() -> None:
     rule = RuleRunner(lost_link)
     assert rule(0.0, facts()) is None
-    assert rule(0.0, facts(lost=True, doing="ground")) is None
+    assert rule(0.0, facts(lost=True, activity="ground")) is None
 
 
 def test_an_old_mode_during_a_lost_link_is_no_takeover() -> None:

@@ -47,7 +47,7 @@ def test_a_demand_survives_a_recovering_charge() -> None:
 
 def test_on_the_ground_the_rule_is_silent() -> None:
     rule = RuleRunner(low_battery, seconds=0.0)
-    assert rule(0.0, facts(at(0.0, 0.0, battery_percent=1), doing="ground")) is None
+    assert rule(0.0, facts(at(0.0, 0.0, battery_percent=1), activity="ground")) is None
 
 
 def test_a_limit_of_0_never_acts() -> None:

@@ -47,7 +47,7 @@ def test_a_vehicle_that_stands_still_in_its_mission_is_reported() -> None:
     assert rule(11.0, facts(at(200.0, 0.0))) is None
 
 
-@pytest.mark.parametrize("changes", [{"doing": "hold"}, {"route": None}, {"lost": True}])
+@pytest.mark.parametrize("changes", [{"activity": "hold"}, {"route": None}, {"lost": True}])
 def test_the_rule_is_silent_without_a_mission_or_link(changes: dict[str, object]) -> None:
     rule = RuleRunner(not_following, **LIMITS)
     for second in range(60):

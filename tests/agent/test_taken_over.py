@@ -50,14 +50,14 @@ def test_only_a_recent_status_text_is_quoted() -> None:
 
 @pytest.mark.parametrize("armed", [True, False])
 def test_arming_a_waiting_vehicle_takes_it_over(armed: bool) -> None:
-    demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, armed=armed), doing="ground"))
+    demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, armed=armed), activity="ground"))
     assert (demand is not None) is armed
 
 
 def test_a_boot_mode_releases_only_after_some_time() -> None:
     on_ground = facts(
         at(0.0, 0.0, mode="STABILIZE", mode_role="other", armed=False),
-        doing="ground",
+        activity="ground",
         own_roles=frozenset({"hold", "mission"}),
     )
     rule = RuleRunner(taken_over)
@@ -70,9 +70,9 @@ def test_a_boot_mode_releases_only_after_some_time() -> None:
 OTHER = {"other_mission": True, "mission_total": 21}
 
 
-@pytest.mark.parametrize("doing", ["launch", "mission", "goal"])
-def test_a_foreign_mission_in_use_releases_the_vehicle(doing: Activity) -> None:
-    demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
+@pytest.mark.parametrize("activity", ["launch", "mission", "goal"])
+def test_a_foreign_mission_in_use_releases_the_vehicle(activity: Activity) -> None:
+    demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), activity=activity))
     assert demand is not None
     assert demand.kind is DemandKind.RELEASE
     assert "21 items" in demand.reason
@@ -80,14 +80,16 @@ def test_a_foreign_mission_in_use_releases_the_vehicle(doing: Activity) -> None:
 
 def test_a_foreign_mission_warns_on_the_ground_and_is_ignored_during_a_return() -> None:
     ground = at(0.0, 0.0, mode="GUIDED", mode_role="hold", armed=False, **OTHER)
-    demand = RuleRunner(taken_over)(0.0, facts(ground, doing="ground", own_roles=frozenset({"hold"})))
+    demand = RuleRunner(taken_over)(0.0, facts(ground, activity="ground", own_roles=frozenset({"hold"})))
     assert demand is not None
     assert demand.kind is DemandKind.WARN
     home = facts(
-        at(0.0, 0.0, mode="RTL", mode_role="return", **OTHER), doing="return", own_roles=frozenset({"return"})
+        at(0.0, 0.0, mode="RTL", mode_role="return", **OTHER),
+        activity="return",
+        own_roles=frozenset({"return"}),
     )
     assert RuleRunner(taken_over)(0.0, home) is None
-    switched = facts(at(0.0, 0.0, mode="LOITER", mode_role="other", **OTHER), doing="return")
+    switched = facts(at(0.0, 0.0, mode="LOITER", mode_role="other", **OTHER), activity="return")
     demand = RuleRunner(taken_over)(0.0, switched)
     assert demand is not None
     assert "LOITER" in demand.reason

@@ -35,7 +35,7 @@ def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
     known = FailsafeFacts(
         vehicle or at(0.0, 0.0),
         FRAME,
-        doing="mission",
+        activity="mission",
         own_roles=frozenset({"mission"}),
         route=ActiveRoute(1, points),
     )

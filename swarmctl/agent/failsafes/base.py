@@ -81,7 +81,7 @@ class FailsafeFacts:
     vehicle: VehicleState
     frame: LocalFrame
     """local frame of the area, for lengths"""
-    doing: Activity = "ground"
+    activity: Activity = "ground"
     own_roles: frozenset[str] = frozenset()
     """roles of the modes that the agent may have set"""
     orders: int = 0
@@ -96,7 +96,7 @@ class FailsafeFacts:
 
     @property
     def in_flight(self) -> bool:
-        return self.doing in IN_FLIGHT
+        return self.activity in IN_FLIGHT
 
     @property
     def position_m(self) -> tuple[float, float] | None:

@@ -16,7 +16,7 @@ from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, NOT_WAITING, return_started, wait_to_return
 from swarmctl.core import events as ev
 
-_DOING: dict[Phase, Activity] = {
+_ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
     Phase.LAUNCHING: "launch",
     Phase.FLYING: "mission",
     Phase.LANDING: "goal",
@@ -40,11 +40,11 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     before = state.demands or (None,) * len(state.task.rules)
     memories, demands = failsafes.evaluate(state.task.rules, state.memories, failsafe_facts(state), now)
     state = replace(state, memories=memories, demands=demands)
-    arisen = tuple(
+    new_demands = tuple(
         demand if demand is not None and _is_new(state, was, demand) else None
         for was, demand in zip(before, demands, strict=True)
     )
-    strongest = failsafes.strongest(arisen)
+    strongest = failsafes.strongest(new_demands)
     if strongest is not None and strongest.kind is DemandKind.RELEASE:
         return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
@@ -53,7 +53,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
         if was is not None and was.kind is DemandKind.WARN and demand is None
     ]
     followed = _follow(state, strongest) if strongest is not None and _changes(state, strongest) else None
-    for active, demand in zip(state.task.rules, arisen, strict=True):
+    for active, demand in zip(state.task.rules, new_demands, strict=True):
         if demand is not None:
             reaction = _reaction(followed[0], demand) if followed and demand is strongest else ""
             effects.append(ev.NotifyOperator(f"{demand.reason}{reaction} {_code(active)}"))
@@ -83,7 +83,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
     return FailsafeFacts(
         vehicle=state.vehicle,
         frame=state.task.grid.frame,
-        doing=_doing(state),
+        activity=_activity(state),
         own_roles=own_mode_roles(state),
         orders=state.orders_given,
         lost=state.lost,
@@ -93,10 +93,10 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
     )
 
 
-def _doing(state: AgentState) -> Activity:
+def _activity(state: AgentState) -> Activity:
     if state.phase is Phase.LEAVING:
         return "return" if state.ordered is ev.FlightOrder.RETURN else "land"
-    return _DOING.get(state.phase, "ground")
+    return _ACTIVITY_OF_PHASE.get(state.phase, "ground")
 
 
 def _active_route(state: AgentState) -> ActiveRoute | None:
@@ -109,7 +109,7 @@ def _active_route(state: AgentState) -> ActiveRoute | None:
 
 def _changes(state: AgentState, demand: Demand) -> bool:
     """Return whether a demand is stronger than the current activity."""
-    fulfilled = failsafes.ACTIVITY_AS_DEMAND.get(_doing(state))
+    fulfilled = failsafes.ACTIVITY_AS_DEMAND.get(_activity(state))
     return fulfilled is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[fulfilled]
 
 

@@ -62,12 +62,12 @@ def evaluate(
     if memory is not None and memory.evaluated_s == position_s:
         return memory, memory.demanded
     before, memory = memory, _moved(memory, here)
-    found = _found(params, memory, facts, fence, here)
+    found = _position_demand(params, memory, facts, fence, here)
     demand = None if before is None else _weaker(before.found, found)
     return FenceAheadMemory(memory.here, memory.course, position_s, found, demand), demand
 
 
-def _found(
+def _position_demand(
     params: Params, memory: FenceAheadMemory, facts: FailsafeFacts, fence: Fence, here: PlanarPoint
 ) -> Demand | None:
     """Return the demand of this position alone."""
@@ -76,7 +76,7 @@ def _found(
     if (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
         found = f"{high_m:.0f} m above home (limit {fence.ceiling_m:.0f} m)"
         return Demand(DemandKind.RETURN, f"the vehicle is outside the fence: {found}")
-    if facts.doing == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
+    if facts.activity == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
         # A fixed wing in hold would circle across the fence, so it returns.
         kind = DemandKind.RETURN if facts.turn_radius_m else DemandKind.HOLD
         return Demand(kind, "the vehicle is off its route and about to leave the fence")

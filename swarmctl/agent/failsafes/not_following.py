@@ -39,7 +39,7 @@ def evaluate(
     params: Params, memory: NotFollowingMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[NotFollowingMemory | None, Demand | None]:
     here, route = facts.position_m, facts.route
-    if facts.doing != "mission":
+    if facts.activity != "mission":
         return None, None
     if route is None or here is None or facts.lost:
         # Without data all durations restart, and a demand stays.

@@ -49,7 +49,7 @@ def evaluate(
         vehicle.status_text,
         now if new else before.text_s,
     )
-    if facts.doing == "ground" and vehicle.armed:
+    if facts.activity == "ground" and vehicle.armed:
         return memory, Demand(
             DemandKind.RELEASE, f"another operator has armed the vehicle, in mode {vehicle.mode}"
         )
@@ -62,7 +62,7 @@ def evaluate(
     # The mode may be an earlier one of this agent: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
-    if facts.doing == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
+    if facts.activity == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
         return memory, None
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
     recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S
@@ -75,7 +75,7 @@ def evaluate(
 def _other_mission(facts: FailsafeFacts) -> Demand | None:
     n_items = facts.vehicle.mission_total or 0
     text = f"the vehicle has a mission of {n_items} items that this program has not uploaded"
-    if facts.doing == "ground":
+    if facts.activity == "ground":
         return Demand(DemandKind.WARN, f"{text}; the vehicle is not launched with that mission")
-    flies_it = facts.doing in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
+    flies_it = facts.activity in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
     return Demand(DemandKind.RELEASE, text) if flies_it else None

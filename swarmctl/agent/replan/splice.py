@@ -72,7 +72,7 @@ def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) ->
     first = index + 1 if is_passed else index
     if first >= len(cells):
         return Splice((start,))
-    path, lead_m, least_m = [here], math.dist(here, centre(cells[first])), _flies_on_m(state)
+    path, lead_m, least_m = [here], math.dist(here, centre(cells[first])), _swap_distance_m(state)
     for last in range(first, len(cells)):
         if last > first:
             path.append(centre(cells[last - 1]))
@@ -114,7 +114,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
         return at_once
     here = grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
     corners = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
-    passed, lead_m, least_m = [here], 0.0, _flies_on_m(state)
+    passed, lead_m, least_m = [here], 0.0, _swap_distance_m(state)
     for east_m, north_m, _ in track_ahead(corners, (*here, 0.0)):
         leg_m = math.dist(passed[-1], (east_m, north_m))
         share = min((least_m - lead_m) / leg_m, 1.0) if leg_m > 0.0 else 1.0
@@ -174,7 +174,7 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
     return index == 0 or after < distance_to_leg(here, centre(cells[index - 1]), at)
 
 
-def _flies_on_m(state: AgentState) -> float:
+def _swap_distance_m(state: AgentState) -> float:
     """Return the distance that the vehicle flies by its old plan until the end of a swap [m]."""
     return distance_and_speed_after(state, state.swap_times.expected_s)[0]
 

@@ -143,8 +143,8 @@ def _leg_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> 
 
 def _top_m_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> float:
     up, down = ACCELERATION_M_S2, BRAKING_M_S2
-    met_m_s = math.sqrt((2 * up * down * leg_m + down * begin_m_s**2 + up * end_m_s**2) / (up + down))
-    return min(max(met_m_s, begin_m_s, end_m_s), speed_m_s)
+    crossing_m_s = math.sqrt((2 * up * down * leg_m + down * begin_m_s**2 + up * end_m_s**2) / (up + down))
+    return min(max(crossing_m_s, begin_m_s, end_m_s), speed_m_s)
 
 
 def _last_s(begin_m_s: float, leg_m: float, last_m: float, speed_m_s: float) -> float:

@@ -163,7 +163,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         return to_shared_frame(
             state, wing_trajectory.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s)
         )
-    if _climbs_on_the_spot(state, here, plan):
+    if _climbs_vertically(state, here, plan):
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, way, task.arrival.speed_m_s))
     stop = stop_for_new_plan(state)
     flight = fly_with_stop(here, plan.height_m, way, task.arrival.speed_m_s, begins_m_s, stop)
@@ -197,9 +197,9 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             plan, way = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
-            if state.phase is Phase.LANDING and _descends_here(here, way[-1], plan.height_m):
+            if state.phase is Phase.LANDING and _descends_vertically(here, way[-1], plan.height_m):
                 return land_from([(*way[-1], here[2])], [0.0])
-            if _climbs_on_the_spot(state, here, plan):
+            if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, way, speed_m_s)
             remaining = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
             begins_m_s = state.vehicle.ground_speed_m_s
@@ -213,7 +213,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     return None
 
 
-def _descends_here(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
+def _descends_vertically(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
     """Return whether the vehicle descends vertically at its landing spot; wind may move it a little."""
     near_m = AT_HOME_M if here[2] < height_m - AIRBORNE_M else AT_LANDING_M
     return math.dist(here[:2], place) < near_m
@@ -236,7 +236,7 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
     return None
 
 
-def _climbs_on_the_spot(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
+def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
     vehicle = state.vehicle
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.replans:
         return False

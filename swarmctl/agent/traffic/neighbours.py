@@ -52,7 +52,7 @@ def is_near(state: AgentState, other: StateShared) -> bool:
     )
 
 
-def heard_neighbours(state: AgentState) -> tuple[int, ...]:
+def received_neighbours(state: AgentState) -> tuple[int, ...]:
     """Return the system ids of the nearby vehicles received recently."""
     now_s, reports = state.vehicle.time_boot_s, state.neighbours
     return tuple(

@@ -121,8 +121,8 @@ def _separates(flight: Trajectory, instead_of: Trajectory | None, other: Traject
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     if least >= min(now, 1.0) - 1e-6:
         return True
-    else_least = None if instead_of is None else least_share(instead_of, other, limits)
-    return else_least is not None and least >= else_least + BETTER_BY
+    present_least = None if instead_of is None else least_share(instead_of, other, limits)
+    return present_least is not None and least >= present_least + BETTER_BY
 
 
 # --- conflicts of the plan being flown

@@ -115,12 +115,12 @@ def landing_start_s(flight: Trajectory) -> float:
 def _n_before_landing(flight: Trajectory) -> int:
     """Return the number of points before the final vertical descent."""
     n = len(flight.points)
-    while n > 1 and _sinks_on_the_spot(flight.points[n - 2], flight.points[n - 1]):
+    while n > 1 and _is_vertical_descent(flight.points[n - 2], flight.points[n - 1]):
         n -= 1
     return n
 
 
-def _sinks_on_the_spot(a: LocalPoint, b: LocalPoint) -> bool:
+def _is_vertical_descent(a: LocalPoint, b: LocalPoint) -> bool:
     return b[2] < a[2] and math.dist(a[:2], b[:2]) < 1.0
 
 
