@@ -1,8 +1,7 @@
-"""Bounded queue of messages between UAVs of a process. Pure.
+"""Bounded queue of messages between UAVs of a process. No I/O.
 
-Without a bound, a machine that cannot keep up would queue messages until its memory is full. Dropped
-observations are requested again; positions and intents are not. Therefore the newest state and the newest
-intent of each sender stay.
+Without a bound, an overloaded machine would queue messages until its memory is full. UAVs request dropped
+observations again, but not dropped states and intents. So the newest state and intent of each sender stay.
 """
 
 from __future__ import annotations
@@ -15,15 +14,17 @@ from swarmctl.core.frames import IntentShared, StateShared
 
 MAX_QUEUE_BYTES = 32_000_000
 OVERHEAD_BYTES = 1_000
-"""memory of a message beside its frame"""
+"""memory of a message in addition to its frame"""
 
 
 class QueuedMessage(NamedTuple):
+    """A message and its receivers."""
+
     sender: int
     act: str
     decoded: DecodedFrame
     to: tuple[int, ...]
-    """UAVs of this process"""
+    """receivers in this process"""
 
     @property
     def n_bytes(self) -> int:
@@ -31,7 +32,7 @@ class QueuedMessage(NamedTuple):
 
 
 class Backlog:
-    """Messages in the order of sending."""
+    """Queued messages in the order of sending."""
 
     def __init__(self, max_bytes: int = MAX_QUEUE_BYTES) -> None:
         self._min_limit_bytes = self._limit_bytes = max_bytes
@@ -42,10 +43,10 @@ class Backlog:
         return len(self._waiting)
 
     def append(self, message: QueuedMessage) -> list[QueuedMessage]:
-        """Append a message; return the messages dropped for it.
+        """Append a message; return the messages that were dropped to make room.
 
-        Above the limit the older half is dropped, but for the newest state and intent of each sender to each
-        receiver.
+        Above the limit the older half is dropped. The newest state and intent of each sender to each receiver
+        stay.
         """
         self._waiting.append(message)
         self._n_bytes += message.n_bytes
@@ -70,7 +71,7 @@ class Backlog:
             else:
                 dropped.append(message)
         self._waiting, self._n_bytes = kept, n_bytes
-        # At least a quarter is free now: a very large swarm does not search the queue at each message.
+        # At least a quarter is free now, so a very large swarm does not search the queue at each message.
         self._limit_bytes = max(self._min_limit_bytes, 4 * newest_bytes)
         return dropped
 
@@ -78,7 +79,7 @@ class Backlog:
 def _is_newest(message: QueuedMessage, newer_to: dict[tuple[int, type], set[int]]) -> bool:
     """Return whether a message is its sender's newest state or intent for at least one receiver.
 
-    `newer_to` has the receivers of newer ones, by sender and kind; this message's receivers are added to it.
+    `newer_to`: receivers of newer messages by sender and kind. This message's receivers are added.
     """
     content = message.decoded.frame.content
     if not isinstance(content, StateShared | IntentShared):

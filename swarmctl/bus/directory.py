@@ -1,8 +1,8 @@
-"""Directory of the swarms that this user flies on this machine now: finds a flight by its swarm's name.
+"""Directory of the swarms that this user flies on this machine now, by the swarm's name.
 
-Each flight has a file in a folder of its user, and holds a lock on it. A file without a lock is a stale
-record of a killed flight: readers ignore it, and the next flight that starts removes it. After a flight an
-empty file keeps the time of its end.
+Each flight has a locked file in a folder of its user. A file without a lock is a stale record of a killed
+flight: readers ignore the file, and the next flight removes it. After a flight an empty file keeps the time
+of its end.
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ def record_end(swarm: str, uav: int | None = None) -> None:
 
 
 def forget_end(swarm: str, uav: int) -> None:
-    """Remove the end of an agent's earlier flight, as a new one starts."""
+    """Remove the record of the end of an agent's earlier flight."""
     with contextlib.suppress(OSError):
         _end_file(_folder(), swarm, uav).unlink(missing_ok=True)
 
 
 def ended_unix_s(swarm: str, uav: int | None = None) -> float | None:
-    """Return when the last flight of a swarm, or of one agent, ended on this machine; None if unknown."""
+    """Return the unix time [s] of the end of the last flight of a swarm, or of one agent; None if unknown."""
     with contextlib.suppress(OSError):
         return _end_file(_folder(), swarm, uav).stat().st_mtime
     return None
@@ -88,7 +88,7 @@ def _end_file(folder: Path, swarm: str, uav: int | None) -> Path:
 
 
 def _locked(draft: Path) -> TextIO:
-    """Open and lock a new file before it gets its name: without a lock it would count as stale.
+    """Open and lock a new file before its final name; without a lock the file would count as stale.
 
     Raises OSError.
     """
@@ -99,7 +99,7 @@ def _locked(draft: Path) -> TextIO:
             if os.fstat(file.fileno()).st_nlink:
                 opened.pop_all()
                 return file
-            # Another flight removed it as stale before it was locked.
+            # Another flight removed the file as stale before the lock.
 
 
 def _unusable(error: OSError) -> BusError:
@@ -107,7 +107,7 @@ def _unusable(error: OSError) -> BusError:
 
 
 def _read(path: Path) -> RunningSwarm | None:
-    """Return the record in a file; None for a stale or foreign file, or one removed meanwhile."""
+    """Return the record in a file; None for a stale, foreign or removed file."""
     try:
         with path.open(encoding="utf-8") as file:
             if _is_stale(file):
@@ -136,11 +136,11 @@ def _is_stale(file: TextIO) -> bool:
 
 
 def _folder() -> Path:
-    """Return the directory's folder, made if missing.
+    """Return the directory's folder; make a missing folder.
 
     Raises OSError if another user can write to it: a forged record would redirect commands.
     """
-    # Not below XDG_RUNTIME_DIR: it differs between a shell and a flight under cron or sudo.
+    # Not below XDG_RUNTIME_DIR, which differs between a shell and a flight under cron or sudo.
     folder = Path(tempfile.gettempdir()) / f"swarmctl-{os.getuid()}"
     with contextlib.suppress(FileExistsError):
         folder.mkdir(mode=0o700)

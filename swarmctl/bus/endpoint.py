@@ -1,4 +1,4 @@
-"""Endpoints of the bus, as Zenoh writes them: `tcp/HOST:PORT`, `tls/...` or `quic/...`."""
+"""Endpoints of the bus in Zenoh's notation: `tcp/HOST:PORT`, `tls/...` or `quic/...`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFICATE_PROTOCOLS = ("tls", "quic")
 """protocols with certificates on both sides"""
 NO_ENDPOINT = "none"
-"""in place of an endpoint to listen at: the bus is not reachable from outside of the process"""
+"""value instead of an endpoint: other processes cannot reach the bus"""
 _FORM = re.compile(
     r"(?P<protocol>tcp|tls|quic)/"
     r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9_.-]+)):(?P<port>[0-9]{1,5})"

@@ -1,9 +1,9 @@
-"""Receiver of payloads' reports: one key a vehicle, for puts and for questions.
+"""Receiver of payloads' reports: one key for each vehicle, for puts and for queries.
 
-A payload puts a report without an answer, or asks and gets one (`swarmctl.bus.sensor_reports` has both).
-Accepted reports go to the vehicle's agent as its own observations. That includes reports on the ground and
-after the flight: they are as useful to the other vehicles, and a person may report what others have seen.
-Refused reports are counted. Each reason is shown once, and again after a pause.
+A put has no answer, a query has one (formats: `swarmctl.bus.sensor_reports`). An accepted report becomes an
+observation of the vehicle's agent, also on the ground and after the flight: other vehicles use it, and a
+person may report observations of others. Refused reports are counted. The program shows each reason once,
+and again after a pause.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from swarmctl.core.texts import printable
 
 PER_S = 50.0
 BURST = 50
-"""Limits on the reports to one vehicle, accepted or refused: at once, and a second in the long run."""
+"""Limits on the reports to one vehicle, accepted or refused: PER_S a second, BURST at once."""
 PAUSE_S = 10.0
-"""time without a refusal for the same reason, after which the next one is shown again"""
+"""time without a refusal for the same reason, after which a new refusal is shown"""
 MAX_REASON_CHARS = 400
 TIMEOUT_S = 3.0
 """longest wait for an answer [s]; an agent answers as soon as the report arrives"""
@@ -39,10 +39,10 @@ class ReportCounts:
 
 
 class ReportReceiver:
-    """The receiver of one vehicle, open until the transport is closed.
+    """The receiver of one vehicle, active until the transport is closed.
 
-    `clock` is the wall clock [s since 1970], by which too old and future reports are refused. `post` gets the
-    cells of a report and its source.
+    `clock`: wall clock [s since 1970] for refusing old and future reports. `post`: consumer of the cells of a
+    report and its source.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class ReportReceiver:
             reply(sensor_reports.encode(answer))
 
     def _take(self, key: str, payload: bytes | None) -> ReportAnswer:
-        """Handle a report; the payload None stands for one above the size limit."""
+        """Handle a report; None stands for a payload above the size limit."""
         now_s = asyncio.get_running_loop().time()
         try:
             cells, source = self._decode(key, payload, now_s)
@@ -104,7 +104,7 @@ class ReportReceiver:
     def _refuse(self, bad: RejectedReport, now_s: float) -> ReportAnswer:
         reason, refused = bad.reason, self.counts.refused
         refused[reason.value] = refused.get(reason.value, 0) + 1
-        # It may quote the sender, and goes to a terminal.
+        # The text may quote the sender, and is shown in a terminal.
         why = printable(str(bad)[:MAX_REASON_CHARS])
         before_s = self._refused_at_s.get(reason)
         self._refused_at_s[reason] = now_s
@@ -114,7 +114,7 @@ class ReportReceiver:
 
 
 async def send_report(bus: Transport, swarm: str, uav: int, report: Report) -> ReportAnswer | None:
-    """Send a report and return the answer; None if no agent takes reports for this vehicle.
+    """Send a report and return the answer; None if no agent receives reports for this vehicle.
 
     Raises TimeoutError, and ValueError for an answer that cannot be decoded.
     """

@@ -34,7 +34,7 @@ MAX_LENGTH = 200
 MAX_DIGITS = 3
 """greatest number of digits of a system id"""
 RequestKind = Literal["weights", "order"]
-"""kind of an operator's request"""
+"""kind of request of an operator"""
 REQUEST_KINDS: tuple[RequestKind, ...] = ("weights", "order")
 
 
@@ -71,10 +71,10 @@ def sensor_report(swarm: str, uav: int | Literal["*"]) -> str:
 
 
 def sender_of(key: str) -> tuple[int, str] | None:
-    """Return (sender, act) of the key of a UAV's message; None for any other key.
+    """Return (sender, act) of the key of a UAV's message; None for any other key, and with wildcards.
 
-    A key with wildcards returns None: a put on it would reach every inbox and pass a router's deny rules.
-    The result is not cached, because other processes choose the key.
+    A put on a wildcard key would reach every inbox and pass a router's deny rules. The result is not cached,
+    because other processes choose the key.
     """
     if len(key) > MAX_LENGTH or is_wild(key):
         return None

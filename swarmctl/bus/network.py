@@ -1,4 +1,4 @@
-"""The agents of this process on the swarm's network: nodes, the radio model, and a transport."""
+"""Network of this process's agents: their nodes, the radio model, and a transport."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.texts import printable
 
 SLOW_SLICE_S = 0.005
-"""share of a turn for requests and their answers while other messages wait; at least one message"""
+"""time slice for requests and their answers while other messages wait; at least one message is delivered"""
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 OnNews = Callable[[tuple[BeliefItem, ...]], None]
 MAX_LINES = 10
-"""shown for each topic and UAV; the counters include the rest"""
+"""largest number of shown lines for each topic and UAV; the counters include all"""
 
 
 @dataclass(frozen=True, slots=True)
 class RunClock:
-    """The times of a run, derived from the running loop's clock."""
+    """The times of a run, derived from the event loop's clock."""
 
     unix_s_at_zero: float
-    """wall time at time 0 of the loop's clock"""
+    """wall time at time 0 of the loop's clock [s since 1970]"""
     speedup: float = 1.0
-    """simulated seconds in one of the loop's"""
+    """simulated seconds per second of the loop's clock"""
 
     def now_s(self) -> float:
         """Return the simulated time [s]."""
@@ -75,14 +75,14 @@ class _Member:
     n_lines: Counter[str] = field(default_factory=Counter)
     """number of lines shown, by topic"""
     news: list[BeliefItem] = field(default_factory=list)
-    """new observations that its agent has not received yet"""
+    """new observations that the agent has not received yet"""
 
 
 class Network:
-    """The part of the swarm in this process, on one transport; `close` ends its timers.
+    """The part of the swarm in this process, on one transport; `close` ends the timers.
 
-    `uavs` are the system ids of the whole swarm. The radio model acts on the sender's side, but for the
-    distance, which the receiver checks.
+    `uavs` are the system ids of the whole swarm. The sender applies the radio model, except for the distance:
+    the receiver checks the distance.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Network:
         self._start_s = clock.now_s()
         self._members: dict[int, _Member] = {}
         self._receiver_mask = lru_cache(maxsize=1024)(self._receptions.mask)
-        # A radio model and relaying need the general path for each receiver.
+        # With a radio model or relaying, each receiver needs the general path.
         self._is_plain = self._radio is None and not options.relay
         self._queue = Backlog()
         """messages between UAVs of this process"""
@@ -126,11 +126,11 @@ class Network:
         self._closed = False
 
     def join(self, uav: int, on_news: OnNews) -> int:
-        """Add a UAV, and deliver new observations of others to `on_news`; return its incarnation."""
-        # Milliseconds of the wall clock: greater at each start of the program.
+        """Add a UAV, and deliver new observations of other UAVs to `on_news`; return its incarnation."""
+        # The incarnation, in milliseconds of the wall clock, grows with each start of the program.
         incarnation = round(self._clock.unix_s() * 1000.0)
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(4, uav)))
-        can_hear = None if self._radio is None else self._radio.can_hear
+        distance_loss = None if self._radio is None else self._radio.distance_loss
         node = Node(
             uav,
             self._uavs,
@@ -138,7 +138,7 @@ class Network:
             self._codec,
             incarnation,
             rng,
-            can_hear,
+            distance_loss,
             self._decode,
             self._receptions,
         )
@@ -154,7 +154,7 @@ class Network:
 
         `against` are the cells of an observation that contradict earlier reports of other UAVs.
         """
-        output = self._members[uav].node.say(message, self._now_s(), self._clock.unix_s(), against)
+        output = self._members[uav].node.publish(message, self._now_s(), self._clock.unix_s(), against)
         if isinstance(message, StateShared):
             self._transport.put(keys.to_station(self._swarm, uav), output.messages[0].data)
         self._perform(self._members[uav], output)
@@ -171,7 +171,7 @@ class Network:
     def intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
         """Return the newest intent of each other UAV that this UAV knows, and its age.
 
-        The age is in seconds of the vehicles' time, and never below 0, however clocks differ.
+        The age is in simulated seconds, and never below 0, even if the clocks differ.
         """
         unix_s, speedup = self._clock.unix_s(), self._clock.speedup
         items = self._members[uav].node.intents().items()
@@ -214,7 +214,7 @@ class Network:
     def _report_bug(self, member: _Member, sender: int | None) -> None:
         """Report the exception that is being handled."""
         member.node.refuse(RefusalReason.MALFORMED, sender)
-        text = f"a bug in handling a message, which is ignored: {traceback.format_exc(limit=-2)}"
+        text = f"a bug in handling a message; the message is ignored: {traceback.format_exc(limit=-2)}"
         self._show(member, [("bug", text)])
 
     def _perform(self, member: _Member, output: NodeOutput) -> None:
@@ -261,7 +261,7 @@ class Network:
             self._clock.call_at(self._start_s + next_s, partial(self._arrive, next_s))
 
     def _carry(self, sender: int, act: str, data: bytes, to: tuple[int, ...]) -> None:
-        """Queue a message for UAVs of this process, and put it on the transport for the others."""
+        """Queue a message for receivers in this process; put it on the transport for other receivers."""
         if self._closed:
             return
         here = to if len(self._members) == len(self._uavs) else tuple(u for u in to if u in self._members)
@@ -278,7 +278,7 @@ class Network:
                     self._transport.put(keys.uav_message(self._swarm, uav, act, sender), data)
 
     def _count_lost(self, queued: QueuedMessage) -> None:
-        """Count a message for which the queue has no room."""
+        """Count a message dropped from a full queue."""
         for member in map(self._members.__getitem__, queued.to):
             lost = member.node.counters.lost
             if not lost[LossReason.OVERLOAD]:
@@ -297,8 +297,8 @@ class Network:
     def _deliver(self) -> None:
         """Deliver messages to nodes, then news to agents, then a few of the slow messages.
 
-        An agent receives all its news in one call, so that a higher load costs less per message. Each queue
-        has its own time slice, so an overloaded queue cannot starve the others.
+        An agent receives all its news in one call, so the cost per message falls with the load. Each queue
+        has its own time slice, so an overloaded queue cannot block the other queues.
         """
         self._is_delivery_scheduled = False
         if self._closed:
@@ -306,28 +306,28 @@ class Network:
         now_s, unix_s = self._now_s(), self._clock.unix_s()
         rest_s = SLOW_SLICE_S if self._queue else TURN_S
         for queued in _within(TURN_S, self._queue):
-            self._hear(queued, now_s, unix_s)
+            self._deliver_message(queued, now_s, unix_s)
         for member in _within(TURN_S, self._with_news):
             self._deliver_news(member)
         for queued in _within(rest_s, self._slow_queue):
-            self._hear(queued, now_s, unix_s)
+            self._deliver_message(queued, now_s, unix_s)
         if self._queue or self._with_news or self._slow_queue:
             self._schedule_delivery()
 
-    def _hear(self, queued: QueuedMessage, now_s: float, unix_s: float) -> None:
+    def _deliver_message(self, queued: QueuedMessage, now_s: float, unix_s: float) -> None:
         """Deliver a message to its receivers in this process."""
         sender, act, decoded, _ = queued
         for uav in self._take_plain(queued, now_s, unix_s):
             member = self._members[uav]
             try:
-                output = member.node.hear(sender, act, decoded, now_s, unix_s)
+                output = member.node.receive_decoded(sender, act, decoded, now_s, unix_s)
                 self._send_output(member, output)
                 self._add_news(member, output.news)
             except Exception:  # noqa: BLE001 - a bug with one message does not affect the others
                 self._report_bug(member, sender)
 
     def _take_plain(self, queued: QueuedMessage, now_s: float, unix_s: float) -> Collection[int]:
-        """Deliver to all receivers that need no further action; return the others."""
+        """Deliver to all receivers that need no further action; return the remaining receivers."""
         sender, act, decoded, to = queued
         if not self._is_plain:
             return to
@@ -358,7 +358,7 @@ class Network:
         for topic, text in notices:
             member.n_lines[topic] += 1
             if member.n_lines[topic] <= MAX_LINES:
-                # It may quote the sender, and goes to a terminal.
+                # The text may quote the sender, and is shown in a terminal.
                 self._say(member.node.uav, printable(text[:400]))
 
     def _arm(self, member: _Member) -> None:
@@ -384,9 +384,9 @@ class _Waiting(Protocol[T_co]):
 
 
 def _within(seconds: float, waiting: _Waiting[T]) -> Iterator[T]:
-    """Yield waiting items in order, until the time of the running loop is over.
+    """Yield waiting items in order for `seconds` by the loop's clock, and at least one item.
 
-    On the virtual clock that is never: the order of a run must not depend on the machine's speed.
+    On a virtual clock all items are yielded: the order of a run must not depend on the machine's speed.
     """
     loop = asyncio.get_running_loop()
     until_s = loop.time() + seconds

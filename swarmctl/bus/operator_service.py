@@ -2,8 +2,8 @@
 
 A command from a network moves aircraft. So the service executes a command completely or refuses it, and
 counts and shows each refusal. The operator gets an answer for each vehicle. The rate limit fits commands
-typed by hand, and counts only commands with a valid signature. New weights cause a new plan, so an agent gets
-new weights only after it has handled the previous weights.
+typed by hand, and counts only commands with a valid signature. New weights cause a new plan. So an agent gets
+new weights only when it has handled the previous weights.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class _PendingCommand:
 
 @dataclass(slots=True)
 class _RateLimit:
-    """A limit on commands, and the state of its report."""
+    """A limit on commands, and whether an excess was reported."""
 
     bucket: TokenBucket = field(default_factory=lambda: TokenBucket(PER_S, BURST))
     is_reported: bool = False
@@ -83,9 +83,9 @@ class _RateLimit:
 
 AgentCommand = ev.WeightsChanged | ev.OperatorCommand
 RefusalCheck = Callable[[Request], str]
-"""reason to refuse a command now; empty if there is none"""
+"""function that returns the reason to refuse a command now; empty if there is none"""
 ReturnDelays = Callable[[Sequence[int]], Mapping[int, float]]
-"""delay of each vehicle's return when these vehicles are recalled together [s]"""
+"""function that returns the delay of each vehicle's return if all these vehicles are recalled [s]"""
 
 
 def accept_all(_command: Request) -> str:
@@ -97,7 +97,7 @@ def no_delays(_uavs: Sequence[int]) -> Mapping[int, float]:
 
 
 class CommandSigning(Protocol):
-    """Authenticates commands and signs their answers."""
+    """Authentication of commands, and signatures of their answers."""
 
     def verify_command(self, key: str, payload: bytes) -> bytes:
         """Return the command in a payload under `key`. Raises BadMessage if the sender is not authorised."""
@@ -115,7 +115,7 @@ class _Unsigned:
 
 
 UNSIGNED: CommandSigning = _Unsigned()
-"""Accepts every sender."""
+"""no signatures: every sender is accepted"""
 
 
 class OperatorService:
@@ -146,7 +146,7 @@ class OperatorService:
         self._open: dict[int, _PendingCommand] = {}
         self._busy: dict[int, int] = {}
         """vehicle -> number of the command with weights that the vehicle has not handled yet"""
-        # One limit for each key: a flood of weights must not block an order to hold.
+        # Each key has its own limit: a flood of weights must not block an order to hold.
         self._limits = {key: _RateLimit() for key in self._keys}
         self._wildcard_limit = _RateLimit()
         self._signature_checks = {key: TokenBucket(CHECKED_PER_S, CHECKED_BURST) for key in self._keys}
@@ -155,7 +155,7 @@ class OperatorService:
             transport.serve(key, self._receive)
 
     def join(self, uav: int, name: str, post: Callable[[AgentCommand], None]) -> None:
-        """Add an agent. `post` passes an event to the agent; pass the agent's answer to `answered`."""
+        """Add an agent. `post` passes an event to the agent; the agent's answer goes to `answered`."""
         self._agents[uav] = (name, post)
 
     def answered(self, command: int, answer: VehicleAnswer) -> None:
@@ -211,7 +211,7 @@ class OperatorService:
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
             return
-        # Each change of weights causes a plan; an order does not wait for that plan.
+        # A change of weights causes a new plan; an order does not wait for that plan.
         busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
         if len(busy) < len(uavs):
             self._pass_on(command, uavs, ignored, busy, reply)
@@ -223,7 +223,7 @@ class OperatorService:
         command = decode_command(verified)
         kind = KINDS[type(command)]
         if kind != self._keys[key]:
-            raise BadMessage(f"the command is of kind {kind}, but came under the key {key}")
+            raise BadMessage(f"the command is of kind {kind}, but arrived under the key {key}")
         if why := self._refusal(command):
             raise BadMessage(why)
         return command
@@ -283,7 +283,7 @@ class OperatorService:
         return False
 
     def _close(self, number: int) -> None:
-        """Reply with the vehicles' answers so far; the others are unconfirmed."""
+        """Reply with the vehicles' answers; a vehicle without an answer is unconfirmed."""
         waiting = self._open.pop(number, None)
         if waiting is None:
             return
@@ -292,7 +292,7 @@ class OperatorService:
 
     def _unconfirmed(self, uav: int) -> VehicleAnswer:
         note = (
-            f"the agent received the command, and has not handled it within {ANSWER_WITHIN_S:g} s; watch the "
+            f"the agent received the command but did not handle it within {ANSWER_WITHIN_S:g} s; watch the "
             "vehicle, or repeat the command [not-handled-yet]"
         )
         return VehicleAnswer(uav, self._agents[uav][0], "unconfirmed", note=note)
@@ -302,7 +302,7 @@ class OperatorService:
 
     def _refuse(self, why: str, reply: Reply | None, *, is_shown: bool = True) -> None:
         self._counts.refused += 1
-        # The text may quote the sender, and goes to a terminal.
+        # The text may quote the sender, and is shown in a terminal.
         why = printable(why[:MAX_REASON_CHARS])
         if is_shown:
             self._say(f"an operator's command was refused ({self._counts.refused} so far): {why}")

@@ -1,8 +1,8 @@
-"""Radio model: range, loss, delay and bandwidth of messages between UAVs. Pure.
+"""Radio model: range, loss, delay and bandwidth of messages between UAVs. No I/O.
 
 The model works above every transport, in simulated time. The sender calls `Radio.send`, the receiver
-`Radio.can_hear`. Each ordered pair of UAVs has its own random stream: the fate of the n-th message from one
-to the other follows from the seed and n alone, in one process or in many.
+`Radio.distance_loss`. Each ordered pair of UAVs has its own random stream: loss and jitter of the n-th
+message depend only on the seed and n, in one process or in many.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 from swarmctl.core.geo import LatLon, distance_m
 
 MAX_WAIT_S = 2.0
-"""Messages that would wait longer for the transmitter are dropped as out of date."""
+"""longest wait for the transmitter; messages that would wait longer are dropped as out of date"""
 STREAM = 3
-"""first part of the pairs' spawn keys, which separates them from other streams of the run's seed"""
+"""first part of the pairs' spawn keys, which separates the pairs from other streams of the run's seed"""
 _DRAWN_AHEAD = 32
-"""messages; numpy draws many at little more than the cost of one"""
+"""messages per draw: for numpy many numbers cost little more than one"""
 
 
 class LossReason(StrEnum):
@@ -38,12 +38,12 @@ class LossReason(StrEnum):
     TOO_FAR = "too_far"
     TOO_NEAR = "too_near"
     OVERLOAD = "overload"
-    """not from the model: the receivers' machine is too slow for the messages"""
+    """overload of the receivers' machine; not a part of the model"""
 
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """A split of the swarm from `from_s` until before `until_s`: UAVs reach those of their own group only.
+    """A split of the swarm from `from_s` until before `until_s`: UAVs reach only UAVs of their own group.
 
     A UAV outside of all groups is isolated.
     """
@@ -76,11 +76,11 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
     Gilbert's two-state model: in the bad state every message is lost. Each message leaves the bad state with
     probability p_exit = 1 / `burst`, so a burst has `burst` messages on average. In the long run a share
     p_enter / (p_enter + p_exit) of all messages is lost. This share is `loss` for
-    p_enter = p_exit · loss / (1 − loss); p_stay = 1 − p_exit. Without `burst` both are `loss`: messages are
+    p_enter = p_exit · loss / (1 − loss); p_stay = 1 − p_exit. Without `burst` both are `loss`: losses are
     independent, and bursts have 1 / (1 − loss) messages on average.
 
-    Raises ValueError if no such model exists: at least one message is received between two bursts, so bursts
-    shorter than loss / (1 − loss) cannot reach the share.
+    Raises ValueError for bursts shorter than loss / (1 − loss): at least one message is received between two
+    bursts, so shorter bursts cannot lose that share.
     """
     if not 0.0 <= loss < 1.0:
         raise ValueError(f"loss of {loss:g}: expected a share from 0 to below 1")
@@ -88,7 +88,7 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
         return loss, loss
     shortest = max(1.0, loss / (1.0 - loss))
     if burst < shortest * (1.0 - 1e-9):
-        # Rounded up, so that the number shown is valid; but not for the last bit of the division.
+        # Rounded up, so that the shown number is valid; rounding errors of the division do not count.
         least = math.ceil(100.0 * shortest - 1e-6) / 100.0
         raise ValueError(
             f"bursts of {burst:g} messages cannot lose a share of {loss:g}: at least one message is received "
@@ -99,7 +99,7 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
 
 @dataclass(frozen=True, slots=True)
 class RadioSettings:
-    """Settings of the radio model; UAVs are system ids. The defaults deliver every message at once.
+    """Settings of the radio model; UAVs are given by system id. The defaults deliver every message at once.
 
     Raises ValueError if `loss` and `loss_burst` are incompatible.
     """
@@ -110,7 +110,7 @@ class RadioSettings:
     loss_burst: float | None = None
     """mean number of messages lost in a row; None: losses are independent"""
     bandwidth_bytes_s: float = math.inf
-    """per transmitter"""
+    """bandwidth of each transmitter"""
     max_distance_m: float = math.inf
     min_distance_m: float = 0.0
     partitions: tuple[Partition, ...] = ()
@@ -121,12 +121,12 @@ class RadioSettings:
 
 
 def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[bool, float]]:
-    """Yield for each message of a pair whether it is lost, and its jitter [s].
+    """Yield (lost, jitter [s]) of each message of a pair.
 
-    Each message takes two draws, used or not: the same messages are lost with jitter as without.
+    Each message takes two draws, used or not, so jitter does not change the lost messages.
     """
     p_enter, p_stay = gilbert_probabilities(settings.loss, settings.loss_burst)
-    p_lost = settings.loss  # stationary, as the state before the first message is unknown
+    p_lost = settings.loss  # the stationary value: the state before the first message is unknown
     while True:
         draws = iter(rng.random(2 * _DRAWN_AHEAD).tolist())
         for lost_draw, jitter_draw in zip(draws, draws, strict=True):
@@ -136,11 +136,11 @@ def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[
 
 
 class Radio:
-    """The fates of messages, in the order of sending."""
+    """Radio model of one run: loss or arrival time of each message, in the order of sending."""
 
     def __init__(self, settings: RadioSettings, seed: int) -> None:
         self.is_transparent = settings == RadioSettings()
-        """whether every message arrives at once"""
+        """True if every message arrives at once"""
         self._settings = settings
         self._seed = seed
         self._draws = settings.loss > 0.0 or settings.jitter_s > 0.0
@@ -148,13 +148,13 @@ class Radio:
         self._free_at_s: dict[int, float] = {}
 
     def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | LossReason:
-        """Return the time of arrival of a message sent now, or the cause of its loss; [s] since the start.
+        """Return the time of arrival of a message sent now [s since the start], or the cause of its loss.
 
-        Partitions and radio silence count at the time of sending. A lost message occupies the transmitter
-        all the same.
+        Partitions and radio silence count at the time of sending. A lost message also occupies the
+        transmitter.
         """
         settings = self._settings
-        # Drawn first, so that other causes of loss do not change the fates of later messages.
+        # The draw comes first, so that other causes of loss do not change the draws of later messages.
         is_lost, jitter_s = self._fate(sender, to) if self._draws else (False, 0.0)
         if any(quiet.silences(sender, now_s) for quiet in settings.quiet):
             return LossReason.QUIET
@@ -165,20 +165,20 @@ class Radio:
             return LossReason.PARTITION
         return LossReason.LOSS if is_lost else sent_s + settings.delay_s + jitter_s
 
-    def can_hear(self, me: LatLon | None, other: LatLon | None) -> LossReason | None:
-        """Return why UAVs at these positions do not hear each other; None if they do, limits included.
+    def distance_loss(self, own: LatLon | None, other: LatLon | None) -> LossReason | None:
+        """Return the cause of loss between UAVs at these positions; None within the limits.
 
-        A UAV with an unknown position is heard: its first message may report the position.
+        Messages of a UAV with an unknown position are received: its first message may report the position.
         """
         settings = self._settings
         if settings.min_distance_m == 0.0 and settings.max_distance_m == math.inf:
             return None
-        if me is None or other is None:
+        if own is None or other is None:
             return None
-        apart_m = distance_m(me, other)
-        if apart_m > settings.max_distance_m:
+        between_m = distance_m(own, other)
+        if between_m > settings.max_distance_m:
             return LossReason.TOO_FAR
-        return LossReason.TOO_NEAR if apart_m < settings.min_distance_m else None
+        return LossReason.TOO_NEAR if between_m < settings.min_distance_m else None
 
     def _fate(self, sender: int, to: int) -> tuple[bool, float]:
         fates = self._fates.get((sender, to))
@@ -189,9 +189,9 @@ class Radio:
         return next(fates)
 
     def _transmit(self, sender: int, n_bytes: int, now_s: float) -> float | None:
-        """Return the end of a message's transmission, after all earlier ones; None above `MAX_WAIT_S`.
+        """Return the end of a message's transmission [s], after all earlier messages.
 
-        A message to several receivers is sent to each of them separately.
+        None for a wait above `MAX_WAIT_S`. A message to several receivers is sent once for each receiver.
         """
         bandwidth_bytes_s = self._settings.bandwidth_bytes_s
         if bandwidth_bytes_s == math.inf:

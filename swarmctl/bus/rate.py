@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class TokenBucket:
-    """`burst` at once, `per_s` in the long run [1/s]."""
+    """A rate limit: `burst` at once, `per_s` in the long run [1/s]."""
 
     def __init__(self, per_s: float, burst: int) -> None:
         self._per_s = per_s
@@ -13,7 +13,7 @@ class TokenBucket:
         self._at_s = 0.0
 
     def try_take(self, now_s: float) -> bool:
-        """Take a token and return True; without one return False, at no cost."""
+        """Take a token and return True; return False if no token is left."""
         tokens = self._tokens
         if tokens < self._burst:
             tokens = min(tokens + (now_s - self._at_s) * self._per_s, self._burst)

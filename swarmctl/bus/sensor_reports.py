@@ -10,13 +10,13 @@ A report is one observation, of these fields:
 | `unix_s` | number, optional | time of the observation, by the payload's clock [s] |
 | `source` | text, optional | the payload's name, for logs; up to 32 printable characters |
 
-`occupied` is true if a hostile holds the cell, and false if none does; unobserved cells are left out. Points
-in one cell count once, and must agree. Fields of later versions are ignored.
+`occupied` is true if a hostile is in the cell, and false if the cell is clear; unobserved cells are left out.
+Points in one cell count once, and must agree. Fields of later versions are ignored.
 
-Each report counts as one more observation, with independent errors `sensor.p_miss` and
-`sensor.p_false_alarm`. A payload therefore reports a cell once a pass, not once a picture.
+Each report counts as a separate observation, with independent errors `sensor.p_miss` and
+`sensor.p_false_alarm`. So a payload reports a cell once per pass, not once per picture.
 
-A report is accepted or refused as a whole. A payload that asks instead of putting gets an answer:
+A report is accepted or refused as a whole. A query, unlike a put, gets an answer:
 `{"taken": true, "cells": [[4,7,true]]}` or `{"taken": false, "why": "..."}`.
 """
 
@@ -34,13 +34,13 @@ MAX_BYTES = 16_384
 """greatest size of a report [bytes]; about 1400 cells"""
 MAX_CELLS = 4096
 MAX_SOURCE = 32
-"""characters"""
+"""largest length of a source [characters]"""
 BY_HAND = "operator"
 """source of a person's reports by `swarmctl observe`"""
 OLDEST_S = 60.0
-"""limit on the age: the hostile may have moved, or the payload's clock may be wrong"""
+"""largest age: the hostile may have moved, or the payload's clock may be wrong"""
 CLOCK_TOLERANCE_S = 5.0
-"""limit on the lead of a payload's clock"""
+"""largest lead of a payload's clock"""
 
 ReportedCells = tuple[tuple[int, int, bool], ...]
 """(row, col, occupied) of each cell"""
@@ -61,7 +61,7 @@ class RejectReason(StrEnum):
 
 
 class RejectedReport(ValueError):
-    """A refused report; the text has the reason, the value found and the expectation."""
+    """A refused report; the text has the reason, the found value and the expected value."""
 
     def __init__(self, reason: RejectReason, text: str) -> None:
         super().__init__(f"{reason}: {text}")
@@ -209,7 +209,7 @@ def _cells_of_points(points: tuple[ReportedPoint, ...], grid: Grid) -> ReportedC
         if observed.setdefault(cell, point.occupied) != point.occupied:
             raise RejectedReport(
                 RejectReason.TWICE,
-                f"cell [{cell[0]}, {cell[1]}] has occupied and clear points: a cell is clear if all of it is "
-                "clear",
+                f"cell [{cell[0]}, {cell[1]}] has occupied and clear points: a cell is clear only if the "
+                "whole cell is clear",
             )
     return tuple((row, col, occupied) for (row, col), occupied in observed.items())

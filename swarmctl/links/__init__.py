@@ -2,10 +2,10 @@
 
 | module | contents |
 |---|---|
-| `base` | what a link offers, its events and its errors |
+| `base` | interface of a link, its events and its errors |
 | `frontend`, `line` | owner of the transports; one endpoint with its vehicles |
-| `direct` | one vehicle by our own conversations |
-| `mavsdk`, `mavsdk_conversations` | the same, with commands and missions by MAVSDK |
+| `direct` | one vehicle by this program's own conversations |
+| `mavsdk`, `mavsdk_conversations` | one vehicle, with commands and missions by MAVSDK |
 | `signing`, `forwarding`, `tlog` | MAVLink 2 signatures, copies for other stations, logs |
 | `url`, `transports` | forms of a URL; UDP, TCP, serial, memory |
 
@@ -23,10 +23,10 @@ from swarmctl.links.direct import DirectLink
 
 
 def _mavsdk_link(*args: Any, **kwargs: Any) -> Link:
-    """Return a `MavsdkLink`; its import loads a native library, so it waits until a vehicle needs it."""
+    """Return a `MavsdkLink`. Its import loads a native library, so only the first use imports it."""
     link: Link = import_module("swarmctl.links.mavsdk").MavsdkLink(*args, **kwargs)
     return link
 
 
 LINKS: dict[str, Callable[..., Link]] = {"direct": DirectLink, "mavsdk": _mavsdk_link}
-"""links by name; each is called like `DirectLink`"""
+"""constructors of links by name, with the parameters of `DirectLink`"""

@@ -2,8 +2,8 @@
 
 All waits have time-outs; cancelling a call cancels its conversation on the wire. Only one of
 connect/identify/prepare/upload/launch/swap/hold/return_home/land runs at a time. `hold`, `return_home` and
-`land` interrupt the running call, because an operator needs them in an emergency; any other second call
-raises `Busy`.
+`land` interrupt the running call, because an operator needs these commands in an emergency. Any other second
+call raises `Busy`.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class AddressChanged:
-    """The vehicle sends from another address now, as after a reboot over UDP; the link follows it."""
+    """A new address of the vehicle, as after a reboot over UDP; the link sends there from now on."""
 
     address: str
 
 
 @dataclass(frozen=True, slots=True)
 class SystemIdConflict:
-    """Two senders use this system id at once; the second one's frames are dropped."""
+    """Two senders with this system id at once; frames of the second sender are dropped."""
 
     address: str
     """address of the second sender"""
@@ -84,7 +84,7 @@ class SystemIdConflict:
 
 @dataclass(frozen=True, slots=True)
 class FramesRefused:
-    """Frames with its system id are refused; reported at the first of a kind and while it lasts."""
+    """Refused frames with the vehicle's system id, reported at the first refusal and then at intervals."""
 
     text: str
     """reason, number and meaning"""
@@ -100,11 +100,11 @@ class LinkError(Exception):
 
 
 class TransportError(LinkError):
-    """A taken port, a missing device or an unreachable address."""
+    """A port in use, a missing device or an unreachable address."""
 
 
 class NoAnswer(LinkError):
-    """No heartbeat, or no AUTOPILOT_VERSION, of this system id came."""
+    """No heartbeat, or no AUTOPILOT_VERSION, has arrived from this system id."""
 
     def __init__(self, text: str, *, url: str, sysid: int, tried_s: float) -> None:
         super().__init__(text)
@@ -151,13 +151,13 @@ class LaunchBlockedError(LaunchFailed):
     def __init__(self, text: str, *, why: str, was_armed: bool) -> None:
         super().__init__(text)
         self.why = why
-        """the obstacle that `blocked_by` returned"""
+        """obstacle, as returned by `blocked_by`"""
         self.was_armed = was_armed
         """True if the vehicle was armed and has been disarmed again"""
 
 
 class SwapFailed(LinkError):
-    """The new plan is not flown; `flying` is the mission or mode instead.
+    """The new plan is not flown; the vehicle flies the mission or mode `flying` instead.
 
     "old": the previous plan, verified; "hold": hold in the air; "theirs": a mode set by the pilot, a failsafe
     or another station; "unknown": the link was lost during the swap.
@@ -169,9 +169,9 @@ class SwapFailed(LinkError):
         super().__init__(text)
         self.flying = flying
         self.stood_still_s = stood_still_s
-        """time in hold or without motion in the air, by the vehicle's clock"""
+        """time in hold or without motion in the air, by the vehicle's clock [s]"""
         self.is_late = is_late
-        """True if the vehicle had passed the point where the plan leaves the old one"""
+        """True if the vehicle had passed the splice point, where the new plan leaves the old plan"""
 
 
 class CommandFailed(LinkError):
@@ -183,15 +183,15 @@ class Busy(LinkError):
 
 
 class Link(Protocol):
-    """One vehicle. Times are those of the running loop [s]."""
+    """One vehicle. Times are by the event loop's clock [s]."""
 
     async def connect(self, timeout_s: float) -> Identity:
         """Wait for a heartbeat and `identify` the vehicle. Raises NoAnswer, UnsupportedVehicle."""
 
     async def identify(self, timeout_s: float) -> Identity:
-        """Return the identity of a connected vehicle, asked anew: another one may have its address now.
+        """Request the identity of a connected vehicle again: another vehicle may have taken its address.
 
-        Nothing else is sent to it. Raises NoAnswer.
+        Sends nothing else. Raises NoAnswer.
         """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
@@ -208,10 +208,10 @@ class Link(Protocol):
         """
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
-        """Return the parameters that the vehicle knows of these names, in their units.
+        """Return the parameters that the vehicle knows, by name, each in its unit.
 
-        This call and the six below may run while `upload` does: they wait for each other. Raises LinkError
-        after an interruption by an urgent command.
+        This call, the next six and `upload` may overlap; they run one after another. Raises LinkError after
+        an interruption by an urgent command.
         """
 
     async def set_parameters(self, wanted: Mapping[str, float]) -> None:
@@ -230,12 +230,12 @@ class Link(Protocol):
         """Return the number of rally points on the vehicle. Raises LinkError if it is unknown."""
 
     async def read_instruments(self) -> Instruments:
-        """Return readings of GPS receiver and clock; home and battery in `state` are recent afterwards."""
+        """Return readings of GPS receiver and clock; also renews home and battery in `state`."""
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.
 
-        `blocked_by` returns the present obstacle to the take-off as text, or ""; it is called right before
+        `blocked_by` returns the current obstacle to the take-off as text, or "". It is called right before
         arming and right before the take-off. No command follows once another party has chosen a mode or armed
         the vehicle. Raises LaunchFailed, and LaunchBlockedError for an obstacle.
         """
@@ -243,16 +243,16 @@ class Link(Protocol):
     async def swap(self, plan: FlightPlan) -> Swapped:
         """Upload and verify `plan` in flight and fly it, without a stop if the autopilot allows it.
 
-        The vehicle begins at the first waypoint, or with `leaves_ahead` at the item ahead of it. No command
-        follows once another party has chosen a mode. Raises SwapFailed.
+        The vehicle begins at the first waypoint; a plan with `leaves_ahead` begins at the item ahead of the
+        vehicle. No command follows once another party has chosen a mode. Raises SwapFailed.
         """
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
         """Hold in the air. Raises CommandFailed.
 
-        As for `return_home` and `land`, the first command goes out at once in any mode; repetitions stop once
-        another party has chosen a mode. `check_mode_first` checks the mode before the first command too; it
-        is for commands that no operator has just ordered.
+        The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
+        `check_mode_first` also checks the mode before the first command; use it for commands that no operator
+        has given. The same applies to `return_home` and `land`.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:
@@ -265,7 +265,7 @@ class Link(Protocol):
         """Return to launch. Raises CommandFailed."""
 
     async def land(self, *, check_mode_first: bool = False) -> None:
-        """Land at the present place, or at the mission's landing. Raises CommandFailed."""
+        """Land at the current position, or at the mission's landing. Raises CommandFailed."""
 
     def state(self) -> VehicleState:
         """Return the last known state."""
@@ -274,7 +274,10 @@ class Link(Protocol):
         """Return the time since the last heartbeat [s]; infinite before the first."""
 
     def items(self) -> tuple[MissionItem, ...]:
-        """Return the mission items last verified on the vehicle, with item 0; empty if none or in doubt."""
+        """Return the mission items last verified on the vehicle, with item 0.
+
+        Empty if none, or if the vehicle may store another mission.
+        """
 
     def close(self) -> None:
         """Stop timers, leave the front end, close its tlog. Idempotent."""

@@ -52,7 +52,7 @@ REPORT_PERIOD_S = 1.0
 
 
 class DirectLink:
-    """Fits `Link`. The asyncio shell around a `Session`: one timer, one waiter, no polling.
+    """`Link` that runs a `Session` in asyncio: one timer, one waiter, no polling.
 
     `on_event` is called from the loop, in the order of the events, and must not block.
     """
@@ -88,7 +88,7 @@ class DirectLink:
         self._reasons: tuple[str, ...] = ()
         self._report_at = 0.0
         self._ground_lock = asyncio.Lock()
-        """makes uploads and requests on the ground wait for each other"""
+        """lock of uploads and requests on the ground, so that they run one after another"""
         # The owner of the front end may fail before it closes this link.
         front_end.at_close(self.close)
 
@@ -131,8 +131,8 @@ class DirectLink:
         return self._session.identity(version)
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
-        self._require_heard()
-        self._take(self._session.keep_streams(self._now()))
+        self._require_connection()
+        self._apply(self._session.keep_streams(self._now()))
         self._on_waiting, self._reasons = on_waiting, ()
         try:
             async with asyncio.timeout(timeout_s):
@@ -145,7 +145,7 @@ class DirectLink:
             raise PrepareFailed(f"{self._label} cannot be prepared: {done.failure}")
 
     async def upload(self, plan: FlightPlan) -> float:
-        self._require_heard()
+        self._require_connection()
         try:
             items = self._session.mission_items(plan)
         except ValueError as error:
@@ -196,7 +196,7 @@ class DirectLink:
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         if why_not := await self._front_end.why_not_arm():
-            raise LaunchFailed(f"{self._label}: not armed: {why_not}")
+            raise LaunchFailed(f"{self._label}: the vehicle is not armed: {why_not}")
         done: Done = await self._perform("launch", partial(basic.launch, blocked_by=blocked_by))
         if isinstance(done, LaunchBlocked):
             why = done.failure or ""
@@ -207,7 +207,7 @@ class DirectLink:
             raise LaunchFailed(f"{self._label}: {done.failure}")
 
     async def swap(self, plan: FlightPlan) -> Swapped:
-        self._require_heard()
+        self._require_connection()
         try:
             items = self._session.mission_items(plan)
         except ValueError as error:
@@ -243,7 +243,7 @@ class DirectLink:
         await self._perform_urgent("land", partial(basic.land, check_mode_first=check_mode_first))
 
     def close(self) -> None:
-        """Idempotent; the front end does so when it closes."""
+        """Close the link. Idempotent; the front end also calls this when it closes."""
         if self._waiter is not None:
             self._interrupt("closing the link")
         if self._timer is not None:
@@ -273,19 +273,19 @@ class DirectLink:
 
     @property
     def _byte_wise(self) -> bool:
-        self._require_heard()
+        self._require_connection()
         return self._session.autopilot in parameters.BYTE_WISE
 
     async def _read(
         self,
-        what: str,
+        subject: str,
         procedure: Callable[[Context], Procedure[Any]],
-        failed: Callable[[str], LinkError] = LinkError,
+        error: Callable[[str], LinkError] = LinkError,
     ) -> Any:
-        """Return the procedure's result. Raises the error from `failed` after an interruption."""
-        result = await self._perform_on_ground(f"read {what}", procedure)
+        """Return the procedure's result. Raises `error` after an interruption."""
+        result = await self._perform_on_ground(f"read {subject}", procedure)
         if isinstance(result, Done):
-            raise failed(f"{self._label}: {what} not read: {result.failure}")
+            raise error(f"{self._label}: {subject} not read: {result.failure}")
         return result
 
     async def _perform_on_ground(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
@@ -294,7 +294,7 @@ class DirectLink:
             return await self._perform(name, procedure)
 
     async def _perform_urgent(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
-        """Run an urgent procedure; it interrupts the running one."""
+        """Interrupt the running procedure, if any, and run this one."""
         if self._waiter is not None:
             self._interrupt(name)
         done: Done = await self._perform(name, procedure)
@@ -302,34 +302,36 @@ class DirectLink:
             raise CommandFailed(f"{self._label}: {name}: {done.failure}")
 
     async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
-        self._require_heard()
+        self._require_connection()
         if self._session.busy_with is not None:
-            raise Busy(f"{self._label}: {name} while {self._session.busy_with} runs; wait for it, or hold")
+            raise Busy(
+                f"{self._label}: {name} while {self._session.busy_with} runs; wait for its end, or hold"
+            )
         waiter = self._waiter = asyncio.get_running_loop().create_future()
-        self._take(self._session.begin(name, procedure, self._now()))
+        self._apply(self._session.begin(name, procedure, self._now()))
         try:
             return await waiter
         except asyncio.CancelledError:
             if self._waiter is waiter:
                 self._waiter = None
-                self._take(self._session.cancel(self._now()))
+                self._apply(self._session.cancel(self._now()))
             raise
 
     def _interrupt(self, by: str) -> None:
         waiter, self._waiter = self._waiter, None
-        self._take(self._session.cancel(self._now()))
+        self._apply(self._session.cancel(self._now()))
         if waiter is not None and not waiter.done():
             # A Swapped is a Done, so it fits every waiter.
             waiter.set_result(Swapped(f"interrupted by {by} [interrupted]"))
 
     def _on_message(self, message: Message) -> None:
-        self._take(self._session.receive(message, self._now()))
+        self._apply(self._session.receive(message, self._now()))
 
     def _on_timer(self) -> None:
         self._timer = None
-        self._take(self._session.tick(self._now()))
+        self._apply(self._session.tick(self._now()))
 
-    def _take(self, step: SessionStep) -> None:
+    def _apply(self, step: SessionStep) -> None:
         if self._channel is not None:
             self._channel.send(step.messages)
         self._arm_timer()
@@ -358,7 +360,7 @@ class DirectLink:
         if deadline is None or self._channel is None:
             return
         if self._timer is not None:
-            # An early timer costs one idle tick; setting it anew at every message would cost more.
+            # An early timer costs one idle tick; a new timer for every message would cost more.
             if self._timer.when() <= deadline:
                 return
             self._timer.cancel()
@@ -373,7 +375,7 @@ class DirectLink:
     def _label(self) -> str:
         return f"{self.name} (system {self.sysid} at {self.endpoint})"
 
-    def _require_heard(self) -> None:
+    def _require_connection(self) -> None:
         if not self._heartbeat_received.is_set() or self._session.unsupported:
             raise LinkError(f"{self._label}: not connected [not-connected]")
 
@@ -387,13 +389,13 @@ class DirectLink:
             if refused := self._front_end.refused_on(self.endpoint, self.sysid):
                 problem, code = f"the vehicle's frames are refused: {refused}", " [frames-refused]"
                 check = REMEDIES.get(refused, "do the clocks of vehicle and this machine agree?")
-            others = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
-            if others and not refused:
-                ids = ", ".join(map(str, others))
+            other_ids = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
+            if other_ids and not refused:
+                ids = ", ".join(map(str, other_ids))
                 check = f"this endpoint receives only system ids {ids}; is the configured system id right?"
         trouble = self._front_end.trouble_on(self.endpoint)
-        because = f" ({trouble})" if trouble else ""
-        text = f"{self._label}: {problem}{because}; tried for {tried_s:g} s; {check}{code}"
+        cause = f" ({trouble})" if trouble else ""
+        text = f"{self._label}: {problem}{cause}; tried for {tried_s:g} s; {check}{code}"
         return NoAnswer(text, url=str(self.endpoint), sysid=self.sysid, tried_s=tried_s)
 
     def _not_ready(self, tried_s: float) -> NotReady:

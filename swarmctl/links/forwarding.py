@@ -1,7 +1,7 @@
 """Forwarding: copies of the traffic for other stations (QGroundControl, Mission Planner, MAVProxy ...).
 
-Every frame goes out unchanged, one per datagram, so signatures stay valid. An absent or slow station loses
-frames and delays nothing. Frames from a station go to `on_frame`, if it is set.
+Every frame is sent unchanged, one per datagram, so signatures stay valid. An absent or slow station loses
+frames and delays nothing. Frames from a station are passed to `on_frame`, if set.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import Frame, FrameSplitter
 
 WATCHERS_LIMIT = 16
-"""addresses that one listening target sends to: the latest senders"""
+"""largest number of addresses of one listening target: the latest senders"""
 
 OnFrame = Callable[[Frame, str], None]
-"""called with a frame of another station, and its endpoint as text"""
+"""callback for a frame of another station, with the station's endpoint as text"""
 
 
 class ForwardTarget:
@@ -29,14 +29,14 @@ class ForwardTarget:
         self.endpoint = endpoint
         self._transport = transport
         self._on_frame = on_frame
-        self._heard: dict[Address, FrameSplitter] = {}
+        self._splitters: dict[Address, FrameSplitter] = {}
 
     async def open(self) -> None:
-        """Raises TransportError."""
+        """Open the transport. Raises TransportError."""
         await self._transport.open(self._receive)
 
     def send(self, frame: bytes) -> None:
-        for address in self._transport.peers() or tuple(self._heard):
+        for address in self._transport.peers() or tuple(self._splitters):
             self._transport.send(frame, address)
 
     async def close(self) -> None:
@@ -45,12 +45,12 @@ class ForwardTarget:
     def _receive(self, data: bytes, address: Address) -> None:
         peers = self._transport.peers()
         if peers and address not in peers:
-            return  # an unknown sender that found this program's port
-        splitter = self._heard.pop(address, None) or FrameSplitter()
+            return  # an unknown sender at this program's port
+        splitter = self._splitters.pop(address, None) or FrameSplitter()
         # The latest sender stays longest.
-        self._heard[address] = splitter
-        if len(self._heard) > WATCHERS_LIMIT:
-            del self._heard[next(iter(self._heard))]
+        self._splitters[address] = splitter
+        if len(self._splitters) > WATCHERS_LIMIT:
+            del self._splitters[next(iter(self._splitters))]
         if self._on_frame is not None:
             for frame in splitter.feed(data):
                 self._on_frame(frame, str(self.endpoint))
@@ -67,7 +67,7 @@ class Forwarder:
         return tuple(target.endpoint for target in self._targets)
 
     async def add(self, target: ForwardTarget) -> None:
-        """Raises TransportError."""
+        """Open a target and add it. Raises TransportError."""
         await target.open()
         self._targets.append(target)
 
@@ -82,7 +82,7 @@ class Forwarder:
 
 
 def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
-    """Return why an endpoint is unsafe for stations that may command; empty if it is safe."""
+    """Return the risk of letting stations at an endpoint command vehicles; empty if it is safe."""
     if signed or endpoint.kind in ("serial", "memory") or is_loopback(endpoint.host):
         return ""
     if not endpoint.listens:
@@ -91,7 +91,7 @@ def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
             "send to 127.0.0.1, or set links.signing_key [open-to-strangers]"
         )
     return (
-        f"{endpoint}: other machines reach it, and with links.forward_commands they could command the "
+        f"{endpoint}: other machines reach this endpoint; with links.forward_commands they could command "
         "vehicles; listen at 127.0.0.1, or set links.signing_key [open-to-strangers]"
     )
 
@@ -99,14 +99,14 @@ def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
 _LISTENER = {"udpout": "udpin", "tcpout": "tcpin", "udpin": "udpin", "tcpin": "tcpin"}
 
 
-def refuse_loops(watched: Sequence[Endpoint], vehicles: Sequence[Endpoint]) -> None:
-    """Raise LinkError if forwarded frames would come back as a vehicle's, in an endless loop."""
-    for target in watched:
+def refuse_loops(targets: Sequence[Endpoint], vehicles: Sequence[Endpoint]) -> None:
+    """Raise LinkError if forwarded frames would return as frames of a vehicle, in an endless loop."""
+    for target in targets:
         for endpoint in vehicles:
-            if target == endpoint or (_reaches(target, endpoint) and _is_here(target.host)):
+            if target == endpoint or (_reaches(target, endpoint) and _is_this_machine(target.host)):
                 raise LinkError(
-                    f"forward {target}: vehicles are expected at {endpoint}, so forwarded frames would come "
-                    "back as theirs; give the other station a port of its own [forward-loop]"
+                    f"forward {target}: vehicles are expected at {endpoint}, so forwarded frames would "
+                    "return as frames of vehicles; give the other station its own port [forward-loop]"
                 )
 
 
@@ -114,8 +114,8 @@ def _reaches(target: Endpoint, endpoint: Endpoint) -> bool:
     return _LISTENER.get(target.kind) == endpoint.kind and 0 != target.port == endpoint.port
 
 
-def _is_here(host: str) -> bool:
-    """Return whether the host is this machine: its address can be bound."""
+def _is_this_machine(host: str) -> bool:
+    """Return whether this machine can bind the host's address."""
     try:
         family = socket.getaddrinfo(host, None, type=socket.SOCK_DGRAM)[0][0]
         with socket.socket(family, socket.SOCK_DGRAM) as probe:

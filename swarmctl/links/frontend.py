@@ -1,8 +1,7 @@
 """Front end: owner of every transport of the ground station.
 
-Each distinct URL has one transport, however many vehicles are behind it. The front end learns the address of
-each system id and sends to that address only. It decodes only the wanted messages, writes the tlogs and sends
-the heartbeats.
+All vehicles of one URL share one transport. The front end learns the address of each system id and sends to
+that address only. It decodes only the wanted messages, writes the tlogs and sends the heartbeats.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from swarmctl.links.signing import Refusals, Signing, SigningGuard
 from swarmctl.links.tlog import TlogWriter
 from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.transports.base import Transport
-from swarmctl.links.transports.memory import Memory, MemoryWire
+from swarmctl.links.transports.memory import MemoryTransport, MemoryWire
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import (
     GCS_COMPID,
@@ -34,7 +33,7 @@ from swarmctl.mavlink.protocol.codec import (
     Frame,
     Message,
 )
-from swarmctl.mavlink.protocol.command import forces
+from swarmctl.mavlink.protocol.command import is_forced_arming
 from swarmctl.mavlink.session import WANTED
 from swarmctl.mavlink.telemetry.presence import HEARTBEAT_PERIOD_S
 
@@ -43,10 +42,10 @@ class FrontEnd:
     """Front end of a ground station; as a context manager it closes every transport and tlog at the end.
 
     wall_time_us: clock for tlogs and signatures
-    signing: signs outgoing frames and refuses unsigned ones
+    signing: signature of outgoing frames, and check of incoming frames
     memory: wires of `memory:NAME` endpoints
-    evidence: sees every message, and may forbid it
-    say: gets messages for the operator about other stations, refused frames and signing
+    evidence: recorder of every message, which may forbid sending it
+    say: output of messages to the operator about other stations, refused frames and signing
     """
 
     def __init__(
@@ -72,7 +71,7 @@ class FrontEnd:
         self._at_close: list[Callable[[], None]] = []
         self._say = say
         self._n_forced = 0
-        """commands of other stations to arm or disarm by force, which were dropped"""
+        """number of dropped commands of other stations to arm or disarm by force"""
         self._refusals = Refusals()
         """refused frames of other stations"""
         self._reported_trouble = ""
@@ -120,7 +119,7 @@ class FrontEnd:
             return
         target = int(getattr(message, "target_system", 0))
         by = f"station {frame.sysid} at {where}"
-        if forces(message):
+        if is_forced_arming(message):
             self._n_forced += 1
             if self._n_forced == 1:
                 self._say(f"{by} commands a forced arming or disarming; such commands are dropped [forced]")
@@ -141,14 +140,14 @@ class FrontEnd:
     ) -> Channel:
         """Return the channel of one system id on an open endpoint; `on_message` gets the `wanted` messages.
 
-        Raises LinkError if another link has it already.
+        Raises LinkError if another link has this system id.
         """
         line = self._lines[endpoint]
         if sysid in line.channels:
             raise LinkError(
-                f"system id {sysid} is used by two vehicles on {endpoint}; give one of them another "
-                "(ArduPilot: parameter SYSID_THISMAV, from 4.7 on MAV_SYSID; PX4: MAV_SYS_ID) or a link of "
-                "its own [system-id-twice]"
+                f"system id {sysid} is used by two vehicles on {endpoint}; give one vehicle another id "
+                "(ArduPilot: parameter SYSID_THISMAV, from 4.7 on MAV_SYSID; PX4: MAV_SYS_ID) or its own "
+                "link [system-id-twice]"
             )
         if sysid == self.sysid:
             raise LinkError(
@@ -161,18 +160,18 @@ class FrontEnd:
 
     def systems_on(self, endpoint: Endpoint) -> frozenset[int]:
         """Return the system ids of all autopilots received on an endpoint."""
-        return frozenset(self._lines[endpoint].heard) if endpoint in self._lines else frozenset()
+        return frozenset(self._lines[endpoint].systems) if endpoint in self._lines else frozenset()
 
     def refused_on(self, endpoint: Endpoint, sysid: int) -> str:
-        """Return why the last frame of an autopilot was refused; empty if none was."""
+        """Return the reason for the last refused frame of an autopilot; empty if none was refused."""
         return self._lines[endpoint].refused.get(sysid, "") if endpoint in self._lines else ""
 
     async def why_not_arm(self) -> str:
-        """Return the reason that forbids arming now, or ""; waits until the evidence so far is on disk."""
+        """Wait until the evidence so far is on disk; return the reason that forbids arming, or ""."""
         return "" if self._shared.evidence is None else await self._shared.evidence.settled()
 
     def trouble_on(self, endpoint: Endpoint) -> str:
-        """Return the present faults of an endpoint's transport and the refused frames; empty if none."""
+        """Return the current faults of an endpoint's transport and the refused frames; empty if none."""
         transport = self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
         return "; ".join(text for text in (transport, self.refused) if text)
 
@@ -185,7 +184,7 @@ class FrontEnd:
         )
 
     def at_close(self, release: Callable[[], None]) -> None:
-        """Call `release` before the transports close, for an object that depends on this front end."""
+        """Register `release`, called before the transports close, for objects that use this front end."""
         self._at_close.append(release)
 
     async def close(self) -> None:
@@ -210,7 +209,7 @@ class FrontEnd:
             self._say(signing.trouble)
         for line in self._lines.values():
             line.heartbeat()
-            # The log matters most after a crash of this process.
+            # The log is needed most after a crash of this process.
             line.flush_logs()
 
     def _transport(self, endpoint: Endpoint) -> Transport:
@@ -220,5 +219,5 @@ class FrontEnd:
         wire = self._memory.get(endpoint.host)
         if wire is None:
             known = ", ".join(sorted(self._memory)) or "none"
-            raise TransportError(f"{endpoint}: there is no memory wire of that name; known: {known}")
-        return Memory(wire)
+            raise TransportError(f"{endpoint}: no memory wire has this name; known: {known}")
+        return MemoryTransport(wire)

@@ -20,9 +20,9 @@ from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
 
 _LATE_LIMIT = 64
 _STREAMS_LIMIT = 1024
-"""addresses on one endpoint whose incomplete frames are kept"""
+"""largest number of addresses on one endpoint with stored incomplete frames"""
 SILENT_S = 2.0
-"""silence of a vehicle's address after which the vehicle may send from another one"""
+"""silence of a vehicle's address after which the vehicle may have a new address"""
 
 
 class AddressVerdict(Enum):
@@ -34,45 +34,45 @@ class AddressVerdict(Enum):
     DROPPED = "dropped"
     """not from the vehicle's address"""
     CONFLICT = "conflict"
-    """accepted; `rival` certainly uses the same system id"""
+    """accepted; `rival` also uses this system id"""
 
 
 class AddressTracker:
-    """Address of one system id on one endpoint. Pure.
+    """Address of one system id on one endpoint. No I/O.
 
     A second address appears when a vehicle reboots over UDP, or when two vehicles have the same system id.
-    Only in the second case the first address goes on sending.
+    Two vehicles differ from a reboot because the first address continues to send.
     """
 
     def __init__(self) -> None:
         self.address: Address | None = None
         self.rival: Address | None = None
-        self._heard = -inf
-        self._rival_heard = -inf
+        self._received_s = -inf
+        self._rival_received_s = -inf
         self._reported: set[Address] = set()
 
-    def hear(self, address: Address, now: float) -> AddressVerdict:
-        """Decide about a frame of this system id from `address`."""
+    def receive(self, address: Address, now: float) -> AddressVerdict:
+        """Return the decision about a frame of this system id from `address`."""
         if address == self.address:
-            self._heard = now
-            if self._rival_heard > now - SILENT_S and self.rival not in self._reported:
+            self._received_s = now
+            if self._rival_received_s > now - SILENT_S and self.rival not in self._reported:
                 self._reported.add(self.rival)
                 return AddressVerdict.CONFLICT
             return AddressVerdict.ACCEPTED
-        if self.address is None or now - self._heard >= SILENT_S:
+        if self.address is None or now - self._received_s >= SILENT_S:
             first = self.address is None
             self.address, self.rival = address, None
-            self._heard, self._rival_heard = now, -inf
+            self._received_s, self._rival_received_s = now, -inf
             self._reported.clear()
             return AddressVerdict.ACCEPTED if first else AddressVerdict.MOVED
-        self.rival, self._rival_heard = address, now
+        self.rival, self._rival_received_s = address, now
         return AddressVerdict.DROPPED
 
 
 class EvidenceRecorder(Protocol):
-    """Recorder of the evidence: sees every message for a vehicle or from one.
+    """Recorder of every message to and from vehicles.
 
-    Every message to a vehicle passes `Line.send`, so the recorder is called there.
+    Every own message to a vehicle passes `Line.send`, so that method calls the recorder.
     """
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
@@ -82,7 +82,7 @@ class EvidenceRecorder(Protocol):
         """Record a wanted message of a vehicle."""
 
     async def settled(self) -> str:
-        """Wait until the record is safe from a loss of power; return the reason if it is not, or ""."""
+        """Wait until the record is on disk; return the reason for a failure, or ""."""
 
 
 class Channel:
@@ -97,7 +97,7 @@ class Channel:
         tlog: TlogWriter | None,
         wanted: Set[int],
     ) -> None:
-        self.route = AddressTracker()
+        self.tracker = AddressTracker()
         self.sysid = sysid
         self.wanted = wanted
         self.on_message = on_message
@@ -106,10 +106,10 @@ class Channel:
         self._tlog = tlog
 
     def send(self, messages: list[Message]) -> None:
-        """Send to the vehicle's address only; drop messages while it is unknown, and after `detach`."""
-        if self.route.address is not None and self._line.channels.get(self.sysid) is self:
+        """Send to the vehicle's address; drop messages before an address is known and after `detach`."""
+        if self.tracker.address is not None and self._line.channels.get(self.sysid) is self:
             for message in messages:
-                self.log(self._line.send(message, self.route.address, self.sysid))
+                self.log(self._line.send(message, self.tracker.address, self.sysid))
 
     def log(self, data: bytes) -> None:
         if self._tlog is not None and data:
@@ -120,7 +120,7 @@ class Channel:
             self._tlog.flush()
 
     def detach(self) -> None:
-        """Idempotent."""
+        """Leave the line and close the log. Idempotent."""
         if self._line.channels.get(self.sysid) is self:
             del self._line.channels[self.sysid]
         if self._tlog is not None:
@@ -130,7 +130,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class LineShared:
-    """Parts that all lines of a front end share."""
+    """Objects shared by all lines of a front end."""
 
     encoder: Encoder
     decoder: Decoder
@@ -144,19 +144,21 @@ class Line:
     """One endpoint: its transport and the vehicles on it."""
 
     def __init__(self, endpoint: Endpoint, number: int, transport: Transport, shared: LineShared) -> None:
-        """`number`: index of the line, for its signatures' link id."""
+        """Make a line; `number`: index of the line, for the link id of its signatures."""
         self.transport = transport
         self.channels: dict[int, Channel] = {}
-        self.heard: set[int] = set()
+        self.systems: set[int] = set()
+        """system ids of all autopilots received"""
         self.refused: dict[int, str] = {}
-        """reason of the last refusal, by the autopilot's system id"""
+        """reason for the last refusal, by the autopilot's system id"""
         self._endpoint = endpoint
         self._number = number
         self._shared = shared
         self._refusals = Refusals()
         self._splitters: dict[Address, FrameSplitter] = {}
         self._late: set[Address] = set()
-        """addresses with the right key and an old time: an autopilot without GPS learns it from frames"""
+        """addresses with the right key but an old timestamp. They get a heartbeat: an autopilot without GPS
+        takes the time from signed frames."""
 
     def send(self, message: Message, address: Address, sysid: int = 0) -> bytes:
         """Send a message; return its frame, or b"" if the evidence recorder forbids it."""
@@ -169,23 +171,23 @@ class Line:
         return data
 
     def pass_on(self, frame: Frame, target: int) -> None:
-        """Pass another station's frame unchanged to system `target` (0: to all)."""
+        """Send another station's frame unchanged to system `target` (0: to all)."""
         channels = [c for c in self.channels.values() if target in (0, c.sysid)]
         for channel in channels:
             channel.log(frame.data)
-        for address in {c.route.address for c in channels} - {None}:
+        for address in {c.tracker.address for c in channels} - {None}:
             self.transport.send(frame.data, address)
 
     def heartbeat(self) -> None:
-        """Send one heartbeat per address, whether one vehicle or a whole fleet is behind it."""
-        behind: dict[Address, list[Channel]] = {
+        """Send one heartbeat to each address, even if several vehicles share the address."""
+        by_address: dict[Address, list[Channel]] = {
             address: [] for address in (*self.transport.peers(), *self._late)
         }
         self._late.clear()
         for channel in self.channels.values():
-            if channel.route.address is not None:
-                behind.setdefault(channel.route.address, []).append(channel)
-        for address, channels in behind.items():
+            if channel.tracker.address is not None:
+                by_address.setdefault(channel.tracker.address, []).append(channel)
+        for address, channels in by_address.items():
             data = self.send(own_heartbeat(), address)
             for channel in channels:
                 channel.log(data)
@@ -226,22 +228,22 @@ class Line:
     def _dispatch(self, frame: Frame, address: Address, now: float) -> None:
         from_autopilot = frame.known and frame.compid == AUTOPILOT_COMPID
         if from_autopilot:
-            self.heard.add(frame.sysid)
+            self.systems.add(frame.sysid)
         channel = self.channels.get(frame.sysid)
         if channel is None:
             return
         if not from_autopilot:
-            # Frames of cameras and companions, and unverified ones, are logged but change no address.
-            if address == channel.route.address:
+            # Frames of cameras and companions, and unverified frames, are logged but change no address.
+            if address == channel.tracker.address:
                 channel.log(frame.data)
             return
-        verdict = channel.route.hear(address, now)
+        verdict = channel.tracker.receive(address, now)
         if verdict is AddressVerdict.DROPPED:
             return
         if verdict is AddressVerdict.MOVED:
             channel.on_event(AddressChanged(_text(address)))
         elif verdict is AddressVerdict.CONFLICT:
-            channel.on_event(SystemIdConflict(_text(channel.route.rival)))
+            channel.on_event(SystemIdConflict(_text(channel.tracker.rival)))
         channel.log(frame.data)
         if frame.msgid in channel.wanted:
             message = self._shared.decoder.decode(frame)

@@ -1,9 +1,11 @@
-"""`MavsdkLink`: commands and missions by MAVSDK, over the front end. The only module that imports MAVSDK.
+"""`MavsdkLink`: commands and missions by MAVSDK, over the front end. Only this module imports MAVSDK.
 
-Each front end has one `Mavsdk` object, on `raw://`. Addresses, tlogs, signing, forwarding, telemetry
-and every decision stay with this program. Observed on MAVSDK 4.1.0: it crashes on more than 16 objects in a
-process, on any call after `destroy`, and on `destroy` in a callback; a cancelled blocking call never returns.
-So only its `_async` calls are used, from the loop's thread, and it is destroyed there once.
+Each front end has one `Mavsdk` object, on `raw://`. Addresses, tlogs, signing, forwarding, telemetry and
+every decision stay with this program.
+
+Observed on MAVSDK 4.1.0: the library crashes on more than 16 objects in a process, on any call after
+`destroy`, and on `destroy` in a callback. A cancelled blocking call never returns. So this module uses only
+`_async` calls from the loop's thread, and calls `destroy` once, in that thread.
 """
 
 from __future__ import annotations
@@ -42,8 +44,8 @@ _TRANSFER_TIMEOUT_S = 1.5
 """Five time-outs in a row end a transfer. ArduPilot requests a lost item every second, so the default of
 0.5 s is too short."""
 _CALLBACKS_KEPT = 64
-"""MAVSDK's plug-ins keep every callback for ever; none is pending after this many further calls"""
-_CLOCKS_APART_S = 1.0
+"""number of kept callbacks: MAVSDK's plug-ins never drop one; older callbacks are no longer pending"""
+_MAX_CLOCK_GAP_S = 1.0
 _LOOK_UP_AFTER_S = 0.1
 
 
@@ -52,10 +54,10 @@ class MavsdkStation:
 
     def __init__(self, front_end: FrontEnd) -> None:
         self._loop = asyncio.get_running_loop()
-        self._looking = False
+        self._look_up_is_due = False
         self._vehicles: dict[int, MavsdkVehicle] = {}
         self._plugins: dict[int, tuple[Any, Any]] = {}
-        """plug-ins by system id: one pair per vehicle, or their transfers would mix"""
+        """plug-ins by system id: a shared pair would mix the transfers of two vehicles"""
         self._splitter, self._decoder = FrameSplitter(), Decoder()
         # MAVSDK's log would go to the terminal, which belongs to the user interface.
         log_subscribe(lambda *_: True)
@@ -67,20 +69,20 @@ class MavsdkStation:
         if connected != ConnectionResult.SUCCESS:
             self.close()
             raise LinkError(f"MAVSDK does not open raw://: {connected.name}")
-        self._mavsdk.subscribe_raw_bytes_to_be_sent(partial(self._later, self._drained))
-        self._mavsdk.subscribe_on_new_system(lambda _: self._later(self._found), None)
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(partial(self._call_in_loop, self._on_outgoing))
+        self._mavsdk.subscribe_on_new_system(lambda _: self._call_in_loop(self._on_new_system), None)
 
     def join(self, vehicle: MavsdkVehicle) -> None:
-        """Add a vehicle. Raises LinkError if its system id is used: MAVSDK knows vehicles by nothing else."""
+        """Add a vehicle. Raises LinkError if its system id is in use: MAVSDK has no other identification."""
         if vehicle.sysid in self._vehicles:
             raise LinkError(
-                f"system id {vehicle.sysid} is used by two vehicles with `link: mavsdk`; give one of them "
-                "another, or `link: direct` [system-id-twice]"
+                f"system id {vehicle.sysid} is used by two vehicles with `link: mavsdk`; give one vehicle "
+                "another id, or `link: direct` [system-id-twice]"
             )
         self._vehicles[vehicle.sysid] = vehicle
 
     def leave(self, vehicle: MavsdkVehicle) -> bool:
-        """Remove a vehicle; return whether it was the last one, so that MAVSDK is closed. Idempotent."""
+        """Remove a vehicle, and close MAVSDK after the last; return whether it was the last. Idempotent."""
         if self._vehicles.get(vehicle.sysid) is vehicle:
             del self._vehicles[vehicle.sysid]
         if not self._vehicles:
@@ -91,28 +93,28 @@ class MavsdkStation:
         if self._mavsdk is not None:
             self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
 
-    def allow(self, timeout_s: float) -> None:
+    def set_timeout(self, timeout_s: float) -> None:
         """Set MAVSDK's time-out for the next call."""
         if self._mavsdk is not None:
             self._set_timeout(self._mavsdk._handle, timeout_s)
 
-    def _later(self, call: Callable[..., None], *args: Any) -> None:
+    def _call_in_loop(self, call: Callable[..., None], *args: Any) -> None:
         """Call a function in the loop, from one of MAVSDK's threads."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(call, *args)
 
     def callback(self, call: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback for MAVSDK, without its last argument, which has no use."""
-        return lambda *values: self._later(call, *values[:-1])
+        """Return a callback for MAVSDK that calls `call` in the loop, without MAVSDK's last argument."""
+        return lambda *values: self._call_in_loop(call, *values[:-1])
 
-    def _found(self) -> None:
+    def _on_new_system(self) -> None:
         # A whole swarm is found within a second, and each look-up makes handles for all systems.
-        if not self._looking:
-            self._looking = True
+        if not self._look_up_is_due:
+            self._look_up_is_due = True
             self._loop.call_later(_LOOK_UP_AFTER_S, self._look_up)
 
     def _look_up(self) -> None:
-        self._looking = False
+        self._look_up_is_due = False
         if self._mavsdk is None:
             return
         for system in self._mavsdk.get_systems():
@@ -122,7 +124,7 @@ class MavsdkStation:
                     self._plugins[vehicle.sysid] = MavlinkDirect(system), MissionRaw(system)
                 vehicle.attach_plugins(*self._plugins[vehicle.sysid])
 
-    def _drained(self, data: bytes) -> None:
+    def _on_outgoing(self, data: bytes) -> None:
         for frame in self._splitter.feed(data):
             message = self._decoder.decode(frame)
             vehicle = self._vehicles.get(getattr(message, "target_system", 0))
@@ -133,13 +135,13 @@ class MavsdkStation:
         """Stop MAVSDK. Idempotent."""
         mavsdk, self._mavsdk = self._mavsdk, None
         if mavsdk is not None:
-            # MAVSDK's plug-ins drop their callbacks first, then it calls the pending ones. References until
-            # `destroy` has ended keep their memory valid.
+            # `destroy` frees the plug-ins' callbacks, then calls the pending ones. These references keep the
+            # callbacks valid until `destroy` returns.
             for vehicle in self._vehicles.values():
                 vehicle.detach_plugins()
-            held = [tuple(plugin._callbacks) for pair in self._plugins.values() for plugin in pair]
+            callbacks = [tuple(plugin._callbacks) for pair in self._plugins.values() for plugin in pair]
             mavsdk.destroy()
-            held.clear()
+            callbacks.clear()
         self._vehicles.clear()
 
 
@@ -147,7 +149,7 @@ _STATIONS: WeakKeyDictionary[FrontEnd, MavsdkStation] = WeakKeyDictionary()
 
 
 class MavsdkVehicle:
-    """MAVSDK's side of one vehicle. Fits `MavsdkAdapter`: one transfer at a time."""
+    """`MavsdkAdapter` of one vehicle: one transfer at a time."""
 
     def __init__(self, station: MavsdkStation, sysid: int, send: Callable[[list[Message]], None]) -> None:
         self.sysid = sysid
@@ -166,7 +168,7 @@ class MavsdkVehicle:
         self.known.set()
 
     def detach_plugins(self) -> None:
-        """Drop the plug-ins before MAVSDK closes; later calls get no answer, as from a dead vehicle."""
+        """Drop the plug-ins before MAVSDK closes; later calls get no answer."""
         self._direct = self._raw = None
 
     def receive(self, message: Message) -> None:
@@ -193,7 +195,7 @@ class MavsdkVehicle:
 
         if self._direct is None:
             return
-        self._station.allow(_COMMAND_TIMEOUT_S)
+        self._station.set_timeout(_COMMAND_TIMEOUT_S)
         self._drop_old_callbacks(self._direct)
         self._direct.send_command_async(
             MavlinkMessage("COMMAND_LONG", fields_json=json.dumps(fields)), self._station.callback(answered)
@@ -214,7 +216,7 @@ class MavsdkVehicle:
         self._next = None
         if self.gate.transfer and self._raw is not None:
             for cancel in (self._raw.cancel_mission_upload, self._raw.cancel_mission_download):
-                # The one that does not run raises.
+                # Cancelling the direction without a transfer raises.
                 try:
                     cancel()
                 except MissionRawError:
@@ -225,7 +227,7 @@ class MavsdkVehicle:
             if self._raw is None:
                 return
             self.gate.transfer = True
-            self._station.allow(_TRANSFER_TIMEOUT_S)
+            self._station.set_timeout(_TRANSFER_TIMEOUT_S)
             self._drop_old_callbacks(self._raw)
             begin(self._raw, self._station.callback(ended))
 
@@ -237,7 +239,7 @@ class MavsdkVehicle:
                 following()
 
         if self.gate.transfer:
-            # A cancelled transfer has not ended yet; MAVSDK would answer BUSY.
+            # The cancelled transfer has not ended yet, so MAVSDK would answer BUSY.
             self._next = start
         else:
             start()
@@ -248,7 +250,7 @@ class MavsdkVehicle:
 
 
 class _WakingSession(Session):
-    """Session whose procedure can also continue without a message or a deadline."""
+    """Session that can also continue its procedure without a message or a deadline."""
 
     def wake(self, now: float) -> SessionStep:
         if self._driver is not None:
@@ -257,9 +259,9 @@ class _WakingSession(Session):
 
 
 class MavsdkLink(DirectLink):
-    """Fits `Link`: a `DirectLink` with commands and missions by MAVSDK.
+    """`Link` with commands and missions by MAVSDK.
 
-    It needs the machine's clock: `connect` raises LinkError on a virtual one.
+    MAVSDK needs the machine's clock: `connect` raises LinkError on a virtual clock.
     """
 
     _session: _WakingSession
@@ -285,8 +287,8 @@ class MavsdkLink(DirectLink):
                 await self._vehicle.known.wait()
         except TimeoutError:
             raise LinkError(
-                f"{self._label}: the vehicle answers, but MAVSDK has not found it within {timeout_s:g} s; "
-                "`link: direct` works without MAVSDK"
+                f"{self._label}: the vehicle answers, but MAVSDK has not found this vehicle within "
+                f"{timeout_s:g} s; `link: direct` works without MAVSDK"
             ) from None
         return identity
 
@@ -305,9 +307,9 @@ class MavsdkLink(DirectLink):
     async def _attach(self) -> None:
         if self._vehicle is None:
             loop_s = asyncio.get_running_loop().time()
-            if abs(loop_s - time.monotonic()) > _CLOCKS_APART_S:
+            if abs(loop_s - time.monotonic()) > _MAX_CLOCK_GAP_S:
                 raise LinkError(
-                    f"{self.name}: MAVSDK uses the machine's clock, but this run has a virtual one; "
+                    f"{self.name}: MAVSDK uses the machine's clock, but this run has a virtual clock; "
                     "fly in real time, or with `link: direct` [virtual-clock]"
                 )
             station = _STATIONS.get(self._front_end)
@@ -339,7 +341,7 @@ class MavsdkLink(DirectLink):
 
     def _wake(self) -> None:
         if self._channel is not None:
-            self._take(self._session.wake(self._now()))
+            self._apply(self._session.wake(self._now()))
 
 
 def _raw_item(seq: int, item: MissionItem, current: bool) -> RawItem:

@@ -1,7 +1,7 @@
-"""Conversations by MAVSDK in the form of this program's own, and the gate between MAVSDK and a vehicle. Pure.
+"""Conversations by MAVSDK, and the gate between MAVSDK and a vehicle. No I/O.
 
-They replace `Command`, `Upload` and `Download` in the procedures. The procedures still decide by telemetry
-when a command may be sent.
+These conversations replace `Command`, `Upload` and `Download` in the procedures. The procedures still decide
+by telemetry when a command may be sent.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class MavsdkAdapter(Protocol):
     """MAVSDK for one vehicle. Each call returns at once; `then` is called in a later turn of the loop."""
 
     def command(self, message: Message, then: Callable[[Message], None]) -> None:
-        """Send a command; call `then` with the final COMMAND_ACK, if one comes."""
+        """Send a command; call `then` with the final COMMAND_ACK, if one arrives."""
 
     def give_up(self, message: Message) -> None:
-        """End a command: it is not sent again, and its answer is not awaited."""
+        """End a command: stop repeating it and waiting for its answer."""
 
     def upload(
         self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]
@@ -42,7 +42,7 @@ class MavsdkAdapter(Protocol):
 
 
 class ByMavsdk(Conversation[R]):
-    """Base of conversations by MAVSDK; `on_end` is called after its answer, to continue the procedure."""
+    """Base of conversations by MAVSDK; `on_end` continues the procedure after MAVSDK's answer."""
 
     def __init__(self, adapter: MavsdkAdapter, on_end: Callable[[], None]) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
             self._on_end()
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        # MAVSDK does not report IN_PROGRESS but waits on; so does this conversation.
+        # MAVSDK does not report IN_PROGRESS and keeps waiting, so this conversation also waits.
         if message.get_type() == "COMMAND_ACK" and name_of("MAV_RESULT", message.result) == "IN_PROGRESS":
             self._own.receive(message, now)
         return self._follow()
@@ -95,7 +95,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
 
 
 class _Transfer(ByMavsdk[R]):
-    """Transfer by MAVSDK, which has its own time-outs; `limit_s` applies if it never calls back."""
+    """Transfer by MAVSDK, which has its own time-outs; `limit_s` applies if MAVSDK never calls back."""
 
     limit_s = 60.0
 
@@ -128,7 +128,7 @@ class _Transfer(ByMavsdk[R]):
         return []
 
 
-# Outcomes other than REJECTED may turn out well by another try or by reading back.
+# Another try or a read-back may turn any outcome but REJECTED into a success.
 _UPLOADED: dict[str, UploadOutcome] = {
     "SUCCESS": UploadOutcome.ACCEPTED,
     # All items may be stored and only the last acknowledgement lost.
@@ -153,7 +153,7 @@ class UploadByMavsdk(_Transfer[UploadResult]):
         self.limit_s = 20.0 + 2.0 * len(own.items)
 
     def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
-        # MAVSDK sends only missions with exactly one current item; on the ground that is the first.
+        # MAVSDK sends only missions with exactly one current item; on the ground that is the first item.
         self._adapter.upload(self._own.items, self._own.current or 0, then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> UploadResult:
@@ -164,8 +164,8 @@ class UploadByMavsdk(_Transfer[UploadResult]):
 class DownloadByMavsdk(_Transfer[DownloadResult]):
     """MissionRaw.download_mission."""
 
-    # enough for 200 items with 20 % loss in both directions
     limit_s = 300.0
+    """enough for 200 items with 20 % loss in both directions"""
 
     def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
         self._adapter.download(then)
@@ -187,7 +187,7 @@ def with_mavsdk(
 
     These conversations stay with this program:
     - parts of a mission and MISSION_SET_CURRENT, which MAVSDK lacks
-    - an upload in flight that keeps the current item: MAVSDK always sets one
+    - an upload in flight that keeps the current item: MAVSDK always marks an item as current
     - fences
     - requests that change nothing on the vehicle
     """
@@ -259,7 +259,7 @@ class MavsdkGate:
             permitted = content in self._may_leave
             self._may_leave.discard(content)
             return permitted
-        # The last MISSION_ACK of a transfer comes after its end.
+        # MAVSDK sends the last MISSION_ACK after it has reported the end of the transfer.
         return kind == "MISSION_ACK" or (self.transfer and kind in _TRANSFER_OUT)
 
     def lets_in(self, message: Message) -> bool:

@@ -21,21 +21,21 @@ KEY_BYTES = 32
 """https://mavlink.io/en/guide/message_signing.html#secret_key"""
 
 TICKS_PER_S = 100_000
-"""a time stamp counts 10 µs"""
+"""a timestamp counts units of 10 µs"""
 EPOCH_UNIX_S = 1_420_070_400
-"""from 2015-01-01 00:00 UTC on"""
+"""2015-01-01 00:00 UTC, the zero of timestamps"""
 LAST_TIMESTAMP = 2**48 - 1
 NEW_STREAM_AGE = 60 * TICKS_PER_S
-"""a new stream may lag this much behind the own time"""
+"""largest lag of a new stream behind the own time"""
 RESERVED = 60 * TICKS_PER_S
 """lead of the stored timestamp over the used timestamps after a write"""
 RENEWED = 30 * TICKS_PER_S
-"""lead below which the timestamp is stored again; the disk may take this long without a delay"""
+"""lead below which a new timestamp is stored; a write may take this long without delaying a frame"""
 DISK_WAIT_S = 1.0
 """longest wait for the disk when no lead is left: at the start, and after a timestamp far ahead"""
 MAX_AHEAD = 24 * 3600 * TICKS_PER_S
-"""A timestamp may lead the own time by this much. MAVLink sets no limit, so one frame with the highest
-timestamp would leave no timestamps to all stations that follow it."""
+"""Largest lead of a received timestamp. MAVLink sets no limit: one frame with the highest timestamp would use
+up all timestamps of every station that accepts it."""
 UNSIGNED = "unsigned"
 OTHER_KEY = "signed with another key"
 REPEATED = "repeated or out of order"
@@ -60,7 +60,7 @@ class TimestampStore(Protocol):
 
 
 class Pool(Protocol):
-    """Pool that writes the store; a `concurrent.futures.Executor` fits."""
+    """Pool that writes the store, such as a `concurrent.futures.Executor`."""
 
     def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]: ...
 
@@ -84,10 +84,9 @@ def ticks(unix_us: int) -> int:
 
 
 class Signing:
-    """One key with its timestamps and the refused frames.
+    """One key with its timestamps, and the numbers of refused frames.
 
-    No timestamp is used before the store has a higher one, so none repeats after a restart. If the store
-    fails, `trouble` is the reason.
+    Before a timestamp is used, the store has a higher one, so no timestamp repeats after a restart.
     """
 
     def __init__(
@@ -95,21 +94,21 @@ class Signing:
     ) -> None:
         """Load the store. Raises OSError and ValueError if that fails.
 
-        `pool` writes the store in the background; without one it is written at once.
+        `pool` writes the store in the background; None writes it at once.
         """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, found {len(key)}")
         self.refused: Counter[str] = Counter()
         """number of refused frames by reason"""
         self.trouble = ""
-        """reason why the timestamps are no longer stored"""
+        """reason for a failure to store timestamps; empty if there is none"""
         self._key = key
         self._store = store
         self._pool: Pool = pool or SameThreadPool()
         self._writing: tuple[Future[None], int] | None = None
         """pending write of the next timestamp"""
         self._is_late = False
-        """True after a wait for the disk without success"""
+        """True after a wait for the disk that timed out"""
         self._first_link_id = first_link_id
         self._last = self._began = store.load()
         if self._last > LAST_TIMESTAMP - MAX_AHEAD:
@@ -129,11 +128,11 @@ class Signing:
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
     def accepts(self, frame: bytes, clock: int) -> bool:
-        """Return whether a verified frame is signed with the key and new."""
+        """Return whether a verified frame is signed with the key and not repeated."""
         return not self.why_not(frame, clock)
 
     def why_not(self, frame: bytes, clock: int) -> str:
-        """Return why a frame is refused; empty if it is accepted."""
+        """Return the reason for refusing a frame; empty if the frame is accepted."""
         why = self._fault(frame, clock)
         if why:
             self.refused[why] += 1
@@ -147,7 +146,7 @@ class Signing:
         stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
-        # Timestamps from earlier runs count as the own time: the clock may have been ahead then.
+        # Timestamps of earlier runs count as the own time: the clock may have been ahead in those runs.
         if timestamp > max(clock, self._began) + MAX_AHEAD:
             return AHEAD
         if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
@@ -160,13 +159,13 @@ class Signing:
 
     def _reserve(self) -> None:
         self._write(0.0)
-        # The pending write may be from before a jump of the clock, and too low.
+        # The pending write may be too low, after a jump of the clock.
         for _ in range(2):
             if self._last >= self._reserved and not self._is_late:
                 self._write(DISK_WAIT_S)
 
     def _write(self, wait_s: float) -> None:
-        """Begin a write unless one is pending, and wait for it up to `wait_s`."""
+        """Begin a write unless one is pending, and wait up to `wait_s` for its end."""
         if self._writing is None:
             until = self._last + RESERVED
             self._writing = (self._pool.submit(self._store.keep, until), until)
@@ -176,13 +175,11 @@ class Signing:
         except TimeoutError:
             if wait_s > 0.0:
                 self._is_late = True
-                self.trouble = (
-                    "timestamps of signing are not stored: the disk does not answer [timestamps-not-stored]"
-                )
+                self.trouble = self._not_stored("the disk does not answer")
             return
         self._writing, self._is_late, self._reserved = None, False, until
         if isinstance(error, OSError | ValueError):
-            # A vehicle without commands is worse than a timestamp that may repeat one day.
+            # Signing continues: a vehicle without commands is worse than a repeated timestamp.
             reason = getattr(error, "strerror", None) or error
             self.trouble = self._not_stored(reason)
         elif error is not None:
@@ -204,12 +201,12 @@ class SigningGuard:
         return None if self.signing is None else self.signing.sign(line, ticks(self._wall_time_us()))
 
     def why_not(self, frame: bytes) -> str:
-        """Return why a frame is refused; empty if it is accepted."""
+        """Return the reason for refusing a frame; empty if the frame is accepted."""
         return "" if self.signing is None else self.signing.why_not(frame, ticks(self._wall_time_us()))
 
     @property
     def trouble(self) -> str:
-        """Return a summary of the refused frames and the store's trouble; empty if there is none."""
+        """Return a summary of refused frames and of a failure of the store; empty if there is none."""
         if self.signing is None:
             return ""
         refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
@@ -222,19 +219,19 @@ def _message_id(frame: bytes) -> int:
 
 
 REPORT_PERIOD_S = 60.0
-MEANS = {
-    UNSIGNED: "a sender without the key uses its system id, or the vehicle has lost its key",
-    OTHER_KEY: "a sender with another key uses its system id, or the vehicle has got another key",
-    LATE: "the vehicle's clock is behind; it learns the time from signed frames",
-    AHEAD: "the vehicle's clock is wrong, or this machine's",
-    REPEATED: "a relay repeats frames, or a sender replays recorded ones",
+MEANINGS = {
+    UNSIGNED: "a sender without the key uses this system id, or the vehicle has lost its key",
+    OTHER_KEY: "a sender with another key uses this system id, or the vehicle has a new key",
+    LATE: "the vehicle's clock is late; signed frames will set it",
+    AHEAD: "the clock of the vehicle or of this machine is wrong",
+    REPEATED: "a relay repeats frames, or a sender replays recorded frames",
 }
 """meaning of a refusal, by reason"""
 REMEDIES = {
-    UNSIGNED: "the vehicle has no key: give it that of links.signing_key, or leave out links.signing_key",
+    UNSIGNED: "the vehicle has no key: give it the key of links.signing_key, or leave out links.signing_key",
     OTHER_KEY: "give the vehicle the key of links.signing_key, or set links.signing_key to the vehicle's key",
 }
-"""what to do if all frames of a vehicle are refused for this reason"""
+"""remedy by reason, if all frames of a vehicle are refused"""
 
 
 @dataclass(slots=True)
@@ -244,28 +241,28 @@ class _RefusalCount:
 
 
 class Refusals:
-    """Refused frames at one input. Its methods return a message to report now, or ""."""
+    """Refused frames at one input. The methods return a message to report now, or ""."""
 
     def __init__(self) -> None:
         self._kinds: dict[tuple[int, str], _RefusalCount] = {}
-        """by system id and reason; 0 for unknown systems, because many forged ids would fill memory"""
+        """counts by system id and reason; id 0 stands for all unknown systems, to bound the memory"""
 
     def of_vehicle(self, sysid: int, component: int, why: str, address: str, now_s: float) -> str:
-        """Note a refused frame with the system id of an own vehicle."""
+        """Count a refused frame with the system id of an own vehicle."""
         n = self._note(sysid, why, now_s)
-        of = "" if component == AUTOPILOT_COMPID else f" of component {component}"
-        so_far = f"{n} so far, the last{of} from {address}"
-        text = f"frames with its system id are refused, {why} ({so_far}): {MEANS[why]} [frames-refused]"
+        origin = "" if component == AUTOPILOT_COMPID else f" of component {component}"
+        so_far = f"{n} so far, the last{origin} from {address}"
+        text = f"frames with its system id are refused, {why} ({so_far}): {MEANINGS[why]} [frames-refused]"
         return text if n else ""
 
     def of_stranger(self, sysid: int, why: str, address: str, now_s: float) -> str:
-        """Note a refused frame of another system."""
+        """Count a refused frame of another system."""
         n = self._note(0, why, now_s)
         so_far = f"{n} so far, the last of system {sysid} at {address}"
         return f"frames are refused, {why} ({so_far}) [frames-refused]" if n else ""
 
     def _note(self, sysid: int, why: str, now_s: float) -> int:
-        """Count a refused frame; return the count of its kind if it is to be reported now, else 0."""
+        """Count a refused frame; return the count of its kind if a report is due, else 0."""
         kind = self._kinds.get((sysid, why))
         if kind is None:
             self._kinds[sysid, why] = _RefusalCount(1, now_s)

@@ -1,4 +1,4 @@
-"""Writer of a vehicle's .tlog, as MAVExplorer, Mission Planner and QGroundControl read it."""
+"""Writer of a vehicle's .tlog for MAVExplorer, Mission Planner and QGroundControl."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _TIME = struct.Struct(">Q")
 
 
 class TlogWriter:
-    """Log of frames in both directions, each after its time as big-endian microseconds since 1970.
+    """Log of frames in both directions; the time before each frame is in big-endian microseconds since 1970.
 
-    A full disk ends the log, with one message, but not the flight.
+    A full disk ends the log, with one message; the flight continues.
     """
 
     def __init__(self, path: Path, wall_time_us: Callable[[], int], say: Callable[[str], None]) -> None:
@@ -29,7 +29,7 @@ class TlogWriter:
                 self._file.write(_TIME.pack(self._wall_time_us()) + frame)
 
     def flush(self) -> None:
-        """Hand all written bytes to the operating system, so that they outlive this process."""
+        """Pass all written bytes to the operating system, so that a crash of this process loses none."""
         if not self._is_ended:
             with self._failing():
                 self._file.flush()
@@ -45,6 +45,5 @@ class TlogWriter:
         except OSError as error:
             if not self._is_ended:
                 self._is_ended = True
-                self._say(
-                    f"{self._path}: {error.strerror or error}; this log ends, the flight goes on [log-ended]"
-                )
+                reason = error.strerror or error
+                self._say(f"{self._path}: {reason}; this log ends, the flight continues [log-ended]")

@@ -1,4 +1,4 @@
-"""URLs of links in the forms of MAVSDK and pymavlink, parsed to an `Endpoint`. Pure."""
+"""URLs of links in the forms of MAVSDK and pymavlink, parsed to an `Endpoint`."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _network(url: str, kind: Kind, rest: str) -> Endpoint:
         host = host[1:-1]
     elif any(c in host for c in ":/[]@ "):
         raise BadUrl(url, f"expected a host name or address, found {host!r}")
-    # Port 0 lets the system choose a free port, which makes sense for a listener only.
+    # With port 0 the system chooses a free port; only a listener can use that.
     lowest = 0 if kind in ("udpin", "tcpin") else 1
     if not (port.isascii() and port.isdigit() and lowest <= int(port) <= 65535):
         raise BadUrl(url, f"expected a port between {lowest} and 65535, found {port!r}")

@@ -26,7 +26,7 @@ class Identity:
 
     @property
     def simulated(self) -> bool:
-        """Return whether this is the built-in simulator; an autopilot's own SITL counts as an aircraft."""
+        """Return whether the built-in simulator runs this vehicle. Other simulators count as aircraft."""
         return self.uid2.startswith(SIMULATOR_MARK)
 
 
@@ -40,7 +40,7 @@ class FirstHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """A position came, mode or arming changed, or about a second passed without a position."""
+    """A new state: after a position, a change of mode or arming, or about a second without a position."""
 
     state: VehicleState
 
@@ -61,7 +61,7 @@ class VehicleRestored:
 
 @dataclass(frozen=True, slots=True)
 class VehicleRebooted:
-    """The vehicle's clock began anew: settings made over the link may be gone."""
+    """A reboot, seen from the vehicle's clock. Settings made over the link may be lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +75,12 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True)
 class ProcedureDone:
-    """A procedure (launch, swap ...) ended; `failure` is None if it succeeded."""
+    """The end of a procedure (launch, swap ...); `failure` is None after a success."""
 
     name: str
     failure: str | None
     stood_still_s: float | None = None
-    """of a swap: time in hold or without motion in the air, by the vehicle's clock"""
+    """for a swap: time in hold or without motion in the air, by the vehicle's clock [s]"""
 
 
 SessionEvent = (

@@ -1,4 +1,4 @@
-"""Firmware of a vehicle, which decides the names of its parameters."""
+"""Firmware and airframe of a vehicle. Parameter names depend on the firmware."""
 
 from __future__ import annotations
 
@@ -22,10 +22,12 @@ _VERSION = re.compile(r"(\d+)\.(\d+)")
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """ArduCopter, ArduPlane, PX4 or PX4 plane, with major and minor version; empty and (0, 0): unknown."""
+    """A firmware and its version."""
 
     name: str
+    """ArduCopter, ArduPlane, PX4 or PX4 plane; empty if unknown"""
     version: tuple[int, int]
+    """major and minor number; (0, 0) if unknown"""
 
     def __str__(self) -> str:
         return f"{self.name or 'an unknown firmware'} {self.version[0]}.{self.version[1]}"

@@ -27,7 +27,7 @@ from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
 from swarmctl.mavlink.protocol.procedure import Context, Driver, Procedure
 from swarmctl.mavlink.telemetry.mission_watch import MissionWatch
 from swarmctl.mavlink.telemetry.presence import LinkState, Presence, is_vehicle_heartbeat
-from swarmctl.mavlink.telemetry.streams import AFTER_SILENCE_S, NEEDLESS, Streaming, StreamKeeper
+from swarmctl.mavlink.telemetry.streams import AFTER_SILENCE_S, UNUSED_IDS, Streaming, StreamKeeper
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 WANTED = frozenset(
@@ -71,7 +71,7 @@ class Session:
     ) -> None:
         self.peer = peer
         self.unsupported: str | None = None
-        """reason why this type of vehicle cannot be flown, known from its first heartbeat"""
+        """reason against flying this type of vehicle, set by the first heartbeat; None if it is supported"""
         self.result: Any = None
         """return value of the last procedure, to be read on ProcedureDone"""
         self._presence = Presence(lost_after_s)
@@ -90,7 +90,7 @@ class Session:
     @property
     def wanted(self) -> frozenset[int]:
         """Return the ids of the messages that the session reads."""
-        return WANTED | NEEDLESS if self._streaming.stops_others else WANTED
+        return WANTED | UNUSED_IDS if self._streaming.stops_others else WANTED
 
     @property
     def link_state(self) -> LinkState:
@@ -143,9 +143,9 @@ class Session:
 
     @property
     def next_deadline(self) -> float | None:
-        parts = (self._presence, self._streams, self._driver or self._mission)
-        due = [p.next_deadline for p in parts if p is not None and p.next_deadline is not None]
-        return min(due, default=None)
+        sources = (self._presence, self._streams, self._driver or self._mission)
+        deadlines = [s.next_deadline for s in sources if s is not None and s.next_deadline is not None]
+        return min(deadlines, default=None)
 
     # Inputs
 
@@ -161,7 +161,7 @@ class Session:
             if silent_s is not None:
                 step.events.append(VehicleRestored(silent_s))
             return step
-        self._fold(self._context, message, now, step, silent_s)
+        self._update_telemetry(self._context, message, now, step, silent_s)
         if self._driver is not None:
             step.messages.extend(self._driver.receive(message, now))
             self._report_end(step)
@@ -181,7 +181,7 @@ class Session:
         return step
 
     def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> SessionStep:
-        """Start a procedure. Raises IllegalEvent while another runs or before the first heartbeat."""
+        """Start a procedure. Raises IllegalEvent before the first heartbeat or during another procedure."""
         if self._driver is not None:
             raise IllegalEvent(f"{name} while {self._procedure_name} runs")
         context = self._require_context()
@@ -192,7 +192,7 @@ class Session:
         return step
 
     def cancel(self, now: float) -> SessionStep:
-        """Stop the running procedure, if any, with the messages that the vehicle needs for that."""
+        """Stop the running procedure, if any; return the messages that the vehicle needs for that."""
         step = SessionStep([], [])
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
@@ -203,7 +203,7 @@ class Session:
         return step
 
     def keep_streams(self, now: float) -> SessionStep:
-        """Request telemetry streams from now on, again whenever they stop."""
+        """Start requesting the telemetry streams, and request them again whenever they stop."""
         self._require_context()
         if self._streams is not None and self._streams.next_deadline is None:
             self._streams.demand(now)
@@ -237,7 +237,7 @@ class Session:
         self._streams = StreamKeeper(self.peer, rates_hz, stops_others=streaming.stops_others)
         self._mission = MissionWatch(self.peer, dialect)
 
-    def _fold(
+    def _update_telemetry(
         self, context: Context, message: Message, now: float, step: SessionStep, silent_s: float | None
     ) -> None:
         telemetry = context.telemetry
@@ -255,13 +255,13 @@ class Session:
         if self._streams is not None:
             self._streams.on_message(message.get_msgId(), now)
         if silent_s is not None:
-            # The agent decides by the state that follows, so it has to be this heartbeat's.
+            # The agent uses the next StateChanged, so that state has to include this heartbeat.
             step.events.append(VehicleRestored(silent_s))
         if snapshot or silent_s is not None:
             step.events.append(StateChanged(telemetry.state))
 
     def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
-        """Return whether the message shows another mission on the vehicle, or the own one again."""
+        """Update `other_mission` of the vehicle's state; return whether it changed."""
         assert self._mission is not None
         if context.verified_items and self._other_mission:
             return self._report_other_mission(context, False)
@@ -278,9 +278,9 @@ class Session:
         assert self._mission is not None
         self._mission.own_procedure_ended(self._require_context().verified_items, now)
 
-    def _report_other_mission(self, context: Context, is_so: bool) -> bool:
-        self._other_mission = is_so
-        context.telemetry.holds_another_mission(is_so)
+    def _report_other_mission(self, context: Context, is_stored: bool) -> bool:
+        self._other_mission = is_stored
+        context.telemetry.set_other_mission(is_stored)
         return True
 
     def _report_end(self, step: SessionStep) -> None:

@@ -1,4 +1,4 @@
-"""The collector of facts: asks vehicles over their links, and combines the answers with the configuration."""
+"""The collector of facts, from vehicles' answers over their links and from the configuration."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class VehicleToCheck(Protocol):
 
 @dataclass(slots=True)
 class _Answers:
-    """The answers of one vehicle; defaults stand for answers that did not come."""
+    """The answers of one vehicle; a default stands for a missing answer."""
 
     instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -68,8 +68,8 @@ class _Answers:
 class FactCollector:
     """The collector of the facts of one run, which keeps the last trajectory and clock of every vehicle.
 
-    `unix_s_at_zero`: wall time when the clock of the running loop showed 0. `speedup`: simulated seconds in a
-    second of that clock. `free_clocks`: simulated vehicles have a date of their own, not this machine's.
+    `unix_s_at_zero`: wall time at which the clock of the running loop showed 0 [s]. `speedup`: simulated
+    seconds in a second of that clock. `free_clocks`: simulated vehicles have a date of their own.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class FactCollector:
     async def collect(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> list[PreflightFacts]:
-        """Return the facts of `vehicles`, which are some of `everyone`, all vehicles of this process."""
+        """Return the facts of `vehicles`; `everyone` are all vehicles of this process."""
         answers_of = await asyncio.gather(*map(self._ask, vehicles))
         # A vehicle in the air keeps its last trajectory: its route begins at its take-off position.
         standing = ON_GROUND | {Phase.LAUNCHING}
@@ -108,7 +108,7 @@ class FactCollector:
         return [self._facts(v, everyone, a) for v, a in zip(vehicles, answers_of, strict=True)]
 
     def required_parameters(self, vehicle: VehicleToCheck) -> tuple[tuple[RequiredParameter, ...], str]:
-        """Return the parameters that the policy requires; or none, and the reason why they are unknown."""
+        """Return the parameters that the policy requires; or none, and the reason."""
         if vehicle.identity is None:
             return (), "unknown firmware: AUTOPILOT_VERSION has not arrived"
         try:
@@ -118,7 +118,7 @@ class FactCollector:
             return (), str(error)
 
     async def _ask(self, vehicle: VehicleToCheck) -> _Answers:
-        """Return a vehicle's answers, up to the first that does not come."""
+        """Return a vehicle's answers, up to the first request without an answer."""
         link, required = vehicle.runner.link, self.required_parameters(vehicle)[0]
         answers = _Answers()
         try:
@@ -206,10 +206,10 @@ class FactCollector:
     def _offset_from_machine_s(self, vehicle: VehicleToCheck) -> float | None:
         """Return a vehicle's clock less this machine's [s]; both run at the speed of a simulated vehicle."""
         instruments = self._instruments.get(vehicle.spec.name)
-        if instruments is None or instruments.unix_s is None or instruments.told_at_s is None:
+        if instruments is None or instruments.unix_s is None or instruments.unix_received_s is None:
             return None
         speedup = self._speedup if vehicle.spec.simulated else 1.0
-        return instruments.unix_s - (self._unix_s_at_zero + instruments.told_at_s * speedup)
+        return instruments.unix_s - (self._unix_s_at_zero + instruments.unix_received_s * speedup)
 
 
 _FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
@@ -218,9 +218,9 @@ _FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
 async def _enforce_fence(
     link: Link, required: Sequence[RequiredParameter], parameters: Mapping[str, float]
 ) -> str:
-    """Order an ArduPilot to keep to the fence that its parameters name; return why it may not, or empty.
+    """Order an ArduPilot to enforce the fence of its parameters; return the failure, or an empty text.
 
-    A vehicle with other parameters than declared flies by a waiver: its operator decides about the fence.
+    A vehicle with other parameters than declared flies by a waiver: the operator decides about the fence.
     """
     selection = [r for r in required if r.name in _FENCE_SELECTION]
     if not selection or not all(r.met_by(parameters) for r in selection):
@@ -241,7 +241,7 @@ def _age_s(reported_s: float | None) -> float:
 
 
 def _verified_plan(vehicle: VehicleToCheck) -> FlightPlan | None:
-    """Return the plan that is verified on the vehicle; None without one."""
+    """Return the plan that is verified on the vehicle; None without a plan."""
     accepted = vehicle.runner.state.accepted
     return None if accepted is None or not vehicle.runner.link.items() else accepted.plan
 

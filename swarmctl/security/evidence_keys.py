@@ -1,4 +1,4 @@
-"""Signatures of a run's evidence: making them, and checking them."""
+"""Signatures of a run's evidence: signing and checking."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def load_evidence_signer(folder: Path, name: str) -> EvidenceSigner:
 
 
 def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
-    """Return whether `signature` is that of the public `key` for `data`; both base64, of any content."""
+    """Return whether the public `key` (base64) verifies `signature` (base64) of `data`; never raises."""
     try:
         public = Ed25519PublicKey.from_public_bytes(base64.b64decode(key, validate=True))
         public.verify(base64.b64decode(signature, validate=True), data)
@@ -50,7 +50,7 @@ def is_key_of(folder: Path, name: str, key: str) -> bool:
     tables = sorted(folder.glob("*/signers.json"))
     if not tables:
         raise KeyringError(
-            f"{folder}: found no signers.json in its folders; expected a folder that `swarmctl keys` made"
+            f"{folder}: found no signers.json in its folders; expected a folder made by `swarmctl keys`"
         )
     known = read_signers(tables[0]).get(name)
     return known is not None and base64.b64encode(known.public_bytes_raw()).decode() == key

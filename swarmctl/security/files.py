@@ -24,7 +24,7 @@ NAME = re.compile(r"uav[1-9][0-9]{0,2}|operator|router")
 
 
 class KeyringError(Exception):
-    """A folder of keys cannot be made or used; the text has the file, the reason and advice."""
+    """A folder of keys cannot be made or used; the text has file, reason and advice."""
 
 
 def read(path: Path) -> bytes:
@@ -33,7 +33,7 @@ def read(path: Path) -> bytes:
     except OSError as error:
         raise KeyringError(
             f"{path}: {error.strerror or error}; copy the whole folder again from "
-            "the machine where `swarmctl keys` made it"
+            "the machine where `swarmctl keys` ran"
         ) from error
 
 
@@ -81,16 +81,20 @@ def read_signers(path: Path) -> dict[str, Ed25519PublicKey]:
 def check_name(path: Path, certificate: x509.Certificate, name: str) -> None:
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     if [attribute.value for attribute in names] != [name]:
-        raise KeyringError(f"{path} is not the certificate of {name}; remove the folder, or give another one")
+        raise KeyringError(
+            f"{path} is not the certificate of {name}; remove the folder, or give another folder"
+        )
 
 
-def check_issuer(path: Path, certificate: x509.Certificate, authority: x509.Certificate, there: Path) -> None:
+def check_issuer(
+    path: Path, certificate: x509.Certificate, authority: x509.Certificate, folder: Path
+) -> None:
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature) as error:
         raise KeyringError(
-            f"{path} was not issued by the authority of {there}: it belongs to another swarm; remove it, or "
-            "give another folder"
+            f"{path} was not issued by the authority of {folder}, so it belongs to another swarm; remove the "
+            "file, or give another folder"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Makes the participants' folders of keys and their certificate authority; existing ones are kept."""
+"""Making of the participants' folders of keys and their certificate authority; existing folders are kept."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from swarmctl.security.files import (
 
 LOCAL = ("localhost", "127.0.0.1")
 BEFORE = dt.timedelta(days=1)
-"""validity of a certificate before it is made: companions' clocks may be slow"""
+"""start of a certificate's validity before its making: companions' clocks may be late"""
 PRIVATE = 0o600
 
 
@@ -45,7 +45,7 @@ class ParticipantFolder:
     folder: Path
     is_new: bool
     is_changed: bool
-    """an existing folder with new public keys of other participants, which its machine lacks"""
+    """True for an existing folder with new public keys of other participants, which its machine lacks"""
     until: dt.datetime
     hosts: tuple[str, ...]
 
@@ -57,10 +57,10 @@ def make_keys(
     now: dt.datetime,
     hosts: Mapping[str, Sequence[str]] | None = None,
 ) -> list[ParticipantFolder]:
-    """Make a folder for each of `names` without one; `hosts` are their addresses, by name.
+    """Make the missing folders of the participants `names`; `hosts` are their addresses, by name.
 
-    Certificates are valid for `days` from `now` (an aware datetime); the authority's ten times as long.
-    Raises KeyringError.
+    Certificates are valid for `days` from `now` (an aware datetime), the authority's certificate ten times as
+    long. Raises KeyringError.
     """
     for name in names:
         if not NAME.fullmatch(name):
@@ -145,13 +145,14 @@ def _existing(
     named = hosts_of(certificate)
     if missing := [host for host in hosts if host not in named]:
         raise KeyringError(
-            f"{certificate_file} does not name {', '.join(missing)}; remove {folder}, and it is made again"
+            f"{certificate_file} does not name {', '.join(missing)}; remove {folder}, so that the next "
+            "`swarmctl keys` makes it again"
         )
     return ParticipantFolder(name, folder, False, False, certificate.not_valid_after_utc, named)
 
 
 def _distribute_public_keys(folder: Path) -> set[str]:
-    """Write all public keys into every folder, existing ones included; return the changed folders' names."""
+    """Write all public keys into every folder, new or existing; return the names of changed folders."""
     folders = sorted(path for path in folder.iterdir() if NAME.fullmatch(path.name))
     public = {path.name: read_signer(path / "sign.pem").public_key().public_bytes_raw() for path in folders}
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
@@ -208,7 +209,7 @@ def _general_names(hosts: Iterable[str]) -> list[x509.GeneralName]:
 
 
 def _write(path: Path, content: bytes, mode: int = 0o644) -> None:
-    """Write a file atomically, with its mode from the first byte on."""
+    """Write a file atomically; the mode is set before the first byte."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.new")
     draft.unlink(missing_ok=True)

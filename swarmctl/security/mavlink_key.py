@@ -1,4 +1,4 @@
-"""Files of MAVLink signing: the key, and the highest time stamp used with it."""
+"""Files of MAVLink signing: the key, and the highest timestamp used with the key."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FORMS = (
 
 
 def read_mavlink_key(path: Path) -> bytes:
-    """Return the key of 32 bytes. Raises KeyringError, also if other users can read the file."""
+    """Return the key (32 bytes). Raises KeyringError, also if other users can read the file."""
     try:
         text = path.read_text(encoding="utf-8").strip()
     except OSError as error:
@@ -34,7 +34,7 @@ def read_mavlink_key(path: Path) -> bytes:
         ) from error
     except UnicodeDecodeError as error:
         raise KeyringError(
-            f"{path}: the signing key cannot be read: it is not text; expected {_FORMS}"
+            f"{path}: the signing key cannot be read: the file is not text; expected {_FORMS}"
         ) from error
     check_private(path)
     key = _key(text)
@@ -61,13 +61,13 @@ def _key(text: str) -> bytes | None:
 
 
 class TimestampFile:
-    """A file beside the key with a time stamp above all that were used."""
+    """File in the key's folder with a timestamp above all used timestamps."""
 
     def __init__(self, key_file: Path) -> None:
         self.path = key_file.with_name(f"{key_file.name}.timestamp")
 
     def load(self) -> int:
-        """Return the time stamp; 0 without a file. Raises OSError, and ValueError for other contents."""
+        """Return the timestamp; 0 without a file. Raises OSError, and ValueError for other contents."""
         try:
             text = self.path.read_text(encoding="ascii")
         except FileNotFoundError:
@@ -75,13 +75,13 @@ class TimestampFile:
         return _number(text, self.path)
 
     def keep(self, timestamp: int) -> None:
-        """Store a time stamp, unless another process stored a higher one. Raises OSError, ValueError."""
+        """Store a timestamp, unless the file has a higher one. Raises OSError, ValueError."""
         with os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="ascii") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             text = file.read()
             highest = max(timestamp, _number(text, self.path) if text else 0)
             file.seek(0)
-            # Constant width: a crash cannot leave digits of a longer number.
+            # The width is constant, so a crash cannot leave digits of a longer number.
             file.write(f"{highest:020d}\n")
             file.flush()
             os.fsync(file.fileno())
@@ -90,6 +90,6 @@ class TimestampFile:
 def _number(text: str, path: Path) -> int:
     if not text.strip().isdecimal():
         raise ValueError(
-            f"{path}: found {text[:40]!r}, expected a number that this program wrote; restore the file"
+            f"{path}: found {text[:40]!r}, expected a number written by this program; restore the file"
         )
     return int(text)

@@ -1,4 +1,4 @@
-"""A participant's keys as its machine loads them, and checks of all folders on a machine."""
+"""Keys of one participant, loaded on its machine, and checks of all folders on a machine."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Keyring:
     signers: Mapping[str, Ed25519PublicKey]
 
     def sign(self, uav: int, data: bytes) -> bytes | None:
-        """Return a signature of 64 bytes; None for another vehicle than this keyring's."""
+        """Return a signature (64 bytes); None for a vehicle other than this keyring's."""
         return self.signer.sign(data) if name_of(uav) == self.name else None
 
     def verify(self, uav: int, signature: bytes, data: bytes) -> bool:
@@ -69,7 +69,7 @@ def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
     if not own.is_dir():
         raise KeyringError(
             f"{own}: no such folder; make it with `swarmctl keys --out {folder}`, or copy it from the "
-            "machine where it was made"
+            "machine where `swarmctl keys` ran"
         )
     files = Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
     ca, certificate = read_certificate(files.ca), read_certificate(files.certificate)
@@ -83,14 +83,15 @@ def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
     signer, signers = read_signer(own / "sign.pem"), read_signers(own / "signers.json")
     if signers.get(name) != signer.public_key():
         raise KeyringError(
-            f"{own / 'signers.json'} has another key for {name} than {own / 'sign.pem'}: others would "
-            "refuse its messages; copy the whole folder from the machine where `swarmctl keys` made it"
+            f"{own / 'signers.json'} has another key for {name} than {own / 'sign.pem'}: other participants "
+            f"would refuse messages of {name}; copy the whole folder from the machine where `swarmctl keys` "
+            "ran"
         )
     return Keyring(name, files, certificate.not_valid_after_utc, signer, signers)
 
 
 def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Iterator[str]:
-    """Yield a line for each of the participants `names` whose keys cannot be used at `now`.
+    """Yield a line for each participant of `names` whose keys cannot be used at `now`.
 
     On the machine with the authority all participants are expected, on other machines at least one.
     """
@@ -115,6 +116,6 @@ def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Itera
     if len(authorities) > 1:
         files = ", ".join(map(str, authorities.values()))
         yield (
-            f"{files} are of different authorities, so their owners refuse each other's messages: copy the "
-            "folders of one run of `swarmctl keys` to all machines"
+            f"{files} belong to different authorities, so the participants refuse each other's messages: "
+            "copy the folders of one run of `swarmctl keys` to all machines"
         )

@@ -1,4 +1,4 @@
-"""Signed commands of an operator, which cannot be forged, redirected or replayed, and their answers.
+"""Signed commands of an operator, safe from forgery, redirection and replay, and signed answers.
 
 A signed command is 64 bytes of Ed25519 signature and a MessagePack map. The signature covers the swarm's
 name and the map. The map has the key of the command: a command to one vehicle is not valid for another. The
@@ -19,7 +19,7 @@ from swarmctl.core.messages import BadMessage
 
 MAX_COMMAND_BYTES = 16_000
 FRESH_S = 20.0
-"""Limit on a command's age: an old command may no longer be right."""
+"""Largest age of a command: an older command may no longer be right."""
 
 
 class SignedCommand(msgspec.Struct, frozen=True):
@@ -52,7 +52,7 @@ def sign_command(
 
 
 def _signed_answer_bytes(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
-    # Constant length. Signed commands are unique.
+    # The hash has a constant length. Signed commands are unique.
     question = hashlib.sha256(asked).digest()
     return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + question + answer
 
@@ -73,10 +73,10 @@ def verify_answer(
 
 
 class CommandVerifier:
-    """Checks an agent's commands: the operator's signature, the key, the time, and no repetition.
+    """Check of commands to an agent: signature, key, time, and no repetition.
 
     `verify` checks the operator's signature. Commands from before `began_unix_s`, the start of this process,
-    are refused: a process that died may have executed them.
+    are refused: an earlier process may have executed them.
     """
 
     def __init__(
@@ -101,11 +101,11 @@ class CommandVerifier:
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise BadMessage(f"the payload is not a signed command: {error}") from None
         if signed.key != key:
-            raise BadMessage(f"the command is for {signed.key}, and came under {key}")
+            raise BadMessage(f"the command is for the key {signed.key}, but arrived under {key}")
         self._check_time(signed.unix_s, unix_s)
         self._taken = {at_s for at_s in self._taken if at_s > unix_s - FRESH_S}
         if signed.unix_s in self._taken:
-            raise BadMessage("a replay: the same command was received before [command-replayed]")
+            raise BadMessage("the same command was received before: a replay [command-replayed]")
         self._taken.add(signed.unix_s)
         return signed.command
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from node_swarm import COLS, ROWS, UNIX_S, NodeSwarm, state
 
 from swarmctl.bus.node.exchange import NodeOptions
-from swarmctl.bus.node.node import MAX_WRONG
+from swarmctl.bus.node.node import MAX_REFUSED_FRAMES
 from swarmctl.bus.node.reception import MAX_WORK_PER_PERIOD, WORK_PER_MESSAGE
 from swarmctl.bus.node.replica import MAX_INCARNATIONS
 from swarmctl.core.frames import (
@@ -269,7 +269,7 @@ def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> N
     assert dict(swarm.uavs[2].node.counters.flagged) == {1: 1}
     assert all(part in swarm.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
     assert swarm.uavs[2].belief.looks[3, 3] == 2
-    output = swarm.uavs[2].node.say(state(), swarm.now_s, swarm.unix_s)
+    output = swarm.uavs[2].node.publish(state(), swarm.now_s, swarm.unix_s)
     content = SEAL.decode(output.messages[0].data).content
     assert isinstance(content, StateShared)
     assert content.flagged == (1,)  # the shared state reports the flag
@@ -395,7 +395,7 @@ def test_many_incarnations_of_a_forger_do_not_outvote_observations() -> None:
 def test_a_message_with_many_invalid_frames_is_not_decoded_to_its_end() -> None:
     swarm = NodeSwarm((1, 2))
     swarm.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
-    assert of(swarm, 2) == {RefusalReason.MALFORMED: MAX_WRONG}
+    assert of(swarm, 2) == {RefusalReason.MALFORMED: MAX_REFUSED_FRAMES}
 
 
 def test_a_forged_observation_is_flagged_after_the_uavs_own() -> None:

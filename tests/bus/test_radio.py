@@ -56,7 +56,7 @@ def test_a_radio_with_defaults_is_transparent() -> None:
     radio = Radio(RadioSettings(), seed=1)
     assert radio.is_transparent
     assert radio.send(1, 2, 10**9, 7.25) == 7.25
-    assert radio.can_hear((46.0, 14.0), (-46.0, -14.0)) is None
+    assert radio.distance_loss((46.0, 14.0), (-46.0, -14.0)) is None
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def test_partitions_are_symmetric(
 @given(st.one_of(PLACES, NEAR), st.one_of(PLACES, NEAR))
 def test_distance_is_symmetric(a: LatLon, b: LatLon) -> None:
     radio = Radio(RadioSettings(min_distance_m=300.0, max_distance_m=700.0), 1)
-    assert radio.can_hear(a, b) == radio.can_hear(b, a)
+    assert radio.distance_loss(a, b) == radio.distance_loss(b, a)
 
 
 # On the equator a degree of longitude is 111 319.49 m.
@@ -288,21 +288,21 @@ def test_uavs_receive_each_other_only_within_the_distance_limits(
     lon_deg: float, found: LossReason | None
 ) -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
-    assert radio.can_hear((0.0, 0.0), (0.0, lon_deg)) is found
+    assert radio.distance_loss((0.0, 0.0), (0.0, lon_deg)) is found
 
 
 def test_uavs_exactly_at_a_limit_receive_each_other() -> None:
     here, there = (46.0, 14.0), (46.001, 14.002)
     apart_m = distance_m(here, there)
     for settings in (RadioSettings(min_distance_m=apart_m), RadioSettings(max_distance_m=apart_m)):
-        assert Radio(settings, 1).can_hear(here, there) is None
+        assert Radio(settings, 1).distance_loss(here, there) is None
 
 
 def test_a_uav_at_an_unknown_position_is_received() -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
-    assert radio.can_hear(None, (0.0, 0.0)) is None
-    assert radio.can_hear((0.0, 0.0), None) is None
-    assert radio.can_hear(None, None) is None
+    assert radio.distance_loss(None, (0.0, 0.0)) is None
+    assert radio.distance_loss((0.0, 0.0), None) is None
+    assert radio.distance_loss(None, None) is None
 
 
 NAMES = {1: "alpha", 2: "beta", 7: "gamma"}

@@ -38,7 +38,7 @@ class Process:
         }
         for uav in (8, 9):
             seen = Observation(uav, 1, 0.0, ((0, 0, False), (0, 1, uav == 9)), 1)
-            self.nodes[uav].say(seen, 0.0, UNIX_S)
+            self.nodes[uav].publish(seen, 0.0, UNIX_S)
         self.n_taken = 0
 
     def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
@@ -53,7 +53,7 @@ class Process:
             self.n_taken += len(outputs)
         for uav in to:
             if uav not in outputs:
-                outputs[uav] = self.nodes[uav].hear(sender, frame.act, decoded, now_s, unix_s)
+                outputs[uav] = self.nodes[uav].receive_decoded(sender, frame.act, decoded, now_s, unix_s)
         return outputs
 
 
@@ -115,7 +115,7 @@ def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) ->
 
 def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
     """The fingerprint of what this UAV knows, by what it says of itself in both."""
-    shared = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
+    shared = [process.nodes[uav].publish(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
     contents = [SEAL.decode(out.data).content for out in shared]
     assert shared[0].to == shared[1].to
     assert contents[0] == contents[1]

@@ -12,11 +12,11 @@ from swarmctl.bus.transports.renewal import (
     EARLIEST_S,
     LATEST_S,
     MAX_DOUBLINGS,
-    WHOLE_AFTER_S,
+    RESET_AFTER_S,
     LinkSet,
     MeshNeighbours,
     Renewal,
-    patience_s,
+    route_wait_s,
 )
 
 SOON, LATE = "0000aa", "ffffbb"
@@ -51,10 +51,10 @@ def test_a_neighbour_is_requested_to_renew_after_a_renewal_without_effect() -> N
     renewal = Renewal()
     missing = {"2": False}
     renewal.is_due(SOON, missing, 100.0, is_missed=False)
-    assert renewal.in_vain(missing) == set()
+    assert renewal.without_success(missing) == set()
     assert renewal.is_due(SOON, missing, 110.0, is_missed=False)
-    assert renewal.in_vain(missing) == {"2"}
-    assert renewal.in_vain({"2": True}) == set()
+    assert renewal.without_success(missing) == {"2"}
+    assert renewal.without_success({"2": True}) == set()
     assert not any(renewal.is_due(SOON, missing, 110.0 + s, is_missed=False) for s in range(10_000))
 
 
@@ -70,7 +70,7 @@ def test_renewals_without_effect_become_rarer_until_the_mesh_is_whole() -> None:
     waits_s = [later - before for before, later in pairwise(times_s)]
     assert waits_s == sorted(waits_s)
     assert waits_s[-1] >= EARLIEST_S * 2**MAX_DOUBLINGS
-    for now_s in (1000.0, 1000.0 + WHOLE_AFTER_S):
+    for now_s in (1000.0, 1000.0 + RESET_AFTER_S):
         assert not renewal.is_due(SOON, {"2": True}, now_s, is_missed=False)
     assert not renewal.is_due(SOON, {"2": True}, 1020.0, is_missed=True)
     assert renewal.is_due(SOON, {"2": True}, 1020.0 + EARLIEST_S, is_missed=True)
@@ -78,8 +78,8 @@ def test_renewals_without_effect_become_rarer_until_the_mesh_is_whole() -> None:
 
 @given(st.integers(0, 2**128 - 1))
 def test_the_wait_depends_on_the_id(number: int) -> None:
-    assert EARLIEST_S <= patience_s(f"{number:032x}") <= LATEST_S
-    assert patience_s(LATE) - patience_s(SOON) == LATEST_S - EARLIEST_S
+    assert EARLIEST_S <= route_wait_s(f"{number:032x}") <= LATEST_S
+    assert route_wait_s(LATE) - route_wait_s(SOON) == LATEST_S - EARLIEST_S
 
 
 @given(st.lists(st.sampled_from(["", "2", "3", "23"]), max_size=200))

@@ -41,4 +41,4 @@ OK, MOVED, DROPPED, CONFLICT = (
 )
 def test_story(story):
     route = AddressTracker()
-    assert [(sender, now, route.hear(sender, now)) for sender, now, _ in story] == story
+    assert [(sender, now, route.receive(sender, now)) for sender, now, _ in story] == story

@@ -21,7 +21,7 @@ from swarmctl.links.base import FramesRefused
 from swarmctl.links.signing import (
     AHEAD,
     LATE,
-    MEANS,
+    MEANINGS,
     OTHER_KEY,
     REPEATED,
     REPORT_PERIOD_S,
@@ -83,9 +83,9 @@ def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(
     for text, values in zip(
         first,
         [
-            ("uav1: ", UNSIGNED, "(1 ", "simulated:1", MEANS[UNSIGNED]),
+            ("uav1: ", UNSIGNED, "(1 ", "simulated:1", MEANINGS[UNSIGNED]),
             ("memory:fleet: ", UNSIGNED, "(1 ", "system 99", "simulated:1"),
-            ("uav2: ", OTHER_KEY, "(1 ", "simulated:2", MEANS[OTHER_KEY]),
+            ("uav2: ", OTHER_KEY, "(1 ", "simulated:2", MEANINGS[OTHER_KEY]),
         ],
         strict=True,
     ):
@@ -110,7 +110,7 @@ def test_refusals_are_reported_once_a_minute_by_vehicle_and_reason() -> None:
 
     for why in (UNSIGNED, OTHER_KEY, LATE, AHEAD, REPEATED):
         first = of(1, why, 0.0)
-        assert all(text in first for text in (why, "(1 ", "here:1", MEANS[why]))
+        assert all(text in first for text in (why, "(1 ", "here:1", MEANINGS[why]))
         assert of(2, why, 0.0)
         assert of(1, why, REPORT_PERIOD_S - 0.1) == of(2, why, 1.0) == ""
         assert "(3 " in of(1, why, REPORT_PERIOD_S)

@@ -185,7 +185,7 @@ def test_another_fence_differs():
     (gap,) = fence_differences(sent, (*sent[:3], replace(sent[3], x=sent[3].x + 1)))
     assert gap.startswith("vertex 3: sent (46.059")
     (gap,) = fence_differences(sent, (replace(sent[0], command=5002), *sent[1:]))
-    assert "of command 5002" in gap, "to stay out of is not to stay inside of"
+    assert "command 5002" in gap, "to stay out of is not to stay inside of"
 
 
 def test_an_impossible_fence_is_not_sent():

@@ -9,7 +9,7 @@ from low_bandwidth_bench import FRAME, LowBandwidthBench, route
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.telemetry.instruments import read_instruments
-from swarmctl.mavlink.telemetry.streams import NEEDLESS, Streaming
+from swarmctl.mavlink.telemetry.streams import UNUSED_IDS, Streaming
 from swarmctl.preflight.checks.telemetry import AT_LEAST_EVERY_S
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -65,7 +65,7 @@ def test_every_fast_unneeded_stream_is_stopped_once(personality: str) -> None:
     assert bench.do("look", read_instruments).gps is not None
     bench.run(30.0)
     stopped = [int(m.param1) for m in bench.of("COMMAND_LONG") if m.command == INTERVAL and m.param2 < 0]
-    assert {mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD} <= set(stopped) <= NEEDLESS
+    assert {mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD} <= set(stopped) <= UNUSED_IDS
     assert len(stopped) == len(set(stopped))
     times = [now for now, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.param2 < 0]
     assert min(b - a for a, b in pairwise(times)) > 0.15, "they do not fill the radio"

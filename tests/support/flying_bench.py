@@ -13,7 +13,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE
-from swarmctl.mavlink.telemetry.streams import NEEDLESS
+from swarmctl.mavlink.telemetry.streams import UNUSED_IDS
 
 ALT_M = 300.0
 NO_LOGS = {"ardupilot": {"LOG_BACKEND_TYPE": 0.0}, "px4": {"SDLOG_MODE": -1.0}}
@@ -29,7 +29,7 @@ def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
 
 class FlyingBench(WireBench):
     STEP_S = 0.05
-    NEEDLESS_EVERY_S: float | None = 1.0
+    UNUSED_EVERY_S: float | None = 1.0
     """Interval of the streams that a session has no use for; None: as often as the vehicle sends them."""
 
     def __init__(
@@ -56,9 +56,9 @@ class FlyingBench(WireBench):
     def connected(self) -> Self:
         super().connected()
         rates = self.vehicle.rates
-        for msgid in NEEDLESS if self.NEEDLESS_EVERY_S else ():
+        for msgid in UNUSED_IDS if self.UNUSED_EVERY_S else ():
             if rates.interval_s(msgid) is not None:
-                rates.set(msgid, self.NEEDLESS_EVERY_S, self.now)
+                rates.set(msgid, self.UNUSED_EVERY_S, self.now)
         return self
 
     def inject(self, fault: str) -> None:

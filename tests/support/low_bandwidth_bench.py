@@ -28,7 +28,7 @@ class LowBandwidthBench(FlyingBench):
 
     BUFFER_S = 1.0
     AIR_S = 0.02
-    NEEDLESS_EVERY_S = None
+    UNUSED_EVERY_S = None
 
     def __init__(self, personality: str, rate_bytes_s: float, streaming: Streaming | None = None) -> None:
         super().__init__(personality)

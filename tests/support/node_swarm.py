@@ -49,12 +49,12 @@ class Uav:
         seen = Observation(self.uav, self.seq, self.swarm.now_s, cells, self.node.incarnation)
         against = frozenset((row, col) for row, col, _ in self.belief.contradicted(cells))
         self.belief = self.belief.merge((seen,))
-        self.swarm.take(self, self.node.say(seen, self.swarm.now_s, self.swarm.unix_s, against))
+        self.swarm.take(self, self.node.publish(seen, self.swarm.now_s, self.swarm.unix_s, against))
         return seen
 
     def tell_state(self) -> None:
         message = state(*self.where)
-        self.swarm.take(self, self.node.say(message, self.swarm.now_s, self.swarm.unix_s))
+        self.swarm.take(self, self.node.publish(message, self.swarm.now_s, self.swarm.unix_s))
 
 
 class NodeSwarm:

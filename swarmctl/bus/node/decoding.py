@@ -21,7 +21,7 @@ from swarmctl.core.observation import Checkpoint, Observation, Source, indexed, 
 
 CACHED = 16_384
 CACHED_BYTES = 1024
-"""Longest cached frame; each receiver decodes longer frames itself. Forged frames must not fill the memory."""
+"""Longest cached frame; each receiver decodes longer frames. Forged frames must not fill the memory."""
 
 
 class DecodedFrame(msgspec.Struct, frozen=True, gc=False):

@@ -30,9 +30,9 @@ from swarmctl.bus.node.peer import (
     is_stale,
     states_since,
 )
-from swarmctl.bus.node.request_schedule import RequestSchedule
 from swarmctl.bus.node.reception import ReceptionColumn, ReceptionTable
 from swarmctl.bus.node.replica import COMPACT_AFTER, Replica, SourceRecord
+from swarmctl.bus.node.request_schedule import RequestSchedule
 from swarmctl.bus.node.sender import Sender, split_frames
 from swarmctl.core.frames import (
     AgentMessage,
@@ -58,7 +58,7 @@ MAX_REFUSED_FRAMES = 8
 """number of refused frames inside a message after which the rest of the message is skipped"""
 
 
-CanHear = Callable[[LatLon | None, LatLon | None], str | None]
+DistanceLoss = Callable[[LatLon | None, LatLon | None], str | None]
 """(own position, sender's position) -> cause of loss; None if the message is received"""
 
 
@@ -73,7 +73,7 @@ class Node:
         codec: FrameCodec,
         incarnation: int,
         rng: np.random.Generator,
-        can_hear: CanHear | None = None,
+        distance_loss: DistanceLoss | None = None,
         decode: DecodeFrame | None = None,
         table: ReceptionTable | None = None,
     ) -> None:
@@ -103,9 +103,9 @@ class Node:
         """bytes of observations sent after that checkpoint"""
         self._deferred: dict[Source, Checkpoint] = {}
         """checkpoints without new observations; these only save memory, so the agent gets a few at a time"""
-        self._questions = RequestSchedule(options, rng)
+        self._requests = RequestSchedule(options, rng)
         self._rng = rng
-        self._can_hear = can_hear
+        self._distance_loss = distance_loss
 
     @property
     def counters(self) -> NetworkCounters:
@@ -190,7 +190,7 @@ class Node:
         self._store_own(made, data)
         # If requests are disabled, checkpoints must not deliver missed observations either.
         is_worth_it = len(data) <= self._sent_since_bytes or made.upto >= self._last_sent_upto + COMPACT_AFTER
-        if is_worth_it and self._questions.are_enabled:
+        if is_worth_it and self._requests.are_enabled:
             self._last_sent_upto, self._sent_since_bytes = made.upto, 0
             self._deferred[made.source] = made
             self._send(output, Relayed((data,)), to, unix_s)
@@ -214,8 +214,8 @@ class Node:
         """Handle a decoded message; `receive` has counted the bytes of a message from another process."""
         output = NodeOutput()
         try:
-            if self._can_hear is not None and (
-                cause := self._can_hear(self._sender.position, decoded.frame.at)
+            if self._distance_loss is not None and (
+                cause := self._distance_loss(self._sender.position, decoded.frame.at)
             ):
                 self._counters.lost[cause] += 1
                 return output
@@ -278,7 +278,7 @@ class Node:
                 if output.news:
                     peer.ask_again_s = ASK_AGAIN_S
                 if last:
-                    self._questions.answered(sender)
+                    self._requests.answered(sender)
             case Relayed(frames=frames):
                 fresh = self._take_all_relayed(output, frames, sender, now_s, unix_s)
                 self._relay(output, fresh, sender, now_s, unix_s)
@@ -315,7 +315,7 @@ class Node:
         except MessageRefused:
             self._counters.flagged[item.observer] = max(self._counters.flagged[item.observer], 1)
             raise
-        if isinstance(item, Checkpoint) and item.upto <= was_upto and self._questions.are_enabled:
+        if isinstance(item, Checkpoint) and item.upto <= was_upto and self._requests.are_enabled:
             self._deferred[item.source] = item
             return True
         output.notices += self._contradictions.find(decoded)
@@ -381,7 +381,7 @@ class Node:
     # --- requests for missed observations
 
     def _schedule_request(self, peer: int, now_s: float) -> None:
-        self._questions.schedule(peer, now_s, self._peers[peer].ask_after_s)
+        self._requests.schedule(peer, now_s, self._peers[peer].ask_after_s)
 
     def _request_missing(self, peer: int, now_s: float) -> None:
         """Schedule a request for observations that this peer holds and this UAV does not."""
@@ -390,7 +390,7 @@ class Node:
 
     def tick(self, now_s: float, unix_s: float) -> NodeOutput:
         output = NodeOutput()
-        if self._questions.tick(now_s):
+        if self._requests.tick(now_s):
             for source in [*self._deferred][:DEFERRED_AT_ONCE]:
                 output.news.append(self._deferred.pop(source))
             receivers = self._receivers(now_s)
@@ -404,19 +404,19 @@ class Node:
     @property
     def next_deadline_s(self) -> float:
         """Latest time of the next `tick`."""
-        return self._questions.next_deadline_s
+        return self._requests.next_deadline_s
 
     def _agrees(self, peer: int, now_s: float) -> bool:
         return self._peers[peer].agrees(now_s)
 
     def _send_requests(self, output: NodeOutput, now_s: float, unix_s: float) -> None:
-        for peer in self._questions.due(now_s):
+        for peer in self._requests.due(now_s):
             if not self._agrees(peer, now_s):
                 item = ((u, p.state_frame) for u, p in self._peers.items())
                 states = tuple((u, state.frame.unix_s) for u, state in item if state is not None)
                 self._send(output, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
                 self._counters.snapshots_asked += 1
-                self._questions.asked(peer, now_s)
+                self._requests.asked(peer, now_s)
                 self._peers[peer].asked(now_s)
 
     def _answer(

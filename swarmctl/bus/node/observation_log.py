@@ -17,7 +17,7 @@ _numbers = itertools.count(1)
 
 
 class ObservationLog:
-    """The observations after `base`, without a gap. The list only grows; each user keeps its own end index."""
+    """The observations after `base`, without a gap. The list only grows; each user keeps an end index."""
 
     __slots__ = ("__weakref__", "_frames", "base", "number")
 

@@ -28,7 +28,7 @@ WORK_PER_FRAME, WORK_PER_CHECKPOINT = 1, 20
 ASK_AGAIN_S = 1.0
 MAX_ASK_AGAIN_S = 8.0
 """first and longest pause between requests to a peer; answers without news double the pause"""
-REQUESTS_PER_S, QUESTIONS_BURST = 4.0, 16
+REQUESTS_PER_S, REQUESTS_BURST = 4.0, 16
 WINDOW = 1024
 """number of later messages of the same sender after which a late message counts as a replay"""
 IN_WINDOW = (1 << WINDOW) - 1
@@ -88,7 +88,7 @@ class PeerRecord(msgspec.Struct, gc=False):
     ask_after_s: float = -math.inf
     """earliest time of the next request to the peer"""
     ask_again_s: float = ASK_AGAIN_S
-    questions: TokenBucket | None = None
+    requests: TokenBucket | None = None
     record: SourceRecord | None = None
     """observations of the peer's current incarnation; None until first needed"""
 
@@ -119,14 +119,14 @@ class PeerRecord(msgspec.Struct, gc=False):
         elif ahead <= 0:
             self.missing = self._missing() ^ 1 << -ahead
         column.newest[row] += max(ahead, 0)
-        was_silent = now_s - column.heard_s[row] > SILENT_AFTER_S
-        column.heard_s[row] = now_s
+        was_silent = now_s - column.received_s[row] > SILENT_AFTER_S
+        column.received_s[row] = now_s
         return was_silent
 
     def _begin(self, incarnation: int) -> None:
         """Reset the record for a new incarnation."""
         column, row = self.column, self.row
-        column.incarnation[row], column.newest[row], column.heard_s[row] = incarnation, 0, -math.inf
+        column.incarnation[row], column.newest[row], column.received_s[row] = incarnation, 0, -math.inf
         self.missing = self.missing_at = 0
         if self.record is not None:
             self.record.attach(DetachedColumn())
@@ -169,15 +169,15 @@ class PeerRecord(msgspec.Struct, gc=False):
             )
 
     def asked(self, now_s: float) -> None:
-        """Record a request to the peer; the pause until the next request doubles while answers have no news."""
+        """Record a request to the peer; the pause until the next request doubles without news."""
         self.ask_after_s = now_s + self.ask_again_s
         self.ask_again_s = min(2.0 * self.ask_again_s, MAX_ASK_AGAIN_S)
 
     def may_ask(self, now_s: float) -> bool:
         """Return whether the peer's next request is within the rate limit."""
-        if self.questions is None:
-            self.questions = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
-        return self.questions.try_take(now_s)
+        if self.requests is None:
+            self.requests = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
+        return self.requests.try_take(now_s)
 
     def update_state(self, decoded: DecodedFrame, now_s: float) -> None:
         """Store the peer's state, received directly or relayed, unless a newer state is known."""

@@ -66,7 +66,7 @@ class ReceptionTable:
         # (sender, receiver): see the fields of `ReceptionColumn`
         self.newest = np.zeros((n, n), np.int64)
         self.incarnation = np.full((n, n), -1, np.int64)
-        self.heard_s = np.full((n, n), -np.inf)
+        self.received_s = np.full((n, n), -np.inf)
         self.work = np.zeros((n, n), np.int64)
         self.work_period_end_s = np.full((n, n), -np.inf)
         self.upto = np.zeros((n, n), np.int64)
@@ -138,7 +138,7 @@ class ReceptionTable:
             self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
         self.newest[row] += takes
         self.work[row] += WORK_PER_MESSAGE * takes
-        self.heard_s[row, takes] = now_s
+        self.received_s[row, takes] = now_s
         self.n_taken += takes
         return takes
 
@@ -149,7 +149,7 @@ class ReceptionTable:
             & self.in_order[row]
             & (self.newest[row] == frame.n - 1)
             & (self.incarnation[row] == frame.incarnation)
-            & (now_s - self.heard_s[row] <= SILENT_AFTER_S)
+            & (now_s - self.received_s[row] <= SILENT_AFTER_S)
             & (now_s < self.work_period_end_s[row])
             & (self.work[row] <= MAX_WORK_PER_PERIOD - WORK_PER_MESSAGE)
         )
@@ -201,7 +201,7 @@ class ReceptionColumn:
             counts[:, at] = 0
         table.incarnation[:, at] = -1
         for times in (
-            table.heard_s,
+            table.received_s,
             table.work_period_end_s,
             table.state_s,
             table.own_state_s,
@@ -218,7 +218,7 @@ class ReceptionColumn:
         """number of the sender's newest message"""
         self.incarnation: IndexedValues[int] = _values(table.incarnation[:, at])
         """the sender's incarnation when last received; -1: never"""
-        self.heard_s: IndexedValues[float] = _values(table.heard_s[:, at])
+        self.received_s: IndexedValues[float] = _values(table.received_s[:, at])
         """time of the sender's last direct message"""
         self.work: IndexedValues[int] = _values(table.work[:, at])
         """work that the sender's messages caused in this period"""
@@ -238,7 +238,7 @@ class ReceptionColumn:
         self.state_s: IndexedValues[float] = _values(table.state_s[:, at])
         """reception time of that state"""
         self.own_state_s: IndexedValues[float] = _values(table.own_state_s[:, at])
-        """reception time of the last direct state; -inf if the sender is known to hold missing observations"""
+        """reception time of the last direct state; -inf if the sender certainly holds missing observations"""
         self.agreed_s: IndexedValues[float] = _values(table.agreed_s[:, at])
         """last time of a report that the sender holds no observation that is missing here"""
         self._fingerprint: IndexedValues[int] = _values(table.fingerprint[at : at + 1])
@@ -271,7 +271,7 @@ class ReceptionColumn:
     def silent(self, now_s: float) -> ReceiverMask:
         """Return the UAVs whose state is known but older than `ALIVE_S`."""
         table, at = self.table, self.place
-        last_s = np.maximum(table.heard_s[:, at], table.state_s[:, at])
+        last_s = np.maximum(table.received_s[:, at], table.state_s[:, at])
         silent: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
         return silent
 

@@ -1,5 +1,5 @@
 """Transports of the bus: memory, and Zenoh with its configuration, access lists and session renewal.
 
-A transport fits `base.Transport`. `swarmctl.flight.wiring.open_resources` opens the one that
-`communication.bus` names, or takes an open one.
+Every transport implements `base.Transport`. `swarmctl.flight.wiring.open_resources` opens the transport named
+by `communication.bus`, or uses an open transport.
 """

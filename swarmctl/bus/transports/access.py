@@ -1,8 +1,8 @@
-"""Zenoh access control of the swarm's participants: pure data from the swarm's name and system ids.
+"""Zenoh access control of the swarm's participants, from the swarm's name and system ids. No I/O.
 
-The rules only allow; all else is denied. A deny rule would not stop a put on a wildcard key. Receivers are
-listed one by one for the same reason: a key such as `uav/*/inform/state/3` is within no rule.
-(`uav/1/*/*/3` is within one, and reaches the one receiver that it names, which refuses it.)
+The rules only allow; everything else is denied. A deny rule would not stop a put on a wildcard key. For the
+same reason rules list each receiver: no rule includes a key such as `uav/*/inform/state/3`. (A rule includes
+`uav/1/*/*/3`, but only UAV 1 receives such a put, and refuses it.)
 
 A subject is a certificate's common name: `uav3` (the vehicle's companion, and a payload on it), `operator`
 (ground station and operators' commands), `router`. Without certificates every process has the rights of all
@@ -30,7 +30,7 @@ def name_of(uav: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Permission of kinds of message in these directions under these keys."""
+    """Permission of Zenoh's message kinds, by direction and keys."""
 
     flows: tuple[str, ...]
     messages: tuple[str, ...]
@@ -38,9 +38,9 @@ class Rule:
 
 
 def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
-    """Return the rules of a process with the whole swarm: others may ask and put under these keys.
+    """Return the rules of a process with the whole swarm: other processes may query and put under these keys.
 
-    Only answers go out.
+    Outgoing messages are answers only.
     """
     rules = [
         Rule((IN,), ("query",), tuple(ask_keys)),
@@ -63,11 +63,11 @@ def router_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[st
 
 
 def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
-    """Return the rules of a mesh node, whose neighbours relay: only the swarm's certificates and keys.
+    """Return the rules of a mesh node: only the swarm's certificates and keys.
 
-    A neighbour relays messages of others, so a link does not authenticate their sender; the receiver checks
-    the message's signature. A payload's reports have no signature, so nodes do not relay them: they need the
-    certificate of the vehicle or of an operator, and reach the vehicle's agent only at its own node.
+    A neighbour relays messages, so a link does not authenticate a message's sender; the receiver checks the
+    message's signature. A payload's reports have no signature, so nodes do not relay reports. A report needs
+    the certificate of the vehicle or of an operator, and a link to the vehicle's own node.
     """
     root, all_reports = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
     from_uavs = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]
@@ -95,7 +95,7 @@ def _vehicle_rules(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
         Rule((IN,), ("put",), (*own_messages, f"{root}/station/*/*/{uav}", report)),
         Rule((IN,), ("declare_subscriber", "declare_queryable", "reply"), inbox),
         Rule((OUT,), ("put", "query"), inbox),
-        # Its payload has the vehicle's certificate, and gets answers to its reports.
+        # A payload has its vehicle's certificate, and gets answers to its reports.
         Rule((IN,), ("query",), (report,)),
         Rule((OUT,), ("reply", "declare_queryable", "declare_subscriber"), (report,)),
     ]
@@ -116,7 +116,7 @@ def _operator_rules(swarm: str, uavs: Sequence[int]) -> list[Rule]:
 
 
 def _merged(rules: Iterable[Rule]) -> list[Rule]:
-    """Merge rules: one for each direction and kinds of message."""
+    """Merge rules with the same directions and message kinds."""
     merged: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, None]] = {}
     for rule in rules:
         merged.setdefault((rule.flows, rule.messages), {}).update(dict.fromkeys(rule.keys))

@@ -1,4 +1,4 @@
-"""The interface of a transport of the bus."""
+"""Interface of a transport of the bus."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from typing import Protocol
 Receive = Callable[[str, bytes], None]
 """(key, payload), called on the event loop's thread"""
 Reply = Callable[[bytes], None]
-"""answers a question once, on the event loop's thread; an unanswered question ends by itself"""
+"""answer to a query, to be called once on the event loop's thread; an unanswered query times out"""
 Serve = Callable[[str, bytes | None, Reply], None]
 """(key, payload, reply), called on the event loop's thread; payload None: above the size limit"""
 Failure = Callable[[str, Exception], None]
-"""(key, exception of a `Receive` or `Serve` that was called for it)"""
+"""(key, exception of the `Receive` or `Serve` called for the key)"""
 
 MAX_MESSAGE_BYTES = 65_536
-"""Limit on a put payload; a longer one is neither sent nor delivered."""
+"""Limit on a put payload; a longer payload is neither sent nor delivered."""
 MAX_QUESTION_BYTES = 16_384
-"""Limit on a question's payload; a command that names 254 vehicles takes less than 10 000."""
+"""Limit on a query's payload; a command with 254 vehicle names takes less than 10 000 bytes."""
 
 
 class BusError(Exception):
-    """The bus cannot be opened or joined; the text says what to check."""
+    """The bus cannot be opened or joined; the text has advice."""
 
 
 class Transport(Protocol):
-    """Moves bytes by key. `put` never waits: a message that cannot be sent now is dropped and counted.
+    """Transport of bytes by key. `put` never waits: a message that cannot be sent now is dropped and counted.
 
-    A bug in one receiver stops neither the others nor the loop: it is counted and reported.
+    An exception in a receiver is counted and reported; other receivers and the loop continue.
     """
 
     @property
     def dropped(self) -> int:
-        """Number of messages that could not be sent, and of messages and questions beyond queue sizes.
+        """Number of messages that could not be sent, and of messages and queries beyond queue sizes.
 
-        Messages above `MAX_MESSAGE_BYTES` count too, sent or received.
+        Sent and received messages above `MAX_MESSAGE_BYTES` count too.
         """
 
     @property
@@ -50,13 +50,13 @@ class Transport(Protocol):
         """
 
     def serve(self, key: str, serve: Serve) -> None:
-        """Answer questions under `key`. `serve` gets the asker's key, which may be a wildcard.
+        """Answer queries under `key`. `serve` gets the query's key, which may be a wildcard.
 
-        In place of a payload above `MAX_QUESTION_BYTES` it gets None.
+        `serve` gets None instead of a payload above `MAX_QUESTION_BYTES`.
         """
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
-        """Return all answers; none if the key is not served, or its queue is full.
+        """Send a query and return all answers; none if no process serves the key, or its queue is full.
 
         Raises TimeoutError if answers are missing after `timeout_s`.
         """

@@ -1,7 +1,7 @@
 """Inbox from other threads to the event loop: bounded queues, delivered in batches.
 
-A batch wakes the loop once, however many deliveries it has. A receiver's bug stops neither the loop nor the
-other deliveries.
+A batch of any size wakes the loop once. After an exception in a receiver the loop and other deliveries
+continue.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from swarmctl.bus.transports.base import Failure
 Delivery = Callable[[], None]
 
 TURN_S = 0.02
-"""Longest work in one turn of the event loop [s], shared by the queues. Further work waits for the next turn,
-so that links and timers are not delayed."""
+"""Longest work in one turn of the event loop, shared by the queues. Further work waits for the next turn, so
+that links and timers are not delayed."""
 
 
 class Inbox:
     """Queues by number, each with a size limit; queues with lower numbers are delivered first.
 
-    Each queue has its share of a turn, and one delivery at least, so that none starves the others.
+    Each turn has a time slice and at least one delivery for each queue, so no queue blocks another.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Inbox:
         return True
 
     def close(self) -> None:
-        """Stop all deliveries; called on the loop's thread."""
+        """Stop all deliveries; call it on the loop's thread."""
         self._is_closed = True
 
     def _wake(self) -> None:
@@ -66,11 +66,11 @@ class Inbox:
                 self.dropped += 1
 
     def _deliver(self) -> None:
-        # Before the queues are read: later deliveries wake the loop again.
+        # This comes before the queues are read, so that later deliveries wake the loop again.
         self._is_scheduled = False
         for queue in self._queues:
             until_s = self._clock() + self._slice_s
-            # Only the deliveries that wait now: those that they put are for the next turn.
+            # Deliveries that are added during this turn wait for the next turn.
             for _ in range(len(queue)):
                 if self._is_closed:
                     return
@@ -83,6 +83,6 @@ class Inbox:
     def _run(self, key: str, delivery: Delivery) -> None:
         try:
             delivery()
-        except Exception as error:  # noqa: BLE001 - an exception of a receiver is its own bug
+        except Exception as error:  # noqa: BLE001 - a bug in one receiver does not affect the others
             self.failed += 1
             self._on_failure(key, error)

@@ -1,4 +1,4 @@
-"""A bus inside one event loop, for virtual time and tests. Messages arrive in the order of sending."""
+"""Bus inside one event loop, for virtual time and tests. Messages arrive in the order of sending."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 
 
 class MemoryBus:
-    """A transport without sockets. Key expressions match as in Zenoh, as far as this program uses them."""
+    """Transport without sockets. Key expressions match as in Zenoh, for the forms that this program uses."""
 
     def __init__(self, on_failure: Failure = report_to_loop) -> None:
         self.dropped = 0
@@ -45,7 +45,7 @@ class MemoryBus:
         def served() -> None:
             try:
                 self._served[key](key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
-            except Exception as error:  # noqa: BLE001 - an exception of a receiver is its own bug
+            except Exception as error:  # noqa: BLE001 - a bug in one receiver does not affect the others
                 self._report_failure(key, error)
 
         loop.call_soon(served)
@@ -59,7 +59,7 @@ class MemoryBus:
     def _deliver(self, receive: Receive, key: str, payload: bytes) -> None:
         try:
             receive(key, payload)
-        except Exception as error:  # noqa: BLE001 - an exception of a receiver is its own bug
+        except Exception as error:  # noqa: BLE001 - a bug in one receiver does not affect the others
             self._report_failure(key, error)
 
     def _report_failure(self, key: str, error: Exception) -> None:

@@ -1,4 +1,4 @@
-"""Opens the bus of a flight to its operator and to its vehicles' payloads."""
+"""Opening of a flight's bus to operators and payloads."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from swarmctl.bus.transports.zenoh_config import standalone
 def open_bus(
     swarm: str, listen: str, say: Callable[[str], None], on_failure: Failure = report_to_loop
 ) -> Iterator[ZenohBus]:
-    """Open a session at `listen` that accepts operators' commands and payloads' reports for `swarm` only.
+    """Open a session at `listen` for operators' commands and payloads' reports of `swarm` only.
 
-    The flight is registered in the directory of running swarms. Raises BusError.
+    Registers the flight in the directory of running swarms. Raises BusError.
     """
     if listen == NO_ENDPOINT:
         with ZenohBus(on_failure=on_failure) as bus:
@@ -29,21 +29,23 @@ def open_bus(
         endpoint = parse_endpoint(listen)
         if endpoint.is_certified:
             raise BusError(
-                f"communication.listen: {endpoint}: a flight in one process listens at tcp/HOST:PORT"
+                f"communication.listen: {endpoint}: a flight in one process can only listen at tcp/HOST:PORT"
             )
         requests = tuple(keys.request(swarm, kind) for kind in keys.REQUEST_KINDS)
         reports = keys.sensor_report(swarm, "*")
         configuration = standalone(endpoint, (*requests, reports), (reports,))
         bus = stack.enter_context(ZenohBus(configuration, on_failure=on_failure))
         assert bus.endpoint is not None
-        here = bus.endpoint.reachable
+        address = bus.endpoint.reachable
         try:
-            stack.enter_context(directory.registered(swarm, here))
+            stack.enter_context(directory.registered(swarm, address))
         except BusError as error:
-            say(f"operators' commands find this swarm with --connect {here} only: {error} [not-registered]")
+            say(
+                f"operators' commands find this swarm with --connect {address} only: {error} [not-registered]"
+            )
         if not endpoint.is_loopback:
             say(
-                f"{bus.endpoint} is open to other machines without authentication: they can change this "
-                "swarm's weights, give it orders and report for its sensors [open-endpoint]"
+                f"{bus.endpoint} is open to other machines without authentication: other machines can change "
+                "this swarm's weights, command it and report for its sensors [open-endpoint]"
             )
         yield bus

@@ -1,7 +1,7 @@
 """Process exit while a thread is blocked inside Zenoh, for seconds or for ever.
 
-Such a thread is a daemon, so it does not keep the process alive. But if it returns while the interpreter
-shuts down, Python ends it inside of foreign frames, and the process dies of SIGABRT.
+Such a thread is a daemon, so the thread does not keep the process alive. But if the thread returns from Zenoh
+during the interpreter's shutdown, Python ends it inside native code, and the process dies of SIGABRT.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def has_blocked_thread() -> bool:
 
 
 def exit_process(code: int) -> NoReturn:
-    """End the process with `code`: as usual, or at once if a thread is inside Zenoh."""
+    """End the process with `code`: normally, or at once if a thread is inside Zenoh."""
     if not has_blocked_thread():
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):

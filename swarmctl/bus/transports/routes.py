@@ -1,4 +1,4 @@
-"""Subscriptions of a process by key, and reports of their receivers' bugs."""
+"""Subscriptions of a process by key, and reports of bugs in receivers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from swarmctl.core.texts import printable
 
 EVERYTHING = "**"
 MAX_TEXTS = 32
-"""different texts about receivers' bugs; senders may influence them"""
+"""largest number of different texts about bugs; senders can influence the texts"""
 
 
 class Subscriptions:
@@ -23,7 +23,7 @@ class Subscriptions:
         self._by_prefix: dict[str, list[Receive]] = {}
 
     def add(self, key_expression: str, receive: Receive) -> None:
-        """Add a subscription. Raises ValueError for an expression of another form."""
+        """Add a subscription. Raises ValueError for other forms of expressions."""
         if key_expression == EVERYTHING or key_expression.endswith("/**"):
             stem, table = key_expression.removesuffix(EVERYTHING), self._by_prefix
         else:
@@ -33,7 +33,7 @@ class Subscriptions:
         table.setdefault(stem, []).append(receive)
 
     def reached_by(self, key: str) -> Iterator[Receive]:
-        """Yield the receivers of a key; takes a lookup for each part of the key."""
+        """Yield the receivers of a key, with one look-up for each part of the key."""
         yield from self._by_key.get(key, ())
         yield from self._by_prefix.get("", ())
         end = key.find("/")
@@ -54,7 +54,7 @@ def report_to_loop(key: str, error: Exception) -> None:
 
 
 class ReportOnce:
-    """A `Failure` for flights: shows a receiver's exception in one line, each text once."""
+    """`Failure` for flights, which shows a receiver's exception in one line, each text once."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -66,7 +66,7 @@ class ReportOnce:
         *_, frame = traceback.extract_tb(error.__traceback__) or [None]
         where = "" if frame is None else f" in {frame.name}, {Path(frame.filename).name}:{frame.lineno}"
         text = f"a bug in handling a message of the bus{where}: {type(error).__name__}: {error}"
-        # It may quote the sender, and goes to a terminal.
+        # The text may quote the sender, and is shown in a terminal.
         text = printable(text[:400])
         if text not in self._said:
             self._said.add(text)

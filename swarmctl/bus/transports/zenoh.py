@@ -1,4 +1,4 @@
-"""The bus over Zenoh: one session a process, shared by all its agents."""
+"""Bus over Zenoh: one session per process, shared by all its agents."""
 
 from __future__ import annotations
 
@@ -32,37 +32,38 @@ from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
 
 QUESTIONS = 32
-"""pending questions; a flood of them does not displace the messages between UAVs"""
+"""largest number of pending queries; a flood of queries does not displace messages between UAVs"""
 QUESTION_QUEUE, MESSAGE_QUEUE, OWN_QUEUE = range(3)
-"""questions, messages of other processes, and messages of this process to itself"""
+"""queues for queries, messages of other processes, and messages of this process to itself"""
 QUEUE_SIZES = (QUESTIONS, 4096, 65_536)
 RETRY_S = 0.5
-"""pause between attempts to open a session that fail at once"""
+"""pause between attempts to open a session, if an attempt fails at once"""
 LOST_AFTER_S = 3.0
 """Time without any link after which a patient session is replaced. After a cut, Zenoh may need 10 s to close
-a TLS link whose send buffer is full, and makes no new link until then."""
+a TLS link with a full send buffer, and makes no new link in that time."""
 CHECK_EVERY_S = 0.2
 AWAY_S = 1.0
 """pause between two sessions of a mesh node"""
 CLOSE_S = 2.0
 """limit on closing: a link to a frozen process with a full queue can block Zenoh for ever"""
 MARGIN_S = 3.0
-"""margin of Zenoh's time-out of a question over the caller's: Zenoh reports its time-out like an answer"""
+"""margin of Zenoh's time-out over the caller's: Zenoh reports its own time-out like an answer"""
 ADMIN_TIMEOUT_S = 2.0
 MAX_ANSWERS = 64
-"""answers to one question that are kept"""
+"""largest number of kept answers to one query"""
 
 OnLink = Callable[[str, str | None, bool], None]
-"""(address, the certificate's common name if it has one, whether it came or went), on the loop's thread"""
+"""(address, common name of the certificate if any, True for a new link and False for an ended link), called
+on the loop's thread"""
 
 
 class ZenohBus:
-    """A bus over Zenoh; a context manager, as other processes wait for an unclosed session's lease to end.
+    """Bus over Zenoh, a context manager: an unclosed session delays other processes until its lease ends.
 
     Opens the session of a `Configuration`. `listen`, `open_keys` and `put_keys` are short for `standalone`,
-    `connect` for `visitor`. A patient session opens in the background. Until then no messages arrive, and
-    messages to other processes are dropped and counted. The same holds while a mesh node renews its session,
-    see `renewal`. Raises BusError.
+    `connect` is short for `visitor`. A patient session opens in the background. Until then no messages
+    arrive, and messages to other processes are dropped and counted. The same is true during the renewal of a
+    mesh node's session (`renewal`). Raises BusError.
     """
 
     def __init__(
@@ -83,9 +84,9 @@ class ZenohBus:
                 else zenoh_config.standalone(listen, open_keys, put_keys)
             )
         self.trouble = ""
-        """reason why a patient or renewed session is not open yet"""
+        """fault that keeps a patient or renewed session from opening; empty if there is none"""
         self.endpoint: BusEndpoint | None = None
-        """endpoint it listens at"""
+        """endpoint at which the session listens"""
         self._configuration = configuration
         self._on_link = on_link
         self._loop = asyncio.get_running_loop()
@@ -93,7 +94,7 @@ class ZenohBus:
         self._inbox = Inbox(self._loop, QUEUE_SIZES, on_failure)
         self._unsent = 0
         self._links = LinkSet()
-        """links of the present session"""
+        """links of the current session"""
         self._closed = threading.Event()
         self._session: zenoh.Session | None = None
         self._declaring = threading.Lock()
@@ -132,13 +133,13 @@ class ZenohBus:
 
     @property
     def connected(self) -> bool:
-        """True if messages have a receiver: there is a link, or the bus serves this process only."""
+        """True if the session has a link, or if the bus serves this process only."""
         return bool(self._links) or not self._configuration.has_others
 
     def put(self, key: str, payload: bytes) -> None:
         """Deliver to subscriptions of this process without Zenoh, and send to other processes.
 
-        Takes 1 ms at most. Zenoh does not report the messages that it drops on slower links.
+        Takes at most 1 ms. Zenoh drops messages on slow links without a report.
         """
         if len(payload) > MAX_MESSAGE_BYTES:
             self._unsent += 1
@@ -148,7 +149,7 @@ class ZenohBus:
         if not self._configuration.has_others or self._closed.is_set():
             return
         session = self._session
-        with contextlib.suppress(zenoh.ZError):  # if the session has just been closed for a new one
+        with contextlib.suppress(zenoh.ZError):  # the session may have been closed for a renewal
             if session is not None and self._links:
                 session.put(
                     key,
@@ -179,7 +180,7 @@ class ZenohBus:
     def serve(self, key: str, serve: Serve) -> None:
         def asked(query: zenoh.Query) -> None:
             def reply(payload: bytes) -> None:
-                # On another thread: the asker's congestion control decides whether an answer may block.
+                # Another thread sends the answer: with some settings of the other side an answer may block.
                 self._replies.put(partial(_reply, query, key, payload))
 
             asked_key = str(query.key_expr)
@@ -193,7 +194,7 @@ class ZenohBus:
         self._declare(lambda session: session.declare_queryable(key, Callback(asked, indirect=False)))
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
-        """Return all answers, see `Transport.ask`; none as well while no session is open."""
+        """Return all answers (`Transport.ask`); none while no session is open."""
         answers: list[bytes] = []
         ended = asyncio.Event()
 
@@ -215,8 +216,8 @@ class ZenohBus:
                 payload=payload,
                 timeout=timeout_s + MARGIN_S,
                 congestion_control=zenoh.CongestionControl.DROP,
-                # All answers of all processes that serve the key. By default the last hides the others, and
-                # a process that claims to be complete keeps Zenoh from asking the others.
+                # Return the answers of all processes that serve the key. By default Zenoh keeps one answer,
+                # and asks no other process if one claims to be complete.
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
@@ -227,9 +228,9 @@ class ZenohBus:
         return tuple(answers)
 
     def close(self) -> None:
-        """Close within `CLOSE_S`, even if a frozen peer blocks Zenoh, or no session could be opened.
+        """Close within `CLOSE_S`, even if a frozen peer blocks Zenoh, or if no session is open.
 
-        Zenoh may continue in a thread; end the process with `process_exit.exit_process`.
+        Zenoh may continue in a thread, so end the process with `process_exit.exit_process`.
         """
         if self._closed.is_set():
             return
@@ -262,7 +263,7 @@ class ZenohBus:
                 self._configuration = replace(configuration, values=found)
 
     def _run_sessions(self) -> None:
-        """Open one session after the other, on a thread, until the bus is closed."""
+        """Open a session, and a new one after each loss, until the bus is closed; runs on a thread."""
         while not self._closed.is_set():
             session = self._session or self._try_to_open()
             if session is None:
@@ -275,7 +276,7 @@ class ZenohBus:
                 self._session, self._links = None, LinkSet()
             closing = _start_closing(session)
             if self._configuration.nodes:
-                # Other nodes may never find routes to a node that is back before they have removed it.
+                # A node that returns before other nodes have removed it may never get routes.
                 closing.join(CLOSE_S)
                 self._closed.wait(AWAY_S)
 
@@ -296,7 +297,7 @@ class ZenohBus:
         return session
 
     def _wait_for_loss(self, session: zenoh.Session) -> None:
-        """Return once the bus is closed, or its session has to be replaced."""
+        """Return when the bus is closed, or when its session has to be replaced."""
         while not self._closed.wait(CHECK_EVERY_S):
             now_s = time.monotonic()
             if self._neighbours is not None:
@@ -307,7 +308,7 @@ class ZenohBus:
                 return
 
     def _has_to_renew(self, session: zenoh.Session, neighbours: MeshNeighbours, now_s: float) -> bool:
-        with contextlib.suppress(zenoh.ZError):  # if the session is being closed
+        with contextlib.suppress(zenoh.ZError):  # the session may be closing
             self._links.listed((link.src, link.dst) for link in session.info.links())
             linked = [str(zid) for zid in session.info.routers_zid()]
             return neighbours.has_to_renew(self._renewal, linked, now_s)
@@ -319,12 +320,12 @@ class ZenohBus:
         changed = partial(self._link_changed, links)
         session.info.declare_link_events_listener(Callback(changed, indirect=False), history=True)
         if nodes := self._configuration.nodes:
-            own_id, subscribe, is_heard = (
+            own_id, subscribe, has_subscriber = (
                 str(session.zid()),
                 partial(_subscribe_only, session),
-                partial(_is_heard, session),
+                partial(_has_subscriber, session),
             )
-            self._neighbours = MeshNeighbours(nodes, own_id, subscribe, is_heard)
+            self._neighbours = MeshNeighbours(nodes, own_id, subscribe, has_subscriber)
         with self._declaring:
             self._session = session
             for declare in self._declarations:
@@ -337,7 +338,7 @@ class ZenohBus:
                 declare(self._session)
 
     def _link_changed(self, links: LinkSet, event: zenoh.LinkEvent) -> None:
-        # Called by several threads at once, and perhaps for a session that has been replaced.
+        # Several threads call this at once, perhaps for a session that has been replaced.
         has_come = event.kind == zenoh.SampleKind.PUT
         is_change = links.changed((event.link.src, event.link.dst), has_come=has_come)
         if is_change and self._on_link is not None:
@@ -364,10 +365,10 @@ class ZenohBus:
 
 
 def _start_closing(session: zenoh.Session) -> threading.Thread:
-    """Close a session on a thread, however long that takes."""
+    """Close a session on a new thread, without a time limit; return the thread."""
 
     def close() -> None:
-        # Zenoh raises after 10 s without success; nothing more can be done then.
+        # Zenoh raises after 10 s without success; no other action is possible.
         with contextlib.suppress(zenoh.ZError):
             session.close()  # type: ignore[no-untyped-call]
 
@@ -375,13 +376,13 @@ def _start_closing(session: zenoh.Session) -> threading.Thread:
 
 
 def _subscribe_only(session: zenoh.Session, key: str) -> Callable[[], None]:
-    """Subscribe to a key that is never put."""
+    """Subscribe to a key without messages; return a function that ends the subscription."""
     ignore: Callback[zenoh.Sample] = Callback(lambda _sample: None, indirect=False)
     return partial(session.declare_subscriber(key, ignore).undeclare)
 
 
-def _is_heard(session: zenoh.Session, key: str) -> bool:
-    """Return whether another process subscribes to a key, by Zenoh's tables; nothing is put."""
+def _has_subscriber(session: zenoh.Session, key: str) -> bool:
+    """Return whether another process subscribes to a key, by Zenoh's tables; no message is put."""
     with session.declare_publisher(key, allowed_destination=zenoh.Locality.REMOTE) as publisher:
         # zenoh-python declares the status as a bool.
         return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
@@ -391,13 +392,13 @@ def _reply(query: zenoh.Query, key: str, payload: bytes) -> None:
     try:
         query.reply(key, payload)
     except zenoh.ZError:
-        pass  # the session was closed meanwhile
+        pass  # the session has been closed
     finally:
         query.drop()  # type: ignore[no-untyped-call]
 
 
 def _question_payload(payload: zenoh.ZBytes | None) -> bytes | None:
-    """Return a question's payload; None above the size limit, without a copy."""
+    """Return a query's payload; None above the size limit, without a copy."""
     if payload is None:
         return b""
     return bytes(payload) if len(payload) <= MAX_QUESTION_BYTES else None

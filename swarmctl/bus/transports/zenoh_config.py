@@ -1,4 +1,4 @@
-"""Zenoh's configuration for each role in a swarm's network: pure data.
+"""Zenoh's configuration for each role in a swarm's network. No I/O.
 
 | role | mode | listens | connects |
 |---|---|---|---|
@@ -26,21 +26,21 @@ from swarmctl.bus.transports import access
 from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES
 
 LEASE_MS = 2_000
-"""time without traffic after which a link counts as dead; keep-alives are four times as frequent"""
+"""time without traffic after which a link counts as dead; keep-alives are sent four times in this time"""
 RETRY_MS = (100, 300)
 """first and longest pause between attempts to connect"""
 HANDSHAKE_MS = 2_000
-"""limit on one attempt, TCP's handshake included. A kernel repeats a lost SYN after 1 s, then more and more
-rarely. Longer attempts would find a restarted router late; shorter ones fail on slow radio links."""
+"""Limit on one attempt, with TCP's handshake. A kernel repeats a lost SYN after 1 s, then at growing
+intervals. Longer attempts find a restarted router late; shorter attempts fail on slow radio links."""
 JOIN_MS = 3_000
-"""time that a visitor tries to connect"""
+"""time limit for the connection of a visitor"""
 OPENING_MS = 4_000
-"""time of one attempt of a client, which cannot be interrupted"""
+"""time of one attempt of a client; an attempt cannot be interrupted"""
 DROP_AFTER_US = 1_000
-"""longest wait of a put for room in a full queue; without any wait bursts would lose messages"""
+"""longest wait of a put for room in a full queue; without a wait bursts would lose messages"""
 KEY_AND_HEADER_BYTES = 1_024
 GIVE_UP_AFTER_US = 1_000_000
-"""longest wait of declarations and answers, which may not be dropped; then the link is closed"""
+"""longest wait of declarations and answers, which are never dropped; then the link is closed"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,11 @@ class Configuration:
     listen: BusEndpoint | None = None
     connect: tuple[BusEndpoint, ...] = ()
     is_patient: bool = False
-    """whether the session may open at any later time"""
+    """True if the session may open at any later time"""
     has_others: bool = False
-    """whether other processes receive this process's messages"""
+    """True if other processes receive this process's messages"""
     nodes: str = ""
-    """in a mesh: prefix of the keys that show a node's neighbours whether they have routes to it"""
+    """in a mesh: prefix of the keys by which neighbours check their routes to a node"""
 
     def as_json5(self) -> str:
         """Return the configuration for a `zenohd` of the same version, with the credentials' paths."""
@@ -79,27 +79,27 @@ class Configuration:
         return json.dumps(tree, indent=2)
 
     def explain(self, error: str) -> str:
-        """Return the message for an error of Zenoh in opening a session, with advice."""
-        there = ", ".join(map(str, self.connect))
+        """Return the message for Zenoh's error from opening a session, with advice."""
+        targets = ", ".join(map(str, self.connect))
         short = error.split(" at /", 1)[0].strip()  # without the line in Zenoh's sources
         if self.is_patient:
-            return f"no connection to {there} yet: {short}"
+            return f"no connection to {targets} yet: {short}"
         if self.listen is not None:
             where, none = (
                 ("communication.listen: ", ", or `none`") if self.values["mode"] == "peer" else ("", "")
             )
-            why = "the port is taken" if "in use" in error else short
-            advice = f"end the process that has it, or give another port (0: any free one){none}"
+            why = "the port is in use" if "in use" in error else short
+            advice = f"end the process that uses the port, or give another port (0: any free port){none}"
             return f"{where}cannot listen at {self.listen}: {why}; {advice}"
         if self.connect:
             keys = " and that its keys have the same authority" if self.connect[0].is_certified else ""
             return (
-                f"no swarm listens at {there} (tried for {JOIN_MS / 1e3:g} s); its flight may have ended. "
-                "For vehicles flown by `swarmctl agent`, check that the router or the agent runs there"
-                f"{keys} [no-swarm-at-endpoint]"
+                f"no swarm listens at {targets} (tried for {JOIN_MS / 1e3:g} s); the flight may have ended. "
+                "For vehicles flown by `swarmctl agent`, check that the router or the agent runs at this "
+                f"endpoint{keys} [no-swarm-at-endpoint]"
             )
         return (
-            f"Zenoh cannot open a session: {error}; a flight in one process can fly without it: "
+            f"Zenoh cannot open a session: {error}; a flight in one process does not need Zenoh: "
             "`communication: {bus: memory}`"
         )
 
@@ -107,22 +107,22 @@ class Configuration:
 def standalone(
     listen: BusEndpoint | None = None, ask_keys: Sequence[str] = (), put_keys: Sequence[str] = ()
 ) -> Configuration:
-    """Return a process that connects to no other; at `listen` others may ask and put under these keys."""
+    """Return a process that connects to no other; at `listen` others may query and put under these keys."""
     values = _common("peer", listen=listen)
     if listen is not None:
         values["access_control"] = access.operator_endpoint_rules(ask_keys, put_keys)
     return Configuration(values, listen=listen)
 
 
-def visitor(there: BusEndpoint, credentials: Credentials | None = None) -> Configuration:
+def visitor(endpoint: BusEndpoint, credentials: Credentials | None = None) -> Configuration:
     """Return a client that connects within `JOIN_MS`, or fails."""
-    values = _common("client", connect=(there,), credentials=credentials)
+    values = _common("client", connect=(endpoint,), credentials=credentials)
     values |= {"connect/timeout_ms": JOIN_MS, "connect/exit_on_failure": True}
-    return Configuration(values, connect=(there,), has_others=True)
+    return Configuration(values, connect=(endpoint,), has_others=True)
 
 
 def client(router: BusEndpoint, credentials: Credentials | None = None) -> Configuration:
-    """Return a client of a router that may come and go; the session opens when the router first answers."""
+    """Return a client of a router that may be absent; the session opens at the router's first answer."""
     values = _common("client", connect=(router,), credentials=credentials)
     # Zenoh cannot open a client without a router, even with exit_on_failure False.
     values |= {"connect/timeout_ms": OPENING_MS, "connect/exit_on_failure": True}
@@ -145,11 +145,11 @@ def mesh_node(
     uavs: Sequence[int],
     credentials: Credentials | None = None,
 ) -> Configuration:
-    """Return a mesh node, which relays for its neighbours; they may come and go, and it opens without any.
+    """Return a mesh node, which relays for its neighbours. Neighbours may be absent, even at the start.
 
-    Only one of two nodes should have the other among its `neighbours`. If both connect, two links make one
-    transport. After a cut its ends may disagree on whether it ended; then messages of one do not reach the
-    other, and no table of Zenoh (1.10) shows it.
+    Of two neighbours only one should have the other among its `neighbours`. If both connect, two links make
+    one transport. After a cut one end may consider the transport closed and the other end not. Then messages
+    are lost in one direction, and no table of Zenoh (1.10) shows this.
     """
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # No time-out: Zenoh tries in the background.
@@ -176,7 +176,7 @@ def _common(
         "connect/retry": {"period_init_ms": first, "period_max_ms": most, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        # Wait of a router for scouting before it opens.
+        # Wait for scouting before a router opens.
         "scouting/delay": 0,
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": HANDSHAKE_MS,
@@ -189,7 +189,7 @@ def _common(
             "max_wait_before_drop_fragments": DROP_AFTER_US,
         },
         "transport/link/tx/queue/congestion_control/block": {"wait_before_close": GIVE_UP_AFTER_US},
-        # Applies to messages in fragments, longer than a batch; shorter ones are checked on arrival.
+        # Applies to messages in fragments, longer than a batch; shorter messages are checked on arrival.
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + KEY_AND_HEADER_BYTES,
     }
     if listen is not None and listen.port == 0:

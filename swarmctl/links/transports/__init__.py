@@ -1,4 +1,4 @@
-"""Bytes on the wire: UDP, TCP, serial, and memory for a virtual clock.
+"""Transports of bytes: UDP, TCP, serial, and memory for a virtual clock.
 
 Each transport implements `base.Transport`. A new transport needs three things: a module here, an entry in
 `TRANSPORTS`, and the form of its URL in `swarmctl.links.url`.
@@ -21,9 +21,9 @@ class TransportKind:
     """The transport for one kind of endpoint."""
 
     transport: Callable[[Endpoint], Transport] | None
-    """constructor; None: the front end carries the frames itself"""
+    """constructor; None: the front end has a memory wire"""
     check: str
-    """question to the operator if the vehicle does not answer; "it" is the vehicle"""
+    """question to the operator if the vehicle does not answer"""
 
 
 TRANSPORTS: dict[Kind, TransportKind] = {
@@ -32,11 +32,13 @@ TRANSPORTS: dict[Kind, TransportKind] = {
     ),
     "udpout": TransportKind(
         Udp,
-        "does it listen at that host and port? PX4 answers only the first program that it hears after its "
-        "boot; use udpin:// and boot it again",
+        "does the vehicle listen at that host and port? PX4 answers only the first sender after its boot; "
+        "use udpin:// and reboot PX4",
     ),
-    "tcpin": TransportKind(TcpServer, "does it connect to this machine and port?"),
-    "tcpout": TransportKind(TcpClient, "does it listen at that host and port?"),
-    "serial": TransportKind(SerialPort, "is it switched on, and are the baud rate and the cable right?"),
+    "tcpin": TransportKind(TcpServer, "does the vehicle connect to this machine and port?"),
+    "tcpout": TransportKind(TcpClient, "does the vehicle listen at that host and port?"),
+    "serial": TransportKind(
+        SerialPort, "is the vehicle switched on, and are the baud rate and the cable right?"
+    ),
     "memory": TransportKind(None, "does the simulator have this system id?"),
 }

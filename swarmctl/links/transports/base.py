@@ -1,4 +1,4 @@
-"""`Transport`: the protocol of a carrier of bytes, which sends to addresses and calls back with input."""
+"""`Transport`: the interface that sends bytes to addresses and calls back with received bytes."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Receive = Callable[[bytes, Address], None]
 
 class Transport(Protocol):
     async def open(self, receive: Receive) -> None:
-        """Open the transport. Raises TransportError for a taken port or a missing device."""
+        """Open the transport. Raises TransportError for a port in use or a missing device."""
 
     def send(self, data: bytes, address: Address) -> None:
-        """Send without blocking; bytes that cannot be sent are dropped, as on any radio."""
+        """Send without blocking; drop bytes that cannot be sent."""
 
     def peers(self) -> tuple[Address, ...]:
         """Return the addresses for a first heartbeat, before any input."""
 
     @property
     def trouble(self) -> str:
-        """Return the present fault for error texts; empty if none is known."""
+        """Return the current fault for error texts; empty if none is known."""
 
     async def close(self) -> None: ...

@@ -1,4 +1,4 @@
-"""A wire inside the process, for runs on a virtual clock: ground station and vehicles share one loop."""
+"""Wire inside the process, for runs on a virtual clock: ground station and vehicles share one loop."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class MemoryWire:
 
     def __init__(self) -> None:
         self.to_vehicles: Callable[[bytes, Address], None] | None = None
-        """set by the vehicles' side: called with bytes from the ground and their target address"""
+        """callback with bytes from the ground and their target address; set by the vehicles' side"""
         self._to_ground: Receive | None = None
 
     def from_vehicle(self, data: bytes, address: Address) -> None:
-        """Pass bytes from the vehicles' side to the ground; replies go to `address`, which is any name."""
+        """Send bytes from the vehicles' side to the ground; replies go to `address`, an arbitrary name."""
         asyncio.get_running_loop().call_soon(self._deliver_to_ground, data, address)
 
     def _deliver_to_ground(self, data: bytes, address: Address) -> None:
@@ -38,8 +38,8 @@ class MemoryWire:
         self._to_ground = receive
 
 
-class Memory:
-    """The ground's end of a wire."""
+class MemoryTransport:
+    """Transport on the ground's end of a wire."""
 
     trouble = ""
 

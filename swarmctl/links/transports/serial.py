@@ -1,4 +1,4 @@
-"""A serial port: a telemetry radio or a flight controller on USB."""
+"""Serial port: a telemetry radio or a flight controller on USB."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REOPEN_S = 2.0
 
 
 class SerialPort:
-    """pyserial on the loop's selector; an unplugged device is opened again when it comes back."""
+    """Serial port on the loop's selector; an unplugged device is opened again when it returns."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.trouble = ""
@@ -33,7 +33,7 @@ class SerialPort:
         except (OSError, ValueError) as error:
             raise TransportError(
                 f"{self._endpoint}: cannot be opened: {error}; "
-                "check the cable, the device name, the baud rate and that you may use it (group dialout)"
+                "check the cable, the device name, the baud rate and your permission (group dialout)"
             ) from error
 
     def _open_port(self) -> None:

@@ -1,4 +1,4 @@
-"""TCP, serving several clients (tcpin) or connecting and reconnecting (tcpout)."""
+"""TCP: a server of several clients (tcpin), or a client that reconnects (tcpout)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class _Connection(asyncio.Protocol):
 
 
 class TcpServer:
-    """tcpin: every client is an address of its own."""
+    """Server for tcpin; every client has its own address."""
 
     trouble = ""
 
@@ -95,7 +95,7 @@ class TcpServer:
 
 
 class TcpClient:
-    """tcpout: a client that connects, and reconnects with back-off until it is closed."""
+    """Client for tcpout; it connects, and reconnects with back-off until it is closed."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.trouble = "not connected yet"

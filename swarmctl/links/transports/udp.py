@@ -1,4 +1,4 @@
-"""UDP, listening (udpin) or speaking first (udpout)."""
+"""UDP, as a listener (udpin) or as the first sender (udpout)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _RECEIVE_BUFFER = 1 << 20
-"""holds a burst of a hundred vehicles while the loop is busy"""
+"""size for a burst of a hundred vehicles while the loop is busy [bytes]"""
 _SEND_LIMIT = 1 << 16
 """limit of the queue for a socket that accepts nothing [bytes]"""
 
 
 class Udp(asyncio.DatagramProtocol):
-    """One socket. Without SO_REUSEADDR: a second listener on the port is an error, not a thief."""
+    """One socket, without SO_REUSEADDR: a second listener on the port is an error and takes no datagrams."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.trouble = ""
@@ -43,7 +43,7 @@ class Udp(asyncio.DatagramProtocol):
             raise TransportError(_explain(self._endpoint, error)) from error
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        # asyncio's own datagram transport is not a subclass of DatagramTransport in every version.
+        # In some versions asyncio's datagram transport is no subclass of DatagramTransport.
         self._transport = cast(asyncio.DatagramTransport, transport)
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
 

@@ -1,6 +1,6 @@
-"""Differences between autopilots: one module each, fitting `Dialect`. Pure.
+"""Differences between autopilots, one module for each. No I/O.
 
-A new dialect is a module and a line in `_DIALECTS`. Its firmware has a name in `swarmctl.mavlink.firmware`,
+A new dialect is a module and a line in `_DIALECTS`. Its firmware needs a name in `swarmctl.mavlink.firmware`
 and a parameter table in `swarmctl.preflight.policy`.
 """
 
@@ -38,10 +38,10 @@ def dialect_for(autopilot: int, vehicle_type: int) -> Dialect:
     """Return the dialect for a MAV_AUTOPILOT and MAV_TYPE. Raises Unsupported, naming both."""
     dialect = _DIALECTS.get((autopilot, vehicle_type))
     if dialect is None:
-        made_by = _AUTOPILOTS.get(autopilot) or f"another autopilot ({_entry('MAV_AUTOPILOT', autopilot)})"
+        name = _AUTOPILOTS.get(autopilot) or f"another autopilot ({_in_words('MAV_AUTOPILOT', autopilot)})"
         raise Unsupported(
-            f"a {_entry('MAV_TYPE', vehicle_type)} of {made_by} cannot be flown; expected a multicopter or a "
-            "fixed wing of ArduPilot or PX4"
+            f"a {_in_words('MAV_TYPE', vehicle_type)} of {name} is not supported; expected a multicopter "
+            "or a fixed wing of ArduPilot or PX4"
         )
     return dialect
 
@@ -52,9 +52,9 @@ _AUTOPILOTS = {
 }
 
 
-def _entry(enum: str, value: int) -> str:
-    """Return an enum's entry in lower-case words; its number if this dialect has no name for it."""
+def _in_words(enum: str, value: int) -> str:
+    """Return an enum's entry in lower-case words, or as enum and number if pymavlink has no name for it."""
     name = name_of(enum, value)
     if name.startswith(enum):
-        return f"kind of number {value}"
+        return name
     return " ".join(word if word == "VTOL" else word.lower() for word in name.split("_"))

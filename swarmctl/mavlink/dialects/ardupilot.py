@@ -21,7 +21,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
-"""Item 0, overwritten by the vehicle; in a mission without it the take-off would be lost."""
+"""placeholder for item 0, which the vehicle overwrites with home; without it the take-off would be lost"""
 _STORED_FRAME = MappingProxyType(
     {
         mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -48,7 +48,7 @@ def modes(enum: str) -> Mapping[int, str]:
 
 
 class ArduPilot:
-    """The part of `Dialect` that all firmwares of ArduPilot share."""
+    """Common part of the dialects of ArduPilot."""
 
     name = "ArduPilot"
     hold_mode = "GUIDED"
@@ -80,19 +80,19 @@ class ArduPilot:
     lands_at_nearest = True
     may_lack_rally = True
     start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
-    """armed in AUTO alone, the vehicle stays on the ground and disarms itself after 10 s"""
+    """without this command, a vehicle armed in AUTO stays on the ground and disarms itself after 10 s"""
 
     def mode_name(self, custom_mode: int) -> str:
         return self.mode_names.get(custom_mode, f"MODE {custom_mode}")
 
     def mode_params(self, name: str) -> tuple[float, ...]:
-        number = next(number for number, its_name in self.mode_names.items() if its_name == name)
+        number = next(number for number, mode in self.mode_names.items() if mode == name)
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number)
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
         """Return the reasons against arming.
 
-        The pre-arm bit includes the position only in modes that need one; in STABILIZE it comes earlier.
+        The pre-arm bit includes the position only in modes that need one; in STABILIZE it is set earlier.
         """
         return tuple(self._reasons(readiness))
 
@@ -107,7 +107,7 @@ class ArduPilot:
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        # Item 0 is home, set by the vehicle. If another command was sent there, that item is lost.
+        # The vehicle sets item 0 to home. An item 0 sent with another command is lost.
         return differences(
             sent, found, first, lambda seq, a, b: a.command == b.command if seq == 0 else self._same(a, b)
         )
@@ -118,7 +118,7 @@ class ArduPilot:
     def _same(self, sent: MissionItem, found: MissionItem) -> bool:
         """Return whether items are equal as stored: altitude in whole centimetres, else `as_stored`."""
         kept = self.as_stored(sent)
-        # ArduPilot cuts in float32, so that 20.3 loses a whole centimetre (20.29).
+        # ArduPilot cuts in float32: 20.3 loses a whole centimetre (20.29).
         z_gap_m = abs(kept.z) - abs(found.z)
         z_fits = -1e-3 <= z_gap_m <= _CENTIMETRE_M + 1e-3 and kept.z * found.z >= 0
         return z_fits and replace(kept, z=0.0) == replace(self.as_stored(found), z=0.0)
@@ -126,7 +126,7 @@ class ArduPilot:
     def as_stored(self, item: MissionItem) -> MissionItem:
         """Return an item as ArduPilot stores it: frames without `_INT`, or 0 for items without a position.
 
-        A landing's param4 reads back as 1, so it does not count.
+        A landing's param4 reads back as 1; here it is 0.
         """
         frame = _STORED_FRAME.get(item.frame, item.frame) if item.command not in _WITHOUT_PLACE else 0
         item = replace(item, frame=int(frame))
@@ -134,26 +134,26 @@ class ArduPilot:
 
 
 class ArduCopter(ArduPilot):
-    """Fits `Dialect`."""
+    """`Dialect` of ArduCopter."""
 
     # Hold mode is GUIDED: without radio control LOITER reads the stick as "down" and lands hard. BRAKE
-    # holds as well, but a launch needs GUIDED anyway.
+    # holds as well, but a launch needs GUIDED.
     mode_names = modes("COPTER_MODE")
     land_command = None
-    # A leg begins at the end of the last one, otherwise at rest at the stopping point
+    # A leg that does not follow a completed leg begins at rest, at the stopping point
     # (`AC_WPNav::set_wp_destination`).
     brakes_m_s2 = 2.5  # default of WPNAV_ACCEL
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Return home placeholder, take-off at the vehicle's place, waypoints, landing."""
+        """Return home placeholder, take-off at the vehicle's position, waypoints, landing."""
         track = copter_track(plan)
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
         return (HOME, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Return an item as stored: of a waypoint's parameters only param1, cut to an integer."""
+        """Return an item as stored; a waypoint keeps only param1, cut to an integer."""
         item = super().as_stored(item)
         if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
             return item

@@ -27,18 +27,18 @@ CLIMB_PITCH_DEG = 15.0
 BY_TANGENT = 1.0
 """param4 of LOITER_TO_ALT: the next leg begins where the vehicle leaves the circle"""
 FIRST_TURN = math.tan(math.pi / 8.0)
-"""tangent length per radius of a turn by 45 degrees: the direction of the first leg is unknown"""
+"""tangent length per radius of a turn by 45 degrees, assumed because the first turn's angle is unknown"""
 MIN_TURN_M, MAX_TURN_M = 1.0, 255.0
-"""limits of the distance before a waypoint at which the turn begins: a byte, in which 0 means WP_RADIUS"""
+"""limits of a turn's begin before the waypoint: the field is one byte, and 0 means WP_RADIUS"""
 
 
 class ArduPlane(ArduPilot):
-    """Fits `Dialect`."""
+    """`Dialect` of ArduPlane."""
 
-    # GUIDED circles at the place and altitude of its entry, without a pilot's stick (`ModeGuided::_enter`).
-    # LOITER does so too, but changes to RTL after a loss of radio control; GUIDED does not by default.
+    # GUIDED circles where it was entered, at that altitude, without a pilot's stick (`ModeGuided::_enter`).
+    # LOITER also does, but changes to RTL after a loss of radio control; by default GUIDED stays.
     mode_names = modes("PLANE_MODE")
-    # No mode lands at any place: AUTO flies the landing of a mission.
+    # No mode lands at an arbitrary position: AUTO flies the landing of a mission.
     land_mode = "AUTO"
     land_command = int(mavlink.MAV_CMD_DO_LAND_START)
     # SPEED_TYPE_GROUNDSPEED would set the minimum ground speed (`Plane::do_change_speed`).
@@ -46,14 +46,14 @@ class ArduPlane(ArduPilot):
     first_seq = 1
     """AUTO resumes the mission at its last item"""
     arms_anywhere = False
-    """disarmed in AUTO, the vehicle stays in its landing ("In landing sequence",
-    `AP_Arming_Plane::pre_arm_checks`)"""
+    """after a landing in AUTO, the current item is still the landing, and arming fails ("In landing
+    sequence", `AP_Arming_Plane::pre_arm_checks`)"""
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Return home placeholder, take-off, waypoints, landing at the goal, and landing at home.
 
-        Each landing begins with a DO_LAND_START. RTL goes to the one nearest to home, so the last landing is
-        flown on a return only. A command to land goes to the one nearest to the vehicle.
+        Each landing begins with a DO_LAND_START. RTL leads to the landing nearest to home, so only a return
+        flies the last landing. A command to land leads to the landing nearest to the vehicle.
         """
         at_goal, at_home = plane_approaches(plan)
         # The vehicle climbs straight on and ignores the position of the item (`Plane::do_takeoff`).
@@ -67,7 +67,7 @@ class ArduPlane(ArduPilot):
         )
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Return an item as stored: of a waypoint only param2 and param3, its radii, as bytes."""
+        """Return an item as stored; a waypoint keeps only its radii, param2 and param3, as bytes."""
         item = super().as_stored(item)
         if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
             return item
@@ -90,9 +90,10 @@ def _waypoints(plan: FlightPlan) -> Iterator[MissionItem]:
         yield replace(item, param2=float(math.ceil(min(max(turn_m, MIN_TURN_M), MAX_TURN_M))))
 
 
-def _landing(there: Approach) -> Iterator[MissionItem]:
-    yield item_at(LAND_START, RELATIVE, there.centre, there.centre.alt_rel_m)
-    circle = item_at(LOITER_TO_ALT, RELATIVE, there.centre, there.centre.alt_rel_m)
-    yield replace(circle, param2=float(round(there.radius_m)), param4=BY_TANGENT)
-    yield replace(item_at(WAYPOINT, RELATIVE, there.final, there.final.alt_rel_m), param2=MIN_TURN_M)
-    yield item_at(LAND, RELATIVE, there.touchdown, 0.0)
+def _landing(approach: Approach) -> Iterator[MissionItem]:
+    centre, final = approach.centre, approach.final
+    yield item_at(LAND_START, RELATIVE, centre, centre.alt_rel_m)
+    circle = item_at(LOITER_TO_ALT, RELATIVE, centre, centre.alt_rel_m)
+    yield replace(circle, param2=float(round(approach.radius_m)), param4=BY_TANGENT)
+    yield replace(item_at(WAYPOINT, RELATIVE, final, final.alt_rel_m), param2=MIN_TURN_M)
+    yield item_at(LAND, RELATIVE, approach.touchdown, 0.0)

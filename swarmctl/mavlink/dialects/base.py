@@ -1,4 +1,4 @@
-"""`Dialect`: the protocol that every autopilot's dialect fits."""
+"""`Dialect`: the interface of every autopilot's dialect."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """Telemetry that decides whether a vehicle is ready; None: not received yet."""
+    """Telemetry for `Dialect.not_ready`; None: not received yet."""
 
     mode: str
     prearm_ok: bool | None
@@ -38,7 +38,7 @@ class Dialect(Protocol):
 
     @property
     def hold_mode(self) -> str:
-        """Mode that keeps the vehicle at its place in the air without a pilot, ready for a mission."""
+        """Mode that keeps the vehicle where it is in the air, without a pilot, ready for a mission."""
 
     @property
     def mission_mode(self) -> str: ...
@@ -56,9 +56,9 @@ class Dialect(Protocol):
 
     @property
     def lands_at_nearest(self) -> bool:
-        """Return whether that command leads to the nearest of several landings.
+        """Return whether `land_command` leads to the nearest of several landings.
 
-        Otherwise it leads to the only landing that the autopilot knows, and may arm the vehicle.
+        Otherwise the autopilot knows a single landing, and the command may arm the vehicle.
         """
 
     @property
@@ -79,11 +79,14 @@ class Dialect(Protocol):
 
     @property
     def may_lack_rally(self) -> bool:
-        """Return whether a build may lack rally points and answers that a list of them is unsupported."""
+        """Return whether some builds lack rally points; their answer is MAV_MISSION_UNSUPPORTED."""
 
     @property
     def arms_anywhere(self) -> bool:
-        """Return whether it arms at any current item; else `first_seq` has to be current after a landing."""
+        """Return whether the vehicle arms at any current item.
+
+        Otherwise `first_seq` has to be made current after a landing.
+        """
 
     @property
     def first_waypoint_seq(self) -> int:
@@ -99,7 +102,7 @@ class Dialect(Protocol):
 
     @property
     def uploads_atomically(self) -> bool:
-        """Return whether a new mission replaces the old one when complete; else each item counts at once."""
+        """Return whether a new mission replaces the old one when complete; else item by item."""
 
     @property
     def brakes_m_s2(self) -> float | None:
@@ -107,7 +110,7 @@ class Dialect(Protocol):
 
     @property
     def serves_single_items(self) -> bool:
-        """Return whether it answers requests for single mission items outside of a transfer."""
+        """Return whether the vehicle answers requests for single mission items outside of a transfer."""
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:
@@ -122,7 +125,7 @@ class Dialect(Protocol):
         """Return the reasons against arming and flying a mission now; empty if there are none."""
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Return a plan as this autopilot's mission; `start` is the take-off place.
+        """Return a plan as this autopilot's mission; `start` is the take-off position.
 
         Raises ValueError for a plan that cannot be flown.
         """
@@ -136,4 +139,4 @@ class Dialect(Protocol):
         """
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """Return one try (`attempt`: number of earlier tries) to make an item current."""
+        """Return a conversation that tries once to make an item current; `attempt`: earlier tries."""

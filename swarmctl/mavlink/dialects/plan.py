@@ -1,4 +1,4 @@
-"""Steps from a plan to a mission that dialects share: checked points, and items at them."""
+"""Common steps of the dialects from a plan to a mission: checked points, and items at points."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ JUMP = int(mavlink.MAV_CMD_DO_JUMP)
 def copter_track(plan: FlightPlan) -> tuple[Waypoint, ...]:
     """Return the waypoints of a copter's plan; the last has the altitude at which the descent begins.
 
-    NAV_LAND flies to its place at the vehicle's present altitude. So a waypoint sets that altitude if the
-    track does not end at it. Raises ValueError for a plan that cannot be flown.
+    NAV_LAND flies to its position at the vehicle's current altitude. If the track ends at another altitude,
+    a waypoint above the landing is added. Raises ValueError for a plan that cannot be flown.
     """
     if plan.approach is not None:
         raise ValueError("the plan is for a fixed wing, but the vehicle hovers: set `airframe: copter`")
@@ -36,7 +36,7 @@ def copter_track(plan: FlightPlan) -> tuple[Waypoint, ...]:
 
 
 def plane_approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
-    """Return a fixed wing's approaches to its goal and to its take-off place.
+    """Return a fixed wing's approaches to its goal and to its take-off position.
 
     Raises ValueError for a plan that cannot be flown.
     """
@@ -48,8 +48,8 @@ def plane_approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
 
 def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
     """Raise ValueError if a point of a plan is no valid position."""
-    for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
-        _check(what, point)
+    for label, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
+        _check_point(label, point)
     if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
         raise ValueError(f"take-off altitude: expected metres above 0, found {plan.takeoff_alt_m}")
 
@@ -62,7 +62,7 @@ def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionI
 def append_items(
     flown: Sequence[MissionItem], items: Sequence[MissionItem], first: int
 ) -> tuple[MissionItem, ...]:
-    """Return `flown` followed by `items` from `first` on; their jumps are renumbered."""
+    """Return `flown` followed by `items` from `first` on, with the jumps of `items` renumbered."""
     shift = len(flown) - first
     moved = (
         replace(item, param1=item.param1 + shift) if item.command == JUMP else item for item in items[first:]
@@ -86,6 +86,6 @@ def differences(
     )
 
 
-def _check(what: str, point: Waypoint) -> None:
+def _check_point(label: str, point: Waypoint) -> None:
     if not (-90 <= point.lat_deg <= 90 and -180 <= point.lon_deg <= 180 and isfinite(point.alt_rel_m)):
-        raise ValueError(f"{what}: expected latitude, longitude and altitude of a real place, found {point}")
+        raise ValueError(f"{label}: expected a valid latitude, longitude and altitude, found {point}")

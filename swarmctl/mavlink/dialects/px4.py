@@ -56,14 +56,14 @@ _READ_BACK_FRAME = MappingProxyType(
 
 
 class Px4:
-    """The part of `Dialect` that all airframes of PX4 share."""
+    """Common part of the dialects of PX4."""
 
     name = "PX4"
     # POSCTL and ALTCTL need a pilot's stick and are refused in the air without one.
     hold_mode = "AUTO.LOITER"
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
-    # All of them flow without a request, some more slowly.
+    # PX4 sends all of these without a request, some at lower rates.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
@@ -75,7 +75,7 @@ class Px4:
     )
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq = 0
-    """PX4 begins at the current index, which persists after landings and uploads"""
+    """PX4 begins at the current item, which landings and uploads do not reset"""
     arms_anywhere = True
     brakes_m_s2 = None
     may_lack_rally = False
@@ -105,7 +105,7 @@ class Px4:
         return tuple(self._reasons(readiness))
 
     def _reasons(self, readiness: Readiness) -> Iterator[str]:
-        # The pre-arm bit is about the present mode, and a pilot's mode needs less.
+        # The pre-arm bit is for the current mode, and manual modes have fewer checks.
         if readiness.mode not in (self.hold_mode, self.mission_mode):
             yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
         if readiness.prearm_ok is False:
@@ -118,12 +118,12 @@ class Px4:
         return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """Return a try by message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
+        """Return a try by MISSION_SET_CURRENT: PX4 does not support MAV_CMD_DO_SET_MISSION_CURRENT."""
         return SetCurrent(peer, seq)
 
 
 class Px4Copter(Px4):
-    """Fits `Dialect`."""
+    """`Dialect` of PX4 multicopters."""
 
     land_mode = "AUTO.LAND"
     land_command = None
@@ -133,19 +133,18 @@ class Px4Copter(Px4):
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Return take-off, waypoints, landing.
 
-        The take-off item needs its position, because the vehicle moves there after its climb. Its altitude is
-        relative to home by its frame.
+        The take-off item needs a position, because the vehicle moves there after its climb.
 
         No item sets a heading (param4 is NaN). With 0 the vehicle would face north on its whole mission, and
-        would not reach a waypoint before (`MissionBlock::is_mission_item_reached_or_completed`).
+        would pass a waypoint only with that heading (`MissionBlock::is_mission_item_reached_or_completed`).
         """
         track = copter_track(plan)
         if start is None:
             raise ValueError(
-                "the take-off needs the vehicle's position, which it has not reported [no-position]"
+                "the take-off needs the vehicle's position, but none has been received [no-position]"
             )
-        up = Waypoint(*start, plan.takeoff_alt_m)
-        takeoff = item_at(TAKEOFF, RELATIVE, up, plan.takeoff_alt_m)
+        above = Waypoint(*start, plan.takeoff_alt_m)
+        takeoff = item_at(TAKEOFF, RELATIVE, above, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
         items = (takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
         return tuple(replace(item, param4=math.nan) for item in items)
@@ -156,16 +155,16 @@ _FLOAT32_M = 1e-3
 
 
 def _same(sent: MissionItem, found: MissionItem) -> bool:
-    close = abs(sent.z - found.z) <= _FLOAT32_M
-    return close and _params(sent) == _params(found) and _rest(sent) == _rest(found)
+    z_fits = abs(sent.z - found.z) <= _FLOAT32_M
+    return z_fits and _params(sent) == _params(found) and _exact_fields(sent) == _exact_fields(found)
 
 
 def _params(item: MissionItem) -> tuple[bytes | None, ...]:
-    """Return param1 to param4 as sent; None for a NaN, which is stored but may have other bits."""
+    """Return the bytes of param1 to param4; None for a NaN, whose bits may change."""
     params = (item.param1, item.param2, item.param3, item.param4)
     return tuple(None if math.isnan(value) else struct.pack("<f", value) for value in params)
 
 
-def _rest(item: MissionItem) -> tuple[int, int, int, int, int]:
+def _exact_fields(item: MissionItem) -> tuple[int, int, int, int, int]:
     frame = int(_READ_BACK_FRAME.get(item.frame, item.frame))
     return item.command, frame, item.x, item.y, item.autocontinue

@@ -31,36 +31,36 @@ NO_POSITION_FRAME = int(mavlink.MAV_FRAME_MISSION)
 BY_HEADING, BY_TANGENT = 1.0, 1.0
 """param1 and param4 of LOITER_TO_ALT: leave the circle towards the next item, along the tangent"""
 JUMP_REPEATS = 1000.0
-"""Repeats of a jump. PX4's count of taken jumps outlives a flight and an upload of the same mission."""
+"""Repeats of a jump. PX4 keeps its count of taken jumps after a flight and after the same upload again."""
 BEYOND_M = 30.0
-"""Distance of the last waypoint behind the goal, so that the vehicle overflies it. PX4 turns to the next
-item before a waypoint, by a distance that grows with speed (`NPFG::switchDistance`, 34 m at 15 m/s)."""
+"""Distance of the last waypoint beyond the goal, so that the vehicle overflies the goal. PX4 turns to the
+next item before a waypoint, by a distance that grows with speed (`NPFG::switchDistance`, 34 m at 15 m/s)."""
 
 
 class Px4Plane(Px4):
-    """Fits `Dialect`."""
+    """`Dialect` of PX4 fixed wings."""
 
-    # AUTO.LAND descends in a circle at any place, so AUTO.MISSION flies the landing of a mission instead.
+    # AUTO.LAND circles down wherever the vehicle is; AUTO.MISSION flies the landing of a mission.
     land_mode = "AUTO.MISSION"
     land_command = int(mavlink.MAV_CMD_DO_LAND_START)
     lands_at_nearest = False
     speed_type = int(mavlink.SPEED_TYPE_AIRSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Return take-off, waypoints, a jump over the landing at home, that landing, and the one at the goal.
+        """Return take-off, waypoints, a jump over the landing at home, that landing, and the goal's landing.
 
         A mission may have one DO_LAND_START. A return (RTL_TYPE 1) leads to the first landing of the list, so
-        home's landing comes first. It stands behind the waypoints, because PX4 1.14 treats all items after
-        DO_LAND_START as the landing and would fly on instead of returning.
+        home's landing comes before the goal's. All landings come after the waypoints: PX4 1.14 treats all
+        items after DO_LAND_START as the landing and would fly on instead of returning.
 
-        After a landing midway PX4 goes on with the next item, on the ground too, and does not disarm in
+        After a landing midway PX4 continues with the next item, even on the ground, and does not disarm in
         mission mode (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`). So a jump leads from
-        home's landing to the last item, a landing, which a vehicle on the ground completes at once.
+        home's landing to the last item. That item is a landing, and a vehicle on the ground completes it at
+        once.
         """
         at_goal, at_home = plane_approaches(plan)
         # The vehicle climbs along the line to the take-off item's position.
-        toward = plan.track[0]
-        takeoff = item_at(TAKEOFF, RELATIVE, toward, plan.takeoff_alt_m)
+        takeoff = item_at(TAKEOFF, RELATIVE, plan.track[0], plan.takeoff_alt_m)
         waypoints = [item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in _waypoints(plan)]
         home = list(_landing(at_home))
         jump_at = 1 + len(waypoints)
@@ -77,8 +77,8 @@ class Px4Plane(Px4):
         )
 
 
-def _jump(to: int) -> MissionItem:
-    return MissionItem(JUMP, NO_POSITION_FRAME, 0, 0, 0.0, param1=float(to), param2=JUMP_REPEATS)
+def _jump(target: int) -> MissionItem:
+    return MissionItem(JUMP, NO_POSITION_FRAME, 0, 0, 0.0, param1=float(target), param2=JUMP_REPEATS)
 
 
 def _waypoints(plan: FlightPlan) -> Iterator[Waypoint]:
@@ -87,7 +87,7 @@ def _waypoints(plan: FlightPlan) -> Iterator[Waypoint]:
 
 
 def _beyond(plan: FlightPlan) -> Waypoint:
-    """Return the last waypoint, moved on along its leg by BEYOND_M."""
+    """Return the last waypoint, moved forward along its leg by BEYOND_M."""
     goal, waypoints = plan.track[-1], plan.waypoints
     if len(waypoints) < 2:
         return goal
@@ -96,16 +96,16 @@ def _beyond(plan: FlightPlan) -> Waypoint:
     leg_m = math.hypot(east_m, north_m)
     if leg_m < 1.0:
         return goal
-    on = -BEYOND_M / leg_m
-    return Waypoint(*frame.to_geodetic(on * east_m, on * north_m), goal.alt_rel_m)
+    scale = -BEYOND_M / leg_m
+    return Waypoint(*frame.to_geodetic(scale * east_m, scale * north_m), goal.alt_rel_m)
 
 
-def _landing(there: Approach) -> Iterator[MissionItem]:
+def _landing(approach: Approach) -> Iterator[MissionItem]:
     """Yield circle and landing; the vehicle glides from the point where it leaves the circle.
 
-    A waypoint between would keep it from leaving the circle at its altitude (NAV_FW_ALTL_RAD counts right
-    before a landing).
+    A waypoint between the two would keep the vehicle from leaving the circle at that altitude
+    (NAV_FW_ALTL_RAD applies only directly before a landing).
     """
-    circle = item_at(LOITER_TO_ALT, RELATIVE, there.centre, there.centre.alt_rel_m)
-    yield replace(circle, param1=BY_HEADING, param2=float(round(there.radius_m)), param4=BY_TANGENT)
-    yield item_at(LAND, RELATIVE, there.touchdown, 0.0)
+    circle = item_at(LOITER_TO_ALT, RELATIVE, approach.centre, approach.centre.alt_rel_m)
+    yield replace(circle, param1=BY_HEADING, param2=float(round(approach.radius_m)), param4=BY_TANGENT)
+    yield item_at(LAND, RELATIVE, approach.touchdown, 0.0)

@@ -1,1 +1,1 @@
-"""Whole jobs made of conversations: launch, land, upload and verify, fence, rally points, speed."""
+"""Procedures of several conversations: launch, land, upload and verify, fence, rally points, speed."""

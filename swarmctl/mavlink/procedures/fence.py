@@ -1,8 +1,7 @@
 """Geofence of a vehicle: one inclusion polygon, as a mission of type fence.
 
 https://mavlink.io/en/services/mission.html#mission_types and MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION:
-every vertex carries the number of vertices. A read-back has another frame (a fence has no altitude) and
-otherwise the same numbers.
+every vertex carries the number of vertices. A read-back differs only in its frame (a fence has no altitude).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 
 
 def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
-    """Return the mission items of a polygon [deg]. Raises ValueError if vehicles would refuse it."""
+    """Return the mission items of a polygon [deg]. Raises ValueError for a number that vehicles refuse."""
     if not 3 <= len(polygon) <= MAX_VERTICES:
         raise ValueError(f"a fence of {len(polygon)} vertices: expected 3 to {MAX_VERTICES}")
     frame = int(mavlink.MAV_FRAME_GLOBAL)
@@ -47,23 +46,23 @@ def fence_differences(sent: Sequence[MissionItem], found: Sequence[MissionItem])
     return tuple(
         f"vertex {seq}: sent {_vertex_text(a)}, found {_vertex_text(b)}"
         for seq, (a, b) in enumerate(zip(sent, found, strict=True))
-        if _kept(a) != _kept(b)
+        if _compared_fields(a) != _compared_fields(b)
     )
 
 
-def _kept(item: MissionItem) -> tuple[int, float, int, int]:
+def _compared_fields(item: MissionItem) -> tuple[int, float, int, int]:
     return item.command, item.param1, item.x, item.y
 
 
 def _vertex_text(item: MissionItem) -> str:
-    of = "" if item.command == _VERTEX else f" of command {item.command}"
-    return f"({item.x / 1e7:.7f}, {item.y / 1e7:.7f}){of}, {item.param1:g} in all"
+    command_text = "" if item.command == _VERTEX else f", command {item.command}"
+    return f"({item.x / 1e7:.7f}, {item.y / 1e7:.7f}){command_text}, {item.param1:g} vertices"
 
 
 def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
     """Upload a fence to a disarmed vehicle, read it back and compare; try again after curable failures."""
     if ctx.state.armed:
-        return Done("the vehicle is armed; its fence can be changed on the ground, disarmed [armed]")
+        return Done("the vehicle is armed; change its fence while it is disarmed on the ground [armed]")
 
     def upload() -> Upload:
         return Upload(ctx.peer, items, FENCE)
@@ -80,10 +79,10 @@ def enforce_fence(ctx: Context) -> Procedure[Done]:
 
     Since 4.6 ArduPilot reads FENCE_TYPE at boot and when FENCE_ENABLE changes. A fence that a command has
     switched off stays off, so parameters do not show the fences in force (`AC_Fence::update`,
-    `AC_Fence::enable`). The acknowledgement comes after the change.
+    `AC_Fence::enable`). ArduPilot acknowledges after the change.
     """
     if ctx.state.armed:
-        return Done("the vehicle is armed; its fence can be enabled on the ground, disarmed [armed]")
+        return Done("the vehicle is armed; enable its fence while it is disarmed on the ground [armed]")
     return Done((yield from send_acknowledged(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
 
 

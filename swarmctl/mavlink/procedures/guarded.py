@@ -1,7 +1,7 @@
-"""Commands that change a vehicle's mode or start something, but never override a pilot or another station.
+"""Guarded commands: commands that never override a pilot or another station.
 
-A pilot takes over by radio control at any moment, and the regular heartbeat shows it up to a second later. So
-a requested heartbeat precedes every such command and every repetition.
+A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
+later. So a requested heartbeat precedes every guarded command and every repetition.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ CommandFactory = Callable[[int], Conversation[CommandResult]]
 
 
 class NotInControl(Exception):
-    """The vehicle is not in the state that this procedure left it in, or is silent: no command may follow."""
+    """The vehicle is silent or not in the expected state, so no command may follow."""
 
 
 class TakenOver(NotInControl):
@@ -54,7 +54,7 @@ def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
     """Check by a heartbeat younger than this call that the vehicle is as `expected`. Raises NotInControl."""
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
         raise NotInControl(
-            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so its mode is unknown; no command is sent [silent]"
+            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so the mode is unknown; no command is sent [silent]"
         )
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
@@ -73,36 +73,36 @@ def set_mode(
     armed: bool | None = None,
     skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """Change the mode by `send_guarded`, unless it is `mode` already; return the failure."""
-    order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
+    """Set a mode by `send_guarded` unless the vehicle is in it; return the failure."""
+    factory = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
     after = in_modes({mode}, armed=armed)
     return (
         yield from send_guarded(
-            ctx, order, before, after, skip_if_done=True, skip_first_check=skip_first_check
+            ctx, factory, before, after, skip_if_done=True, skip_first_check=skip_first_check
         )
     )
 
 
 def send_guarded(
     ctx: Context,
-    order: CommandFactory,
+    factory: CommandFactory,
     before: StateCondition,
     after: StateCondition,
     *,
-    seen: StateCondition | None = None,
+    awaited: StateCondition | None = None,
     wait_s: float = HEARTBEAT_WAIT_S,
     skip_if_done: bool = False,
     skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """Send a command and see its effect; return the failure, with the vehicle's own texts.
+    """Send a command and wait for its effect in telemetry; return the failure with the vehicle's warnings.
 
     before: condition that a new heartbeat has to show before each try
     after: condition that the command leads to
-    seen: condition to wait for at the end (default: `after`)
-    skip_if_done: nothing is sent if `after` holds already
-    skip_first_check: the first try goes out without a new heartbeat
+    awaited: condition to wait for at the end (default: `after`)
+    skip_if_done: True sends nothing if `after` already holds
+    skip_first_check: True sends the first try without a new heartbeat
 
-    Raises NotInControl if a heartbeat shows neither `before` nor `after`, or none comes.
+    Raises NotInControl if a heartbeat shows neither `before` nor `after`, or if no heartbeat arrives.
     """
     texts_before = ctx.telemetry.n_texts
     expected = _either(before, after)
@@ -115,23 +115,23 @@ def send_guarded(
             done = may_be_done and after(ctx.state)
             if done:
                 break
-        result = yield order(attempt)
+        result = yield factory(attempt)
         if result.final:
             break
     if result is None:
         return None
     if not (done or result.may_have_happened):
-        # The reason for a refusal comes as STATUSTEXT, before or after the acknowledgement.
+        # The reason for a refusal arrives as STATUSTEXT, before or after the acknowledgement.
         yield wait(TEXT_WAIT_S)
-    elif (yield from _await_effect(ctx, expected, seen or after, wait_s)):
+    elif (yield from _await_effect(ctx, expected, awaited or after, wait_s)):
         return None
     return _failure(ctx, result, texts_before)
 
 
 def send_acknowledged(
-    ctx: Context, order: CommandFactory, before: StateCondition | None = None
+    ctx: Context, factory: CommandFactory, before: StateCondition | None = None
 ) -> Procedure[str | None]:
-    """Send a command that only its acknowledgement confirms; return the failure.
+    """Send a command whose only confirmation is the acknowledgement; return the failure.
 
     `before`, if given, is checked by a new heartbeat before each try. Raises NotInControl.
     """
@@ -139,7 +139,7 @@ def send_acknowledged(
     for attempt in range(TRIES):
         if before is not None:
             yield from confirm_state(ctx, before)
-        result: CommandResult = yield order(attempt)
+        result: CommandResult = yield factory(attempt)
         failure = None if result.outcome is CommandOutcome.ACCEPTED else result.text
         if result.final:
             break
@@ -147,10 +147,10 @@ def send_acknowledged(
 
 
 def _await_effect(
-    ctx: Context, expected: StateCondition, seen: StateCondition, wait_s: float
+    ctx: Context, expected: StateCondition, awaited: StateCondition, wait_s: float
 ) -> Procedure[bool]:
-    yield RequestUntil(ctx.peer, lambda: seen(ctx.state) or not expected(ctx.state), wait_s)
-    if seen(ctx.state):
+    yield RequestUntil(ctx.peer, lambda: awaited(ctx.state) or not expected(ctx.state), wait_s)
+    if awaited(ctx.state):
         return True
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))

@@ -25,14 +25,14 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 def land_by_mission(
     ctx: Context, land_command: int, *, check_mode_first: bool = False
 ) -> Procedure[str | None]:
-    """Have the vehicle fly to its nearest landing and land, unless it does so already; return the failure.
+    """Make the vehicle fly to its nearest landing and land; return the failure.
 
-    On the ground it is disarmed instead, because a landing begins with a flight.
+    A vehicle on the ground is disarmed instead, because a landing begins with a flight.
     """
     dialect = ctx.dialect
     may_hold = {dialect.hold_mode} if ctx.interrupted or not check_mode_first else set()
     modes = {dialect.mission_mode, dialect.return_mode, ctx.state.mode} | may_hold
-    ours = in_modes(modes)
+    is_own_mode = in_modes(modes)
     items = landing_items(ctx.verified_items)
 
     def lands(state: VehicleState) -> bool:
@@ -41,17 +41,23 @@ def land_by_mission(
     try:
         if ctx.state.landed is Landed.ON_GROUND:
             disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
-            return (yield from send_guarded(ctx, disarm, ours, lambda s: not s.armed, skip_if_done=True))
-        if items and lands(ctx.state):
-            return None  # a second command would make it go around
-        if dialect.lands_at_nearest:
-            order = command(ctx, land_command)
-            return (yield from send_guarded(ctx, order, ours, lands, skip_first_check=not check_mode_first))
-        begins = nearest_landing(ctx.verified_items, ctx.state)
-        if begins is not None:
             return (
-                yield from _from_item(
-                    ctx, begins, in_modes(modes, armed=True), check_mode_first=check_mode_first
+                yield from send_guarded(ctx, disarm, is_own_mode, lambda s: not s.armed, skip_if_done=True)
+            )
+        if items and lands(ctx.state):
+            return None  # another command would restart the approach
+        if dialect.lands_at_nearest:
+            factory = command(ctx, land_command)
+            return (
+                yield from send_guarded(
+                    ctx, factory, is_own_mode, lands, skip_first_check=not check_mode_first
+                )
+            )
+        circle_seq = nearest_landing(ctx.verified_items, ctx.state)
+        if circle_seq is not None:
+            return (
+                yield from _fly_from_item(
+                    ctx, circle_seq, in_modes(modes, armed=True), check_mode_first=check_mode_first
                 )
             )
         # This command may arm the vehicle, so a new heartbeat always precedes it.
@@ -61,18 +67,18 @@ def land_by_mission(
         return str(why)
 
 
-def _from_item(
-    ctx: Context, seq: int, ours: StateCondition, *, check_mode_first: bool
+def _fly_from_item(
+    ctx: Context, seq: int, is_own_mode: StateCondition, *, check_mode_first: bool
 ) -> Procedure[str | None]:
-    """Have the vehicle fly its mission from item `seq` on; return the failure."""
+    """Make the vehicle fly its mission from item `seq` on; return the failure."""
     failure = yield from send_guarded(
         ctx,
         lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt),
-        ours,
-        lambda s: ours(s) and s.mission_seq == seq,
+        is_own_mode,
+        lambda s: is_own_mode(s) and s.mission_seq == seq,
         skip_first_check=not check_mode_first,
     )
-    return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, ours, armed=True))
+    return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, is_own_mode, armed=True))
 
 
 def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
@@ -89,24 +95,24 @@ def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
 def is_other_landing(items: tuple[MissionItem, ...], seq: int) -> bool:
     """Return whether an item belongs to a landing that the list's waypoints do not lead to.
 
-    Its first jump leads from the waypoints to their landing's circle.
+    The first jump of the list leads from the waypoints to the circle of their landing.
     """
     leads_to = next((int(item.param1) for item in items if item.command == JUMP), None)
     return seq in landing_items(items) and seq != leads_to
 
 
 def nearest_landing(items: tuple[MissionItem, ...], state: VehicleState) -> int | None:
-    """Return the index of the nearest landing circle; the first one while the position is unknown.
+    """Return the index of the nearest landing circle; None if the list has no landing.
 
-    None if the list has no landing.
+    While the vehicle's position is unknown, return the first circle.
     """
-    here = None if state.lat_deg is None or state.lon_deg is None else (state.lat_deg, state.lon_deg)
+    position = None if state.lat_deg is None or state.lon_deg is None else (state.lat_deg, state.lon_deg)
 
-    def away_m(seq: int) -> float:
-        there = items[seq].x / 1e7, items[seq].y / 1e7
-        return math.inf if here is None else distance_m(here, there)
+    def distance_to_m(seq: int) -> float:
+        circle = items[seq].x / 1e7, items[seq].y / 1e7
+        return math.inf if position is None else distance_m(position, circle)
 
-    return min(_circles(items), key=away_m, default=None)
+    return min(_circles(items), key=distance_to_m, default=None)
 
 
 def _circles(items: tuple[MissionItem, ...]) -> Iterator[int]:

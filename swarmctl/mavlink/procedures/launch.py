@@ -24,7 +24,7 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 CLIMB_WAIT_S = 20.0
 """longest wait until the vehicle has left the ground"""
 BlockedBy = Callable[[], str]
-"""returns the present obstacle to a take-off as text; empty if there is none"""
+"""function that returns the current obstacle to a take-off as text; empty if there is none"""
 
 
 class _Blocked(Exception):
@@ -32,16 +32,16 @@ class _Blocked(Exception):
 
 
 def launch(ctx: Context, blocked_by: BlockedBy = lambda: "") -> Procedure[Done]:
-    """Arm the vehicle and start its mission; done when it leaves the ground.
+    """Arm the vehicle and start its mission; end when the vehicle has left the ground.
 
     `blocked_by` is called right before arming and right before the take-off.
     """
     if not ctx.verified_items:
         return Done("the vehicle has no verified mission; upload one first [no-mission]")
     if ctx.state.armed:
-        return Done(f"the vehicle is armed already, in {ctx.state.mode}; no command was sent [armed]")
+        return Done(f"the vehicle is already armed, in {ctx.state.mode}; no command was sent [armed]")
     try:
-        if failure := (yield from _armed(ctx, blocked_by)):
+        if failure := (yield from _arm(ctx, blocked_by)):
             return Done(failure)
         return (yield from _take_off(ctx, blocked_by))
     except _Blocked as why:
@@ -50,15 +50,15 @@ def launch(ctx: Context, blocked_by: BlockedBy = lambda: "") -> Procedure[Done]:
         return Done(str(why))
 
 
-def _armed(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
+def _arm(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
     """Arm the vehicle in hold mode at the beginning of its mission; return the failure.
 
-    Raises NotInControl, and _Blocked before it has armed the vehicle.
+    Raises NotInControl, and _Blocked while the vehicle is disarmed.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     # After a landing the vehicle stays in mission mode.
-    stands = in_modes({hold, mission}, armed=False)
-    failure = yield from set_mode(ctx, hold, stands, armed=False)
+    is_disarmed = in_modes({hold, mission}, armed=False)
+    failure = yield from set_mode(ctx, hold, is_disarmed, armed=False)
     if failure:
         return failure
     holds = in_modes({hold}, armed=False)
@@ -67,14 +67,14 @@ def _armed(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
         if failure:
             return f"the first mission item cannot be made current: {failure} [no-first-item]"
     arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
-    # An unanswered command to arm may have been obeyed, so its repetitions are not blocked.
+    # An unanswered command may have armed the vehicle, so its repetitions are not blocked.
     arm = _unless(blocked_by, arm, tries=1)
     failure = yield from send_guarded(ctx, arm, holds, in_modes({hold}, armed=True))
     return f"the vehicle does not arm: {failure} [no-arming]" if failure else None
 
 
 def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
-    """Start the mission of an armed vehicle, and disarm it if it does not take off. Raises NotInControl."""
+    """Start the mission of an armed vehicle; disarm a vehicle that does not take off. Raises NotInControl."""
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     ground_m = ctx.state.alt_rel_m or 0.0
     started = in_modes({mission}, armed=True)
@@ -86,7 +86,7 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
             start,
             in_modes({hold}, armed=True),
             started,
-            seen=lambda s: started(s) and _has_left_ground(s, ground_m),
+            awaited=lambda s: started(s) and _has_left_ground(s, ground_m),
             wait_s=CLIMB_WAIT_S,
         )
     except _Blocked as why:
@@ -94,25 +94,28 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     if failure is None:
         return Done()
     if ctx.state.landed is Landed.ON_GROUND:
-        # The vehicle is armed on the ground. A flying vehicle would refuse this unforced disarming.
-        still, stands = (in_modes({hold, mission}, armed=armed) for armed in (True, False))
+        # A flying vehicle would refuse this unforced disarming.
+        is_armed, is_disarmed = (in_modes({hold, mission}, armed=armed) for armed in (True, False))
         disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
-        yield from send_guarded(ctx, disarm, still, stands, skip_if_done=True)
+        yield from send_guarded(ctx, disarm, is_armed, is_disarmed, skip_if_done=True)
     if blocked and not ctx.state.armed:
         return LaunchBlocked(blocked, was_armed=True)
-    still_armed = "; the vehicle does not disarm either [no-disarming]" if blocked else ""
-    return Done(f"the vehicle does not take off: {failure} [no-take-off]{still_armed}")
+    if blocked:
+        return Done(
+            f"the vehicle does not take off and does not disarm: {failure} [no-take-off] [no-disarming]"
+        )
+    return Done(f"the vehicle does not take off: {failure} [no-take-off]")
 
 
-def _unless(blocked_by: BlockedBy, order: CommandFactory, tries: int | None = None) -> CommandFactory:
+def _unless(blocked_by: BlockedBy, factory: CommandFactory, tries: int | None = None) -> CommandFactory:
     """Return a factory whose first `tries` (None: all) raise _Blocked while the take-off is blocked."""
 
-    def given(attempt: int) -> Conversation[CommandResult]:
+    def next_try(attempt: int) -> Conversation[CommandResult]:
         if (tries is None or attempt < tries) and (why := blocked_by()):
             raise _Blocked(why)
-        return order(attempt)
+        return factory(attempt)
 
-    return given
+    return next_try
 
 
 def _has_left_ground(state: VehicleState, ground_m: float) -> bool:

@@ -1,10 +1,10 @@
-"""Rally points: places to which a vehicle may return instead of its take-off place or its mission's landing.
+"""Rally points: positions to which a vehicle may return instead of home or its mission's landing.
 
 https://mavlink.io/en/services/mission.html#mission_types
 
-Only their number is requested. ArduPilot takes it from RALLY_TOTAL
-(`MissionItemProtocol_Rally::item_count`). Without rally points in its build (HAL_RALLY_ENABLED 0) it answers
-that such a list is unsupported, and returns to home (`GCS_MAVLINK::handle_mission_request_list`,
+This module requests only the number of rally points. ArduPilot reports RALLY_TOTAL
+(`MissionItemProtocol_Rally::item_count`). A build without rally points (HAL_RALLY_ENABLED 0) answers
+MAV_MISSION_UNSUPPORTED and returns to home (`GCS_MAVLINK::handle_mission_request_list`,
 `ModeRTL::compute_return_target`).
 """
 
@@ -31,9 +31,9 @@ class RallyPoints:
 
 
 class CountRallyPoints(Conversation[RallyPoints]):
-    """Requests for the number of rally points until it comes.
+    """Request of the number of rally points, repeated until an answer arrives.
 
-    `may_lack`: the answer "unsupported" counts as 0 points.
+    `may_lack`: True if the answer "unsupported" means 0 points.
     """
 
     REPEAT_S = 1.0
@@ -67,24 +67,24 @@ class CountRallyPoints(Conversation[RallyPoints]):
         if self._may_lack and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
             self._finish(RallyPoints(0))
             return []
-        # Another refusal may pass: another station may be uploading rally points.
+        # Other refusals may be temporary: another station may be uploading rally points.
         self._last_answer = name_of("MAV_MISSION_RESULT", int(message.type)).removeprefix("MAV_MISSION_")
         return []
 
     def _on_deadline(self, now: float) -> list[Message]:
         if self._tries < self.TRIES:
             return self._ask(now)
-        self._finish(RallyPoints(None, f"{self._tries} requests for their number: {self._last_answer}"))
+        self._finish(RallyPoints(None, f"no number after {self._tries} requests: {self._last_answer}"))
         return self._closing_messages(now)
 
     def _closing_messages(self, now: float) -> list[Message]:
-        """Return the message that ends the transfer: PX4 would wait for requests for the items."""
+        """Return the message that ends the transfer; without it PX4 would wait for requests of items."""
         to = (self._peer.sysid, self._peer.compid)
         code = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return [mavlink.MAVLink_mission_ack_message(*to, code, mission_type=RALLY)]
 
 
 def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
-    """Return the number of rally points on the vehicle."""
+    """Request the number of rally points on the vehicle; return it."""
     counted: RallyPoints = yield CountRallyPoints(ctx.peer, may_lack=ctx.dialect.may_lack_rally)
     return counted

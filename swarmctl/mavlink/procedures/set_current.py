@@ -11,11 +11,11 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import RequestUntil
 
 CURRENT_WAIT_S = 3.0
-"""longest wait: MISSION_CURRENT comes once a second, and several may be lost"""
+"""longest wait: MISSION_CURRENT arrives once a second, and several may be lost"""
 
 
 def await_current_item(ctx: Context, is_right: Callable[[int], bool]) -> Procedure[bool]:
-    """Return whether a new MISSION_CURRENT shows an item that fulfils `is_right`."""
+    """Request MISSION_CURRENT; return whether its item fulfils `is_right`."""
 
     def is_known() -> bool:
         return ctx.state.mission_seq is not None
@@ -25,7 +25,7 @@ def await_current_item(ctx: Context, is_right: Callable[[int], bool]) -> Procedu
 
 
 def ensure_current_item(ctx: Context, seq: int, before: StateCondition) -> Procedure[str | None]:
-    """Make an item current unless it is already; return the failure.
+    """Make an item current unless it already is; return the failure.
 
     `before`: as for `send_guarded`. Raises NotInControl.
     """

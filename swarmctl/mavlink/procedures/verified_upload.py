@@ -22,8 +22,8 @@ WINDOWS_IN_ORDER = ((WINDOW, 1), (5, 3), (3, 8), (3, 8), (1, 2), (1, 1), (1, 1))
 | (5, 3) | 5 % | 1 in 20 |
 | (3, 8) | 30 % | 1 in 5 |
 
-With a window of 1 a lost item can be requested again, but each item takes a whole round trip. A request that
-overtakes another is out of order too, so the last tries send each request once."""
+With a window of 1 a lost item can be requested again, but each item takes a whole round trip. Copies of
+requests may arrive out of order, so the last tries send each request once."""
 
 
 def upload_mission(
@@ -37,12 +37,12 @@ def upload_mission(
 ) -> Procedure[VerifiedUpload]:
     """Upload a mission, read it back and compare; try again after curable failures.
 
-    Ends without failure only if exactly `items` are on the vehicle.
+    A success means that exactly `items` are on the vehicle.
 
-    current: item marked as the one to fly; None: none
-    flown: item that the vehicle flies now, and goes on to if none is marked
-    too_late: returns whether the upload is now useless, which stops it; called with the round-trip time [s]
-    is_over: stops further tries
+    current: item marked as the one to fly; None: no mark
+    flown: item that the vehicle flies now; it stays current if no item is marked
+    too_late: called with the round-trip time [s]; True stops the upload as useless
+    is_over: True stops further tries
     """
     ctx.verified_items, ctx.plan_first_seq = (), ctx.dialect.first_waypoint_seq
 
@@ -60,9 +60,10 @@ def upload_mission(
 
 @dataclass(frozen=True, slots=True)
 class VerifiedUpload(Done):
-    """Result of an upload with read-back, and the items read back if they are as sent."""
+    """Result of an upload with read-back."""
 
     found: tuple[MissionItem, ...] = ()
+    """items read back; empty if unknown"""
     uploaded_s: float = 0.0
     """end of the last upload, before its read-back, by the vehicle's clock [s]"""
     is_late: bool = False
@@ -80,7 +81,7 @@ def upload_verified(
     failure, uploaded_s = "not tried", 0.0
     for attempt in range(tries):
         if attempt:
-            # A vehicle still in the old transfer would store items of the new one there.
+            # A vehicle that is still in the old transfer would store new items in that transfer.
             yield wait(ctx.dialect.upload_timeout_s)
         if attempt and is_over():
             break
@@ -91,7 +92,7 @@ def upload_verified(
             return VerifiedUpload(failure, is_late=result.outcome is UploadOutcome.TOO_LATE)
         if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
             continue
-        # Also after a time-out: all items may be stored and only the last acknowledgement lost.
+        # Read back after a time-out too: perhaps only the last acknowledgement was lost.
         stored = yield from read_back(ctx, mission_type=conversation.mission_type, is_lossy=result.is_lossy)
         if stored.outcome is not DownloadOutcome.COMPLETE:
             failure = f"{failure}; {stored.text}"
@@ -106,10 +107,10 @@ def upload_verified(
 def read_back(
     ctx: Context, first: int = 0, mission_type: int = MISSION, *, is_lossy: bool = False
 ) -> Procedure[DownloadResult]:
-    """Return the items from `first` on as the vehicle stores them; try again after curable failures.
+    """Read the items from `first` on; try again after curable failures. Return the last try's result.
 
-    PX4 serves items in order only, so it gets several requests for each: on a lossy link, and after the first
-    try.
+    PX4 serves items in order only. So each of its items is requested several times on a lossy link, and
+    after a failed try.
     """
     in_order = not ctx.dialect.serves_single_items
     windows = WINDOWS_ANY_ORDER if not in_order else WINDOWS_IN_ORDER[1:] if is_lossy else WINDOWS_IN_ORDER
@@ -119,6 +120,6 @@ def read_back(
         if result.outcome in (DownloadOutcome.COMPLETE, DownloadOutcome.NO_ANSWER):
             break
         if result.outcome is DownloadOutcome.REFUSED:
-            # DENIED while it has not yet given up an upload.
+            # The vehicle answers DENIED until it has given up an upload.
             yield wait(ctx.dialect.upload_timeout_s / len(WINDOWS_ANY_ORDER))
     return result

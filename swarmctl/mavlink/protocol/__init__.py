@@ -1,1 +1,1 @@
-"""Single MAVLink conversations as machines without I/O, and the codec."""
+"""Single MAVLink conversations as state machines without I/O, and the codec."""

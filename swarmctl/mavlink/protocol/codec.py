@@ -44,7 +44,7 @@ class Frame(NamedTuple):
 class FrameSplitter:
     """Splitter of one byte stream into frames; it never raises.
 
-    It skips everything else: plain text that autopilots print at boot, line noise, parts of frames.
+    All other bytes are skipped: plain text that autopilots print at boot, line noise, parts of frames.
     """
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ class FrameSplitter:
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
                 break
-            frame = self._accept(bytes(buffer[at : at + length]), _follows(buffer, at + length))
+            frame = self._accept(bytes(buffer[at : at + length]), _may_end_at(buffer, at + length))
             if frame is None:
                 # The start byte may be noise, so a good frame may begin inside.
                 at += 1
@@ -105,7 +105,7 @@ def _frame_length(buffer: bytearray, at: int) -> int | None:
     return buffer[at + 1] + _V2_OVERHEAD + (_SIGNATURE if buffer[at + 2] & _SIGNED else 0)
 
 
-def _follows(buffer: bytearray, end: int) -> bool:
+def _may_end_at(buffer: bytearray, end: int) -> bool:
     return end == len(buffer) or buffer[end] in (_V1, _V2)
 
 
@@ -116,7 +116,7 @@ class Decoder:
         self._mav = mavlink.MAVLink(None)
 
     def decode(self, frame: Frame) -> Message | None:
-        """Return the message; None if this dialect does not know it or its payload does not fit.
+        """Return the message; None for an unknown message and for a payload that does not fit.
 
         pymavlink would return an unknown message with source system 0, a vehicle that does not exist.
         """
@@ -129,9 +129,9 @@ class Decoder:
 
 
 def extension(message: Message, at: int) -> int:
-    """Return an unsigned field of four bytes that pymavlink's dialect lacks, from offset `at` of the payload.
+    """Return the unsigned 4-byte field at offset `at` of the payload, for a field that pymavlink lacks.
 
-    0 if it was not sent: MAVLink 2 cuts trailing zeros.
+    A field that was not sent is 0: MAVLink 2 cuts trailing zeros.
     """
     frame = bytes(message.get_msgbuf() or b"")
     if not frame or frame[0] != _V2:
@@ -146,7 +146,7 @@ class Signature(NamedTuple):
     key: bytes
     link_id: int
     timestamp: int
-    """units of 10 µs since 2015; greater than all earlier ones of this link"""
+    """units of 10 µs since 2015; greater than all earlier timestamps of this link"""
 
 
 class Encoder:

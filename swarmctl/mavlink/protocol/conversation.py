@@ -1,7 +1,7 @@
 """Conversation with a vehicle: a state machine fed with messages and times.
 
-`start(now)`, `receive(message, now)` and `tick(now)` return the messages to send; `next_deadline` says when
-the next `tick` is due; `result` is None while it runs. Nothing here reads a clock.
+`start(now)`, `receive(message, now)` and `tick(now)` return the messages to send. `next_deadline` is the time
+of the next `tick`. `result` is None until the conversation ends. No function reads a clock.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 
 class ConversationState(Enum):
-    """State of a conversation, for its guard and its error texts."""
+    """State of a conversation, for checks and error texts."""
 
     NEW = "new"
     WAITING = "waiting for the first answer"
@@ -54,7 +54,7 @@ class MavlinkPeer:
 
 
 class Conversation(ABC, Generic[R]):
-    """Base of all conversations: the state and its guard.
+    """Base of all conversations: the state, and a check of each transition.
 
     Messages after the end are normal on a radio and are ignored.
     """
@@ -79,7 +79,7 @@ class Conversation(ABC, Generic[R]):
         return self._on_deadline(now)
 
     def cancel(self, now: float) -> list[Message]:
-        """Stop; return the messages that the vehicle needs to end its part. `result` stays None."""
+        """Stop; return the messages that end the conversation for the vehicle. `result` stays None."""
         if not self._is_running("cancel"):
             return []
         closing = self._closing_messages(now)

@@ -1,12 +1,12 @@
 """Appending items to a mission: https://mavlink.io/en/messages/common.html#MISSION_WRITE_PARTIAL_LIST
 
-ArduPilot accepts a partial list that begins and ends at most one item after the last stored one. So each new
+ArduPilot accepts a partial list that begins and ends at most one item after the last stored item. So each new
 item has its own announcement. Announcement and item are sent together, several pairs at a time; otherwise
 each item would take a round trip.
 
 ArduPilot accepts an item with the expected number, requested or not (GCS_Common.cpp handle_mission_item,
-MissionItemProtocol.cpp handle_mission_item). It requests an item at its next turn to send, if the item has
-not come by then (queued_request_send). Most often only the acknowledgement comes.
+MissionItemProtocol.cpp handle_mission_item). ArduPilot requests an item that has not arrived by its next turn
+to send (queued_request_send). Usually the acknowledgement is its only answer.
 
 | message | answer of ArduPilot |
 |---|---|
@@ -15,8 +15,8 @@ not come by then (queued_request_send). Most often only the acknowledgement come
 | second announcement of an item | the transfer of that item begins again |
 | second copy of an item | ERROR or INVALID_SEQUENCE |
 
-The refusals do not name the item, so the vehicle is then asked for its number of items. ArduPilot accepts
-nothing after a lost message. So after a loss announcements and items go out several times.
+A refusal does not name the item, so the number of stored items is requested next. After a lost message
+ArduPilot accepts no further item. So after a loss each announcement and item is sent several times.
 """
 
 from __future__ import annotations
@@ -35,11 +35,12 @@ from swarmctl.mavlink.protocol.mission_upload import MISSION, WINDOW, item_messa
 
 @dataclass(frozen=True, slots=True)
 class AppendResult:
-    """Result of an append; `failure` is None if every item was acknowledged. Only a read-back proves more."""
+    """Result of an append."""
 
     failure: str | None
+    """None if every item was acknowledged; only a read-back confirms the stored items"""
     round_trip_s: float = 0.0
-    """time from a message to its answer"""
+    """time from a message to its answer [s]"""
     is_late: bool = False
     """True if `too_late` stopped the append"""
     is_foreign: bool = False
@@ -49,11 +50,11 @@ class AppendResult:
 class Append(Conversation[AppendResult]):
     """One attempt to append `items` to the `count` items that a vehicle stores.
 
-    `too_late` returns whether the append is now useless, which stops it; its argument is the round trip [s].
+    `too_late`: called with the round-trip time [s]; True stops the append as useless.
     """
 
     QUIET_S = 0.5
-    """silence (at least 1.5 round trips) after which the vehicle is asked for its number of items"""
+    """silence (at least 1.5 round trips) after which the number of stored items is requested"""
     MAX_QUIET_S = 4.0
     STUCK_LIMIT_S = 30.0
     """longest time without a further stored item"""
@@ -62,7 +63,7 @@ class Append(Conversation[AppendResult]):
     MAX_COPIES = 3
     """copies of each message: one more after each loss"""
     MAX_BURSTS = 2
-    """bursts without effect after which the vehicle counts as not supporting partial lists"""
+    """bursts without effect that show that the vehicle does not support partial lists"""
 
     def __init__(
         self,
@@ -91,13 +92,13 @@ class Append(Conversation[AppendResult]):
         """unanswered requests for the number of items"""
         self._n_bursts = 0
         self._quiet_s = self.QUIET_S
-        self._burst_s: float | None = None
-        """time of the burst that awaits its first answer"""
+        self._burst_at: float | None = None
+        """time of the last burst, until its first answer"""
         self._round_trip_s = 0.0
-        self._stuck_s = self._no_answer_s = 0.0
+        self._stuck_at = self._no_answer_at = 0.0
 
     def _begin(self, now: float) -> list[Message]:
-        self._stuck_s, self._no_answer_s = now + self.STUCK_LIMIT_S, now + self.NO_ANSWER_S
+        self._stuck_at, self._no_answer_at = now + self.STUCK_LIMIT_S, now + self.NO_ANSWER_S
         return self._burst(now)
 
     def _burst(self, now: float) -> list[Message]:
@@ -106,22 +107,23 @@ class Append(Conversation[AppendResult]):
             self._copies = min(self._copies + 1, self.MAX_COPIES)
         self._n_bursts += 1
         self._n_sent, self._requested, self._last_nack = self._n_stored, set(), ""
-        self._awaits_count, self._burst_s = False, now
-        return self._more(now)
+        self._awaits_count, self._burst_at = False, now
+        return self._send_window(now)
 
-    def _more(self, now: float) -> list[Message]:
+    def _send_window(self, now: float) -> list[Message]:
         if self._too_late(self._round_trip_s):
-            return self._end(f"only {self._n_stored} of {len(self._items)} items in time", is_late=True)
-        self.next_deadline = min(now + self._quiet_s, self._stuck_s)
+            stored = f"only {self._n_stored} of {len(self._items)} items were stored in time"
+            return self._end(stored, is_late=True)
+        self.next_deadline = min(now + self._quiet_s, self._stuck_at)
         window = WINDOW if self._copies == 1 else 2 * WINDOW // self._copies
         first, self._n_sent = self._n_sent, min(max(self._n_stored + window, self._n_sent), len(self._items))
         to = (self._peer.sysid, self._peer.compid)
         messages: list[Message] = []
         for index in range(first, self._n_sent):
             seq = self._n_before + index
-            announced = mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION)
+            announcement = mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION)
             item = item_message(self._peer, seq, self._items[index])
-            messages += [*[announced] * self._copies, *[item] * self._copies]
+            messages += [*[announcement] * self._copies, *[item] * self._copies]
         return messages
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
@@ -140,14 +142,14 @@ class Append(Conversation[AppendResult]):
         """Note the round-trip time and postpone the next deadline."""
         if self.state is ConversationState.WAITING:
             self._enter(ConversationState.EXCHANGING)
-        if self._burst_s is not None:
-            self._round_trip_s, self._burst_s = now - self._burst_s, None
+        if self._burst_at is not None:
+            self._round_trip_s, self._burst_at = now - self._burst_at, None
             self._quiet_s = max(self.QUIET_S, 1.5 * self._round_trip_s)
-        self.next_deadline = min(now + self._quiet_s, self._stuck_s)
+        self.next_deadline = min(now + self._quiet_s, self._stuck_at)
 
     def _set_stored(self, stored: int, now: float) -> None:
         if stored > self._n_stored_max:
-            self._n_stored_max, self._stuck_s = stored, now + self.STUCK_LIMIT_S
+            self._n_stored_max, self._stuck_at = stored, now + self.STUCK_LIMIT_S
         self._n_stored = stored
 
     def _on_request(self, index: int, now: float) -> list[Message]:
@@ -166,17 +168,17 @@ class Append(Conversation[AppendResult]):
             self._on_answer(now)
             self._set_stored(self._n_stored + 1, now)
             if self._n_stored == len(self._items):
-                # Two copies may both be acknowledged after one has overtaken the other.
+                # The vehicle may acknowledge two copies of one item.
                 return self._end(None) if self._copies == 1 else self._request_count()
-            return [] if self._has_refused else self._more(now)
+            return [] if self._has_refused else self._send_window(now)
         if code == mavlink.MAV_MISSION_DENIED and self._n_count_requests:
-            # The vehicle still expected an item; later messages may answer an earlier request.
+            # The vehicle was still expecting an item. Later messages may answer an earlier request.
             self._n_count_requests -= 1
             self._on_answer(now)
             return self._burst(now) if self._awaits_count else []
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
         if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
-            # Also the answer to a second copy, of this transfer or of the one before.
+            # This is also the answer to a second copy, from this transfer or the previous one.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             pass  # end of an earlier transfer, or a lost item: the next deadline asks for the count
@@ -195,9 +197,9 @@ class Append(Conversation[AppendResult]):
         self._on_answer(now)
         stored = count - self._n_before
         if not 0 <= stored <= len(self._items):
-            # Fewer items are another station's list; more may be late copies of an earlier append.
-            why = f"the vehicle stores {count} items, expected {self._n_before} [mission-changed]"
-            return self._end(why, is_foreign=stored < 0)
+            # Fewer items: another station's mission. More: perhaps late copies from an earlier append.
+            reason = f"the vehicle stores {count} items, expected {self._n_before} [mission-changed]"
+            return self._end(reason, is_foreign=stored < 0)
         self._set_stored(stored, now)
         if stored == len(self._items):
             return self._end(None)
@@ -206,17 +208,18 @@ class Append(Conversation[AppendResult]):
         return self._burst(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if self.state is ConversationState.WAITING and now >= self._no_answer_s:
+        if self.state is ConversationState.WAITING and now >= self._no_answer_at:
             return self._end(f"no answer for {self.NO_ANSWER_S:g} s [no-answer]")
-        if now >= self._stuck_s:
+        if now >= self._stuck_at:
             progress = (
-                f"{self._n_stored} of {len(self._items)} items, no further one for {self.STUCK_LIMIT_S:g} s"
+                f"{self._n_stored} of {len(self._items)} items stored, no progress for "
+                f"{self.STUCK_LIMIT_S:g} s"
             )
             return self._end(f"{progress}{self._last_nack_text} [append-stuck]")
         self._quiet_s = min(2.0 * self._quiet_s, self.MAX_QUIET_S)
-        self.next_deadline = min(now + self._quiet_s, self._stuck_s)
+        self.next_deadline = min(now + self._quiet_s, self._stuck_at)
         if self.state is ConversationState.WAITING:
-            self.next_deadline = min(self.next_deadline, self._no_answer_s)
+            self.next_deadline = min(self.next_deadline, self._no_answer_at)
         return self._request_count()
 
     def _request_count(self) -> list[Message]:
@@ -234,7 +237,7 @@ class Append(Conversation[AppendResult]):
     def _last_nack_text(self) -> str:
         return f", last answer {self._last_nack}" if self._last_nack else ""
 
-    def _end(self, why: str | None, *, is_late: bool = False, is_foreign: bool = False) -> list[Message]:
-        failure = None if why is None else f"the new route is not stored after the old one: {why}"
+    def _end(self, reason: str | None, *, is_late: bool = False, is_foreign: bool = False) -> list[Message]:
+        failure = None if reason is None else f"the new route is not stored after the old route: {reason}"
         self._finish(AppendResult(failure, self._round_trip_s, is_late, is_foreign))
         return []

@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 class SetCurrent(Conversation[CommandResult]):
     """One try of MISSION_SET_CURRENT, answered by a MISSION_CURRENT with that item.
 
-    For vehicles without MAV_CMD_DO_SET_MISSION_CURRENT. The procedure repeats it, as it repeats `Command`.
+    For vehicles without MAV_CMD_DO_SET_MISSION_CURRENT. As for `Command`, the procedure repeats the try.
     """
 
     ANSWER_S = 1.0

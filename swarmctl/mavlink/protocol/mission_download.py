@@ -21,8 +21,8 @@ class DownloadOutcome(Enum):
     NO_ANSWER = "no answer"
     """MISSION_COUNT did not arrive"""
     BROKEN_OFF = "broken off"
-    """MISSION_COUNT arrived, but not all items. PX4 ends a transfer after 5 s without a request; then the
-    download has to begin again."""
+    """MISSION_COUNT arrived, but not all items. PX4 ends a transfer after 5 s without a request, so the
+    download has to be restarted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,8 @@ class Download(Conversation[DownloadResult]):
 
     window: number of items requested at a time; with 1 each item takes a round trip
     copies: number of times that each request is sent
-    in_order: True for PX4. It accepts a request for the next item, or again for the last one, and ends the
-        transfer after any other request. With a window, a lost item cannot be requested again: the download
-        fails and is restarted.
+    in_order: True for PX4. PX4 ends the transfer after any request but for the next item or the last served
+        item. With a window, a lost item cannot be requested again: the download fails and is restarted.
     """
 
     REPEAT_S, MAX_REPEAT_S = 1.0, 4.0
@@ -79,18 +78,18 @@ class Download(Conversation[DownloadResult]):
 
     def _begin(self, now: float) -> list[Message]:
         self._begin_s = now
-        return self._ask(now)
+        return self._request(now)
 
-    def _ask(self, now: float) -> list[Message]:
+    def _request(self, now: float) -> list[Message]:
         self._tries += 1
         self.next_deadline = now + self._repeat_s
         to = (self._peer.sysid, self._peer.compid)
         if self.state is ConversationState.WAITING:
             return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self._type)]
         self._requested_to = self._next
-        return self._ask_for_items()
+        return self._request_items()
 
-    def _ask_for_items(self) -> list[Message]:
+    def _request_items(self) -> list[Message]:
         """Return requests for the items in the window that are not stored and not requested yet."""
         end = min(self._next + self._window, self._count)
         wanted = [seq for seq in range(self._requested_to, end) if seq not in self._items]
@@ -128,13 +127,13 @@ class Download(Conversation[DownloadResult]):
         if self._next < self._count:
             self._tries = 1
             self.next_deadline = now + self._repeat_s
-            return self._ask_for_items()
+            return self._request_items()
         self._end(DownloadOutcome.COMPLETE, f"{self._count} items")
         return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
 
     def _on_ack(self, code: int) -> None:
-        # Acceptance, cancellation and refusals of duplicates belong to an earlier upload. ArduPilot's ERROR
-        # after a repeated last item does too: ArduPilot never answers MISSION_REQUEST_LIST with ERROR.
+        # Acceptance, cancellation and refusals of duplicates belong to an earlier upload. ArduPilot also
+        # answers ERROR to a repeated last item of an upload, but never to MISSION_REQUEST_LIST.
         stale = (
             mavlink.MAV_MISSION_ACCEPTED,
             mavlink.MAV_MISSION_OPERATION_CANCELLED,
@@ -148,7 +147,7 @@ class Download(Conversation[DownloadResult]):
     def _on_deadline(self, now: float) -> list[Message]:
         may_not_repeat = self.state is ConversationState.EXCHANGING and self._in_order and self._window > 1
         if self._tries < self.TRIES and not may_not_repeat:
-            return self._ask(now)
+            return self._request(now)
         closing = self._closing_messages(now)
         if self.state is ConversationState.WAITING:
             self._end(DownloadOutcome.NO_ANSWER, f"no MISSION_COUNT after {self._tries} requests")

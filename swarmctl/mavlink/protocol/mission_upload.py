@@ -1,12 +1,12 @@
 """Mission upload: https://mavlink.io/en/services/mission.html#uploading_mission
 
 The ground station repeats the announcement until the vehicle requests the first item. With one item for each
-request, every item would take a round trip. So the following items are sent with the requested one. The last
-item is sent on request only; until then the vehicle cannot have the whole mission.
+request, every item would take a round trip. So each requested item is sent with the items after it. The last
+item is sent on request only, so until then the vehicle cannot have the whole mission.
 
 ArduPilot (MissionItemProtocol.cpp handle_mission_item) and PX4 (mavlink_mission.cpp handle_mission_item_both)
-accept an item with the expected number, requested or not. ArduPilot refuses another one by INVALID_SEQUENCE,
-PX4 ignores it.
+accept an item with the expected number, requested or not. ArduPilot refuses any other item by
+INVALID_SEQUENCE; PX4 ignores such an item.
 
 Acknowledgements differ between autopilots. ACCEPTED counts only after every item was sent in this transfer,
 and only a read-back proves success.
@@ -31,7 +31,7 @@ MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 class UploadOutcome(Enum):
     ACCEPTED = "accepted"
     REJECTED = "rejected"
-    """refused by the vehicle for a reason that a repetition does not cure"""
+    """refused by the vehicle; another try would be refused as well"""
     DENIED = "denied"
     """refused because of another transfer"""
     CANCELLED = "cancelled by the vehicle"
@@ -57,22 +57,22 @@ class UploadResult:
 
 WINDOW = 8
 """Items under way at a time: some 400 bytes, which fit into the receive buffer of a serial port. After a loss
-each item goes twice; the vehicle requests again the ones that overflow."""
+each item is sent twice; the vehicle requests items again that overflow its buffer."""
 
 
 class Upload(Conversation[UploadResult]):
     """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
     current: item marked as the one to fly, if any
-    flown: item that the vehicle flies now, for a link that has to mark one
-    too_late: called with the round-trip time [s] when the vehicle requests the last item; if it returns True,
-        that item is withheld
+    flown: item that the vehicle flies now, for a link that always has to mark an item
+    too_late: called with the round-trip time [s] when the vehicle requests the last item; True withholds
+        that item
     """
 
     OVERDUE = 1.25
     MAX_OVERDUE_S = 2.5
-    """An item counts as lost after OVERDUE round trips, at most MAX_OVERDUE_S [s]. From then on each
-    item goes twice."""
+    """An item counts as lost after OVERDUE round trips, at most MAX_OVERDUE_S. After a loss each item is sent
+    twice."""
     REPEAT_S = 1.0
     """period for repeating the count until the first request, and an item that is requested again"""
     FIRST_LIMIT_S = 12.0
@@ -108,7 +108,7 @@ class Upload(Conversation[UploadResult]):
         self._requested: set[int] = set()
         """items requested since they were sent"""
         self._resent: set[int] = set()
-        """items sent more than once: an answer does not show which copy it is for"""
+        """items sent more than once: their answers do not show the round-trip time"""
         self._round_trip_s = 0.0
         """shortest observed time from a message to its answer"""
         self._is_lossy = False
@@ -163,7 +163,7 @@ class Upload(Conversation[UploadResult]):
             return []  # from an earlier, longer transfer
         if self.state is ConversationState.WAITING:
             if seq != 0:
-                # The request belongs to an earlier transfer: an item sent now would go into that one.
+                # The request belongs to an earlier transfer: an item sent now would be stored there.
                 return []
             self._enter(ConversationState.EXCHANGING)
             self._round_trip_s = now - self._begin_s
@@ -193,7 +193,7 @@ class Upload(Conversation[UploadResult]):
         """Return the requested item and the next ones in the window, except those already under way."""
         if self._is_overdue(seq, now):
             self._is_lossy = self._is_lossy or seq in self._sent_s
-            self._next_to_send = seq  # the items sent after it were not accepted
+            self._next_to_send = seq  # the vehicle has not accepted the items sent after this one
             self._requested.clear()
         self._requested.add(seq)
         self._last_requested = seq
@@ -203,7 +203,7 @@ class Upload(Conversation[UploadResult]):
         self._next_to_send = max(self._next_to_send, end)
         self._resent.update(number for number in numbers if number in self._sent_s)
         self._sent_s |= dict.fromkeys(numbers, now)
-        # ArduPilot gives up 8 s after the last accepted item, PX4 after 5 s: there is time for few tries.
+        # ArduPilot gives up 8 s after the last accepted item, PX4 after 5 s, so only few tries fit.
         copies = 2 if self._is_lossy else 1
         if not numbers and now - max(self._sent_s[seq], self._repeated_s) >= self.REPEAT_S:
             numbers, self._repeated_s = range(seq, seq + 1), now
@@ -215,8 +215,8 @@ class Upload(Conversation[UploadResult]):
     def _is_overdue(self, seq: int, now: float) -> bool:
         if seq not in self._sent_s:
             return True
-        # The vehicle requests an item once after accepting the one before. A request for an earlier item
-        # means that it begins again from there.
+        # After accepting an item the vehicle requests the next item once. A request for an earlier item
+        # restarts the transfer from that item.
         asks_again = seq in self._requested or seq < self._last_requested
         overdue_s = min(self.OVERDUE * self._round_trip_s, self.MAX_OVERDUE_S)
         return asks_again and now - self._sent_s[seq] >= overdue_s
@@ -231,16 +231,16 @@ class Upload(Conversation[UploadResult]):
             if self._is_all_sent:
                 self._end(UploadOutcome.ACCEPTED, name)
         elif code == mavlink.MAV_MISSION_INVALID_SEQUENCE:
-            # ArduPilot's answer to each duplicate; its requests go on.
+            # ArduPilot's answer to each duplicate; the transfer continues.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_ERROR:
-            # ArduPilot: a repeated last item after acceptance, in this transfer or the one before. PX4: a
+            # ArduPilot: a repeated last item after acceptance, in this transfer or the previous one. PX4: a
             # repeated announcement, or a final error. After a final error the requests stop.
             self._last_nack = name
             if self._is_all_sent and now - max(self._sent_s.values()) >= 0.9 * self._round_trip_s:
                 self._end(UploadOutcome.UNCONFIRMED, name)
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
-            if self.state is ConversationState.EXCHANGING:  # otherwise it ends an earlier transfer
+            if self.state is ConversationState.EXCHANGING:  # otherwise the end of an earlier transfer
                 self._end(UploadOutcome.CANCELLED, name)
         elif code == mavlink.MAV_MISSION_DENIED:
             self._end(UploadOutcome.DENIED, name)

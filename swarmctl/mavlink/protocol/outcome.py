@@ -11,7 +11,7 @@ FlyingAfterSwap = Literal["new", "old", "hold", "theirs", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """Result of a procedure; `failure` is None if it succeeded."""
+    """Result of a procedure; `failure` is None after a success."""
 
     failure: str | None = None
 
@@ -29,7 +29,7 @@ class Uploaded(Done):
     """Result of an upload on the ground."""
 
     swap_takes_s: float = 0.0
-    """expected time of a swap over this link, from the time of this upload"""
+    """expected time of a swap over this link, estimated from the time of this upload [s]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class Swapped(Done):
 
     flying: FlyingAfterSwap = "unknown"
     stood_still_s: float = 0.0
-    """time in hold or without motion in the air, by the vehicle's clock"""
+    """time in hold or without motion in the air, by the vehicle's clock [s]"""
     took_s: float | None = None
-    """time until the new plan was current, by the vehicle's clock; None if it is not flown"""
+    """time until the new plan was current, by the vehicle's clock [s]; None: the new plan is not flown"""
     is_late: bool = False
-    """True if the vehicle had passed the splice point; the next plan has to leave farther ahead"""
+    """True if the vehicle had passed the splice point; the next plan needs a splice point farther ahead"""

@@ -1,7 +1,7 @@
 """Parameters by name: https://mavlink.io/en/services/parameter.html
 
-A number travels in a float field. ArduPilot converts an integer to the nearest float; PX4 puts the integer's
-four bytes there, which are nonsense as a float. A vehicle does not answer to an unknown name.
+A number travels in a float field. ArduPilot converts an integer to the nearest float; PX4 copies the four
+bytes of an integer into the field. A request with an unknown name gets no answer.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 BYTE_WISE = frozenset({int(mavlink.MAV_AUTOPILOT_PX4)})
-"""MAV_AUTOPILOTs that send integers as their bytes"""
+"""MAV_AUTOPILOTs that copy the bytes of integers into the float field"""
 
 _REAL32 = int(mavlink.MAV_PARAM_TYPE_REAL32)
 _PACKED: Mapping[int, str] = {
@@ -60,7 +60,7 @@ def _value_bytes(message: Message) -> bytes:
 
 
 def encoded(parameter: Parameter, *, byte_wise: bool) -> float:
-    """Return the float field for a value. Raises ValueError if the field or the type cannot carry it."""
+    """Return the float field of a parameter. Raises ValueError if field or type cannot hold the value."""
     if not byte_wise or parameter.kind == _REAL32:
         return parameter.value
     code = _PACKED.get(parameter.kind)
@@ -83,9 +83,9 @@ def same_value(a: float, b: float) -> bool:
 
 
 class _ParameterExchange(Conversation[dict[str, Parameter]]):
-    """Base of reading and writing: several requests at a time, each repeated until settled or given up.
+    """Base of reading and writing: several requests at a time, each sent up to TRIES times.
 
-    ArduPilot queues about twenty requests and drops the others.
+    ArduPilot queues about twenty requests and drops further ones.
     """
 
     REPEAT_S = 1.0
@@ -113,13 +113,13 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
 
     def _proceed(self, now: float) -> list[Message]:
         room = self.MAX_PENDING - len(self._tries)
-        begun, self._waiting = self._waiting[:room], self._waiting[room:]
-        self._tries.update(dict.fromkeys(begun, 1))
+        started, self._waiting = self._waiting[:room], self._waiting[room:]
+        self._tries.update(dict.fromkeys(started, 1))
         if not self._tries:
             self._finish(self._values)
             return []
         self.next_deadline = now + self.REPEAT_S
-        return [self._request(name) for name in begun]
+        return [self._request(name) for name in started]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         if message.get_type() != "PARAM_VALUE":
@@ -136,12 +136,12 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
     def _on_deadline(self, now: float) -> list[Message]:
         again = [name for name, tries in self._tries.items() if tries < self.TRIES]
         self._tries = {name: self._tries[name] + 1 for name in again}
-        questions = [self._request(name) for name in again]
-        return questions + self._proceed(now)
+        requests = [self._request(name) for name in again]
+        return requests + self._proceed(now)
 
 
 class ReadParameters(_ParameterExchange):
-    """Read of some parameters; a name without an answer is missing from the result."""
+    """Reading of some parameters; the result lacks names without an answer."""
 
     def _request(self, name: str) -> Message:
         return mavlink.MAVLink_param_request_read_message(
@@ -153,7 +153,7 @@ class ReadParameters(_ParameterExchange):
 
 
 class WriteParameters(_ParameterExchange):
-    """Write of some parameters; the result is the last value that the vehicle has reported of each.
+    """Writing of some parameters; the result has the last reported value of each.
 
     PX4 drops a value of a wrong type without an answer, so the type has to be read first. Raises ValueError
     as `encoded` does.
@@ -178,14 +178,14 @@ class WriteParameters(_ParameterExchange):
 def read_parameters(
     ctx: Context, names: Iterable[str], *, byte_wise: bool
 ) -> Procedure[dict[str, Parameter]]:
-    """Return the parameters that the vehicle knows of these names."""
+    """Read parameters; return those that the vehicle knows, by name."""
     current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
     return current
 
 
 def _refusal_if_armed(ctx: Context) -> Done | None:
-    """Return the failure that the vehicle is armed; None if it is disarmed."""
-    why = "the vehicle is armed; its parameters can be changed on the ground, disarmed [armed]"
+    """Return a failure if the vehicle is armed, else None."""
+    why = "the vehicle is armed; change its parameters while it is disarmed on the ground [armed]"
     return Done(why) if ctx.state.armed else None
 
 
@@ -194,7 +194,7 @@ def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool
     if armed := _refusal_if_armed(ctx):
         return armed
     current = yield from read_parameters(ctx, wanted, byte_wise=byte_wise)
-    if armed := _refusal_if_armed(ctx):  # a pilot may have armed it meanwhile
+    if armed := _refusal_if_armed(ctx):  # a pilot may have armed the vehicle during the reading
         return armed
     unknown = [name for name in wanted if name not in current]
     if unknown:

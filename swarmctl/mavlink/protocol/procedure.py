@@ -1,7 +1,7 @@
 """Procedures as generators: `result = yield Upload(...)`, driven without I/O.
 
-A procedure yields conversations and is resumed with their results, so a take-off reads from top to bottom.
-Its `Driver` is a conversation itself.
+A procedure yields conversations and is resumed with their results, so its steps are in order in the source.
+The `Driver` of a procedure is itself a conversation.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Procedure = Generator[Conversation[Any], Any, R]
 
 @dataclass(slots=True)
 class Context:
-    """State that the procedures of one vehicle share; only they and the session write it."""
+    """State shared by the procedures of one vehicle; only the procedures and the session write to it."""
 
     peer: MavlinkPeer
     dialect: Dialect
     telemetry: Telemetry
     now: float = 0.0
     verified_items: tuple[MissionItem, ...] = field(default=())
-    """the mission last verified on the vehicle; empty if none or in doubt"""
+    """the mission last verified on the vehicle; empty if none, or if the vehicle may store another"""
     plan_first_seq: int = 0
     """index in `verified_items` of the flown plan's first item; earlier items belong to earlier plans"""
     interrupted: bool = False
@@ -40,10 +40,10 @@ class Context:
     def state(self) -> VehicleState:
         return self.telemetry.state
 
-    def after_heartbeat(self, seen: Callable[[VehicleState], bool]) -> Callable[[], bool]:
-        """Return the condition `seen`, false until a heartbeat newer than this call: mode and arming lag."""
+    def after_heartbeat(self, condition: Callable[[VehicleState], bool]) -> Callable[[], bool]:
+        """Return a condition: a heartbeat (mode and arming) has arrived since this call, and `condition`."""
         before = self.telemetry.heartbeats
-        return lambda: self.telemetry.heartbeats > before and seen(self.state)
+        return lambda: self.telemetry.heartbeats > before and condition(self.state)
 
 
 class Driver(Conversation[R]):
@@ -61,11 +61,11 @@ class Driver(Conversation[R]):
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         assert self._current is not None
-        return self._after(self._current.receive(message, now), now)
+        return self._continue(self._current.receive(message, now), now)
 
     def _on_deadline(self, now: float) -> list[Message]:
         assert self._current is not None
-        return self._after(self._current.tick(now), now)
+        return self._continue(self._current.tick(now), now)
 
     def _closing_messages(self, now: float) -> list[Message]:
         assert self._current is not None
@@ -73,7 +73,7 @@ class Driver(Conversation[R]):
         self._procedure.close()
         return messages
 
-    def _after(self, messages: list[Message], now: float) -> list[Message]:
+    def _continue(self, messages: list[Message], now: float) -> list[Message]:
         assert self._current is not None
         if self._current.result is not None:
             return messages + self._advance(self._current.result, now)

@@ -12,14 +12,14 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class WaitUntil(Conversation[bool]):
-    """Wait for a condition: True as soon as `seen()` holds after any message, False after `timeout_s`.
+    """Wait for a condition: True as soon as `condition()` holds after a message, False after `timeout_s`.
 
-    `seen` reads the vehicle's state, which the session updates before it passes the message on.
+    `condition` reads the vehicle's state, which the session updates before it passes the message on.
     """
 
-    def __init__(self, seen: Callable[[], bool], timeout_s: float) -> None:
+    def __init__(self, condition: Callable[[], bool], timeout_s: float) -> None:
         super().__init__()
-        self._seen = seen
+        self._condition = condition
         self._timeout_s = timeout_s
 
     def _begin(self, now: float) -> list[Message]:
@@ -30,11 +30,11 @@ class WaitUntil(Conversation[bool]):
         return self._check()
 
     def _on_deadline(self, now: float) -> list[Message]:
-        self._finish(self._seen())
+        self._finish(self._condition())
         return []
 
     def _check(self) -> list[Message]:
-        if self._seen():
+        if self._condition():
             self._finish(True)
         return []
 
@@ -45,10 +45,10 @@ def wait(seconds: float) -> WaitUntil:
 
 
 class RequestUntil(Conversation[bool]):
-    """Request a message: True once a new one has come and `seen()` holds, False after `timeout_s`.
+    """Request of a message: True once it has arrived and `condition()` holds, False after `timeout_s`.
 
-    The message is usually a heartbeat, the only one with mode and arming. ArduPilot sends it soon after
-    MAV_CMD_REQUEST_MESSAGE. For an autopilot without that command its heartbeat of every second is enough.
+    The message is usually a heartbeat, the only message with mode and arming. ArduPilot sends a heartbeat
+    soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.
     """
 
     REPEAT_S = 1.0
@@ -56,15 +56,15 @@ class RequestUntil(Conversation[bool]):
     def __init__(
         self,
         peer: MavlinkPeer,
-        seen: Callable[[], bool],
+        condition: Callable[[], bool],
         timeout_s: float,
         message_id: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     ) -> None:
         super().__init__()
-        self._seen = seen
+        self._condition = condition
         self._timeout_s = timeout_s
         self._message_id = message_id
-        self._heard = False
+        self._received = False
         self._end = 0.0
         self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
 
@@ -73,8 +73,8 @@ class RequestUntil(Conversation[bool]):
         return self._ask(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        self._heard |= message.get_msgId() == self._message_id
-        if self._heard and self._seen():
+        self._received |= message.get_msgId() == self._message_id
+        if self._received and self._condition():
             self._finish(True)
         return []
 
@@ -90,7 +90,7 @@ class RequestUntil(Conversation[bool]):
 
 
 class RequestMessage(Conversation[Message]):
-    """Request one message (MAV_CMD_REQUEST_MESSAGE) until it comes; the caller sets the time limit."""
+    """Request of one message (MAV_CMD_REQUEST_MESSAGE), repeated until it arrives or the caller cancels."""
 
     REPEAT_S = 1.0
 

@@ -1,7 +1,7 @@
-"""Instruments of a vehicle at one moment, by request, because the preflight check reads them once.
+"""Instruments of a vehicle, requested once by the preflight check.
 
 https://mavlink.io/en/messages/common.html: GPS_RAW_INT, SYSTEM_TIME, HOME_POSITION, SYS_STATUS. The last two
-are part of the vehicle's state too; the request makes it recent.
+are also part of the vehicle's state; the request makes them recent.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ REQUESTED_IDS = (
     int(mavlink.MAVLINK_MSG_ID_SYS_STATUS),
 )
 POSITIONS_WAIT_S = 5.0
-"""wait for positions of a vehicle that has just begun to send them"""
-_NOT_TOLD = 0xFFFF
-_SATELLITES_NOT_TOLD = 0xFF
+"""longest wait for positions of a vehicle that has just begun to send them"""
+_UNKNOWN_HDOP = 0xFFFF
+_UNKNOWN_SATELLITES = 0xFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +45,17 @@ class Instruments:
 
     gps: GpsFix | None
     unix_s: float | None
-    """the vehicle's clock (SYSTEM_TIME) since 1970 [s]; None also before its first fix"""
-    told_at_s: float | None
-    """time of the running loop when that clock was read [s]"""
+    """the vehicle's clock (SYSTEM_TIME) since 1970 [s]; None also before the first GPS fix"""
+    unix_received_s: float | None
+    """arrival time of that clock, by the event loop's clock [s]"""
     position_every_s: float | None = None
     """mean time between positions [s]"""
 
 
 class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
-    """Request some messages (MAV_CMD_REQUEST_MESSAGE), each until it comes or the tries are used up.
+    """Request of some messages (MAV_CMD_REQUEST_MESSAGE), at most TRIES times each.
 
-    The result is message id -> (message, time of its arrival), without the missing ones.
+    The result is message id -> (message, arrival time [s]), without missing messages.
     """
 
     REPEAT_S = 1.0
@@ -65,7 +65,7 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
         super().__init__()
         self._peer = peer
         self._ids = ids
-        self._came: dict[int, tuple[Message, float]] = {}
+        self._received: dict[int, tuple[Message, float]] = {}
         self._tries = 0
 
     def _begin(self, now: float) -> list[Message]:
@@ -75,7 +75,7 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
     def _ask(self, now: float) -> list[Message]:
         self._tries += 1
         self.next_deadline = now + self.REPEAT_S
-        missing = [msgid for msgid in self._ids if msgid not in self._came]
+        missing = [msgid for msgid in self._ids if msgid not in self._received]
         return [
             command_long(self._peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(msgid),)) for msgid in missing
         ]
@@ -83,23 +83,23 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
     def _on_message(self, message: Message, now: float) -> list[Message]:
         msgid = int(message.get_msgId())
         if msgid in self._ids:
-            self._came[msgid] = (message, now)
-            if len(self._came) == len(self._ids):
-                self._finish(self._came)
+            self._received[msgid] = (message, now)
+            if len(self._received) == len(self._ids):
+                self._finish(self._received)
         return []
 
     def _on_deadline(self, now: float) -> list[Message]:
         if self._tries < self.TRIES:
             return self._ask(now)
-        self._finish(self._came)
+        self._finish(self._received)
         return []
 
 
 def read_instruments(ctx: Context) -> Procedure[Instruments]:
-    """Return the readings that come within some seconds."""
-    came: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS)
-    gps = came.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
-    clock = came.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
+    """Request the instruments; return the readings that arrive within some seconds."""
+    received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS)
+    gps = received.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
+    clock = received.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
     fix = None if gps is None else _fix(gps[0])
     yield WaitUntil(lambda: ctx.telemetry.position_every_s(ctx.now) is not None, POSITIONS_WAIT_S)
     every_s = ctx.telemetry.position_every_s(ctx.now)
@@ -112,6 +112,6 @@ def _fix(message: Message) -> GpsFix:
     satellites, eph = int(message.satellites_visible), int(message.eph)
     return GpsFix(
         int(message.fix_type),
-        None if satellites == _SATELLITES_NOT_TOLD else satellites,
-        None if eph == _NOT_TOLD else eph / 100.0,
+        None if satellites == _UNKNOWN_SATELLITES else satellites,
+        None if eph == _UNKNOWN_HDOP else eph / 100.0,
     )

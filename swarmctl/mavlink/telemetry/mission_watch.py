@@ -1,4 +1,4 @@
-"""Mission watch: check that the mission on a vehicle is still the verified one, while no own procedure runs.
+"""Mission watch: check, between own procedures, that a vehicle still stores the verified mission.
 
 https://mavlink.io/en/messages/common.html#MISSION_CURRENT: `total` is 0 if unsupported, and 65535 without a
 mission; `mission_id` changes with the mission's content, and is 0 if unsupported.
@@ -23,11 +23,11 @@ from swarmctl.mavlink.protocol.mission_download import item_of
 from swarmctl.mavlink.protocol.mission_upload import MISSION
 
 SETTLING_S = 2.0
-"""a message this soon after an own procedure may be from before it"""
+"""time after an own procedure in which messages do not count: late messages show the earlier mission"""
 OTHER_MISSION_LASTS_S = 1.0
-"""how long a deviation has to last: a single MISSION_CURRENT, of two a second, may be late"""
+"""shortest deviation that counts: one MISSION_CURRENT (2 Hz) may be late"""
 REQUEST_PERIOD_S = 5.0
-"""period of requests for an item; every second one is for the flown item"""
+"""period of requests for an item; every second request is for the flown item"""
 REQUEST_SOON_S = 1.0
 """delay of a request after a sign of another station's transfer"""
 
@@ -37,13 +37,14 @@ _OPAQUE_ID_AT = 4
 """offset of opaque_id in the payload of a MISSION_ACK"""
 _TRANSFERS = ("MISSION_ACK", "MISSION_REQUEST", "MISSION_REQUEST_INT")
 _CHANGED = "Auto mission changed"
-"""begin of ArduPilot's text to all stations after a change of the flown mission"""
+"""start of ArduPilot's text to all stations after a change of the flown mission"""
 
 
 class MissionWatch:
     """Mission watch of one vehicle.
 
-    `shows_other_mission` gets the messages while no own procedure runs, `receive_own_transfer` the others.
+    The session passes a message to `receive_own_transfer` during an own procedure, else to
+    `shows_other_mission`.
     """
 
     def __init__(self, peer: MavlinkPeer, dialect: Dialect) -> None:
@@ -53,16 +54,16 @@ class MissionWatch:
         self._settled_at_s = 0.0
         self._other_since_s: float | None = None
         self._reports_count = False
-        """True if the vehicle has reported its count: then a count of 0 is not an old firmware's"""
+        """True if the vehicle has reported its number of items: then 0 does not mean "unsupported\""""
         self._own_id: int | None = None
         """the vehicle's id of the own mission"""
         self._acknowledged = 0
         self._reports_ids = False
         self._request_at_s = math.inf
         self._requested_seq: int | None = None
-        """item requested last and not received yet"""
+        """last requested item, while not received yet"""
         self._suspect_seq: int | None = None
-        """item that differed from the own one when it came last"""
+        """item that differed from the own mission when last received"""
         self._n_requests = 0
 
     def receive_own_transfer(self, message: Message) -> None:
@@ -73,19 +74,19 @@ class MissionWatch:
             self._acknowledged = extension(message, _OPAQUE_ID_AT)
 
     def own_procedure_ended(self, own_items: tuple[MissionItem, ...], now: float) -> None:
-        """Start watching. `own_items`: the mission verified on the vehicle; empty if there is none."""
+        """Start watching. `own_items`: the mission verified on the vehicle; empty: none."""
         if own_items != self._own_items:
             self._own_items, self._own_id = own_items, self._acknowledged or None
         elif self._acknowledged not in (0, self._own_id):
-            self._own_id = None  # uploaded again, perhaps after another mission with the last known id
+            self._own_id = None  # the mission was uploaded again and may have a new id
         self._acknowledged = 0
         self._settled_at_s, self._other_since_s = now + SETTLING_S, None
         self._requested_seq = self._suspect_seq = None
-        asks = self._dialect.serves_single_items and len(own_items) > 1
-        self._request_at_s = now + REQUEST_PERIOD_S if asks else math.inf
+        can_request = self._dialect.serves_single_items and len(own_items) > 1
+        self._request_at_s = now + REQUEST_PERIOD_S if can_request else math.inf
 
     def shows_other_mission(self, message: Message, now: float) -> bool:
-        """Return whether the vehicle has shown, twice or for a while, another mission than the own one."""
+        """Return whether the vehicle has shown another mission than the own one, twice or for a while."""
         if not self._own_items or now < self._settled_at_s:
             return False
         kind = message.get_type()
@@ -93,20 +94,20 @@ class MissionWatch:
             return self._reports_other_count_or_id(message, now)
         if kind == "MISSION_ITEM_INT" and self._is_for_us(message):
             return self._is_other_item(int(message.seq), item_of(message), now)
-        of_a_transfer = kind in _TRANSFERS and message.mission_type == MISSION
-        if of_a_transfer or (kind == "STATUSTEXT" and message.text.startswith(_CHANGED)):
+        is_transfer = kind in _TRANSFERS and message.mission_type == MISSION
+        if is_transfer or (kind == "STATUSTEXT" and message.text.startswith(_CHANGED)):
             self._request_at_s = min(self._request_at_s, now + REQUEST_SOON_S)
         return False
 
     def _reports_other_count_or_id(self, message: Message, now: float) -> bool:
         expected = len(self._own_items) - self._dialect.uncounted_items
-        name = extension(message, _MISSION_ID_AT)
-        if name:
+        mission_id = extension(message, _MISSION_ID_AT)
+        if mission_id:
             self._reports_ids = True
-            self._own_id = name if self._own_id is None else self._own_id
+            self._own_id = mission_id if self._own_id is None else self._own_id
         self._reports_count = self._reports_count or int(message.total) == expected > 0
-        none = () if self._reports_count else (0,)
-        if int(message.total) in (expected, *none) and name in (0, self._own_id):
+        unsupported = () if self._reports_count else (0,)
+        if int(message.total) in (expected, *unsupported) and mission_id in (0, self._own_id):
             self._other_since_s = None
             return False
         if self._other_since_s is None:
@@ -140,11 +141,11 @@ class MissionWatch:
         return [mavlink.MAVLink_mission_request_int_message(*to, self._requested_seq, mission_type=MISSION)]
 
     def _next_seq(self, flown: int | None) -> int:
-        """Return the next item to request, not item 0: the vehicle overwrites home."""
+        """Return the next item to request; never item 0, which the vehicle overwrites with home."""
         last = len(self._own_items) - 1
-        turn, others = divmod(self._n_requests, 2)
+        turn, is_odd = divmod(self._n_requests, 2)
         self._n_requests += 1
-        if not others and flown is not None and 0 < flown <= last:
+        if not is_odd and flown is not None and 0 < flown <= last:
             return flown
         return 1 + turn % last
 

@@ -1,4 +1,7 @@
-"""Presence of a vehicle: its heartbeats in, own heartbeats out. https://mavlink.io/en/services/heartbeat.html"""
+"""Presence of a vehicle from its heartbeats, and the own heartbeat.
+
+https://mavlink.io/en/services/heartbeat.html
+"""
 
 from __future__ import annotations
 

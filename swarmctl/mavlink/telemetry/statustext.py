@@ -1,4 +1,7 @@
-"""STATUSTEXT: long texts come in chunks of 50 characters: https://mavlink.io/en/messages/common.html#STATUSTEXT"""
+"""STATUSTEXT: assembly of long texts from chunks of 50 characters.
+
+https://mavlink.io/en/messages/common.html#STATUSTEXT
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,10 @@ _STRIKE = re.compile(r"STRIKE (\d+) over -?\d+,-?\d+ from -?\d+,-?\d+\Z")
 
 
 class TextAssembler:
-    """Assembler of texts from chunks; a text with a lost chunk comes, with a gap, when the next begins."""
+    """Assembler of texts from chunks.
+
+    A text with a lost chunk is returned with a gap, when the next text begins.
+    """
 
     def __init__(self) -> None:
         self._id = 0

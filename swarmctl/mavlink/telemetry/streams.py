@@ -1,4 +1,4 @@
-"""Telemetry streams: requested until they come, and again when they stop, as after a reboot."""
+"""Telemetry streams: requested until they arrive, and again when they stop, as after a reboot."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
-_PATIENCE_S = 3.0
-_PATIENCE_LIMIT_S = 30.0
+_REPEAT_S = 3.0
+_REPEAT_LIMIT_S = 30.0
 AFTER_SILENCE_S = 1.5
-"""delay of new requests after a silence: the vehicle may have rebooted, or just go on"""
+"""delay of new requests after a silence: without a reboot the streams continue by themselves"""
 
 _POSITION = int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
 _STOPPED_US = -1.0
@@ -25,7 +25,7 @@ _STREAMS_WITHIN_S = 3.0
 _STOP_EVERY_S = 0.2
 """spacing of commands that end streams: all at once would fill a slow link"""
 _STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0
-"""growing pauses before a stream is ended again: another station on the link may want it"""
+"""first and longest pause before a stream is ended again: another station on the link may use it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,10 @@ class Streaming:
     """Settings of a vehicle's streams."""
 
     position_hz: float | None = None
-    """rate of positions, with the other streams at most in proportion; None: the dialect's rates"""
+    """rate of positions; a rate below the dialect's slows the other streams in proportion; None: the
+    dialect's rates"""
     stops_others: bool = False
-    """True if streams without a use here are ended"""
+    """True if streams that this program does not use are ended"""
 
     def rates_hz(self, usual_hz: Mapping[int, float]) -> dict[int, float]:
         """Return the rates to request over this link (message id -> rate), from a dialect's rates."""
@@ -46,10 +47,10 @@ class Streaming:
 
 
 class StreamKeeper:
-    """Keeper of the streams `rates_hz` (message id -> rate); with `stops_others` it ends those of `NEEDLESS`.
+    """Keeper of the streams `rates_hz` (message id -> rate); `stops_others` ends the `UNUSED_IDS` streams.
 
-    Acknowledgements of requests do not matter, only the arrival of the message. The pauses between requests
-    for a missing message grow, because some firmwares do not have it.
+    Only the arrival of a message confirms a request; acknowledgements are ignored. The pauses between
+    requests for a missing message grow, because some firmwares do not support that message.
     """
 
     def __init__(
@@ -58,10 +59,10 @@ class StreamKeeper:
         self._peer = peer
         self._rates_hz = rates_hz
         self._due: dict[int, float] = {}
-        self._patience_s = dict.fromkeys(rates_hz, _PATIENCE_S)
+        self._repeat_s = dict.fromkeys(rates_hz, _REPEAT_S)
         self._stops_others = stops_others
-        self._came_s: dict[int, float] = {}
-        """last arrival of each needless message"""
+        self._received_s: dict[int, float] = {}
+        """last arrival of each unused message [s]"""
         self._stopped: dict[int, tuple[float, float]] = {}
         """time of the last command to end each stream, and pause before the next one [s]"""
         self._to_stop: deque[int] = deque()
@@ -73,22 +74,22 @@ class StreamKeeper:
         return due if due is None or not self._to_stop else min(due, self._stop_at)
 
     def demand(self, due: float) -> None:
-        """Request at `due` every stream that has not come by then, as at the start or after a reboot."""
+        """Schedule requests at time `due` for all streams that have not arrived by then."""
         for msgid in self._rates_hz:
             self._due[msgid] = due
-            self._patience_s[msgid] = _PATIENCE_S
+            self._repeat_s[msgid] = _REPEAT_S
         self._stopped.clear()
 
     def on_message(self, msgid: int, now: float) -> None:
         if msgid in self._due:
-            self._patience_s[msgid] = _PATIENCE_S
-            self._due[msgid] = now + max(_PATIENCE_S, 3.0 / self._rates_hz[msgid])
-        elif self._stops_others and self._due and msgid in NEEDLESS:
-            self._on_needless(msgid, now)
+            self._repeat_s[msgid] = _REPEAT_S
+            self._due[msgid] = now + max(_REPEAT_S, 3.0 / self._rates_hz[msgid])
+        elif self._stops_others and self._due and msgid in UNUSED_IDS:
+            self._on_unused(msgid, now)
 
-    def _on_needless(self, msgid: int, now: float) -> None:
-        came_s, self._came_s[msgid] = self._came_s.get(msgid), now
-        if came_s is None or now - came_s > _STREAMS_WITHIN_S or msgid in self._to_stop:
+    def _on_unused(self, msgid: int, now: float) -> None:
+        received_s, self._received_s[msgid] = self._received_s.get(msgid), now
+        if received_s is None or now - received_s > _STREAMS_WITHIN_S or msgid in self._to_stop:
             return
         if msgid in self._stopped:
             stopped_s, again_s = self._stopped[msgid]
@@ -99,10 +100,10 @@ class StreamKeeper:
     def tick(self, now: float) -> list[Message]:
         missing = [msgid for msgid, due in self._due.items() if now >= due]
         for msgid in missing:
-            self._due[msgid] = now + max(self._patience_s[msgid], 3.0 / self._rates_hz[msgid])
-            self._patience_s[msgid] = min(2 * self._patience_s[msgid], _PATIENCE_LIMIT_S)
-        orders = [self._order(msgid, float(round(1e6 / self._rates_hz[msgid]))) for msgid in missing]
-        return orders + self._stop(now)
+            self._due[msgid] = now + max(self._repeat_s[msgid], 3.0 / self._rates_hz[msgid])
+            self._repeat_s[msgid] = min(2 * self._repeat_s[msgid], _REPEAT_LIMIT_S)
+        requests = [self._set_interval(msgid, float(round(1e6 / self._rates_hz[msgid]))) for msgid in missing]
+        return requests + self._stop(now)
 
     def _stop(self, now: float) -> list[Message]:
         if not self._to_stop or now < self._stop_at:
@@ -111,13 +112,13 @@ class StreamKeeper:
         msgid = self._to_stop.popleft()
         _, again_s = self._stopped.get(msgid, (now, _STOP_AGAIN_S / 2.0))
         self._stopped[msgid] = now, min(2.0 * again_s, _STOP_AGAIN_LIMIT_S)
-        return [self._order(msgid, _STOPPED_US)]
+        return [self._set_interval(msgid, _STOPPED_US)]
 
-    def _order(self, msgid: int, interval_us: float) -> Message:
+    def _set_interval(self, msgid: int, interval_us: float) -> Message:
         return command_long(self._peer, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
 
 
-NEEDLESS = frozenset(
+UNUSED_IDS = frozenset(
     getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
     for name in (
         "AHRS",
@@ -171,5 +172,5 @@ NEEDLESS = frozenset(
         "WIND_COV",
     )
 )
-"""Ids of streams for a pilot's instruments, unused here; GPS_RAW_INT is requested when needed. Messages
-between components (trackers, remote identification) are not among them."""
+"""Ids of streams for a pilot's instruments, which this program does not use; the preflight check requests
+GPS_RAW_INT. The set leaves out messages between components (trackers, remote identification)."""

@@ -1,4 +1,4 @@
-"""Fold of a vehicle's messages into its `VehicleState`."""
+"""Telemetry of a vehicle: its messages combined into a `VehicleState`."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
 STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 """a vehicle in the air below both speeds stands still"""
 REBOOT_S = 3.0
-"""a clock that goes back further was restarted; a smaller step back is a late datagram"""
+"""a larger step back of the clock is a reboot; a smaller one is a late datagram"""
 YOUNGER_S = 1.0
-"""A clock was also restarted if it has run less than the silence before it, by more than this margin for late
-messages."""
+"""Margin for late messages. A clock that has run for less than the last silence minus this margin was
+restarted."""
 
-CLOCK_BEGINS_ANEW_S = 2**32 / 1000.0
+CLOCK_WRAP_S = 2**32 / 1000.0
 """period of time_boot_ms, which has 32 bits: 49.7 days"""
 
 POSITION_KEPT_S = 3.0
-"""A position older than this, by the local clock, is dropped. ArduPilot reports that it has no position; PX4
-just stops sending positions."""
+"""Longest use of a position, by the local clock. ArduPilot reports the loss of its position; PX4 just stops
+sending positions."""
 POSITIONS_COUNTED, FEWEST_POSITIONS = 10, 3
 SNAPSHOT_S = 0.9
 """without a position, a heartbeat or SYS_STATUS this long after the last snapshot makes a new one"""
 MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
-"""limits above the sea or home; altitudes beyond them count as invalid"""
+"""limits of altitudes above sea level or home; other altitudes count as invalid"""
 TEXTS_KEPT = 256
 
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
@@ -46,10 +46,11 @@ _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEX
 class Telemetry:
     """Telemetry of one vehicle since its boot.
 
-    `receive` returns whether there is a new snapshot: with each position, and about once a second without.
+    `receive` returns whether there is a new snapshot: with each position, and without positions about once a
+    second.
 
-    texts: last STATUSTEXTs (severity, text) of `n_texts` in all
-    heartbeats, reboots: number of heartbeats, and of times that the vehicle's clock began anew
+    texts: last STATUSTEXTs (severity, text); `n_texts` counts all of them
+    heartbeats, reboots: numbers of heartbeats and of reboots
     stood_still_s: time in hold or without motion in the air, by the vehicle's clock
     """
 
@@ -82,7 +83,7 @@ class Telemetry:
             dialect.mission_mode: "mission",
             dialect.return_mode: "return",
         }
-        self._fold: dict[str, Callable[[Message], bool]] = {
+        self._handlers: dict[str, Callable[[Message], bool]] = {
             "HEARTBEAT": self._heartbeat,
             "GLOBAL_POSITION_INT": self._global_position,
             "SYS_STATUS": self._sys_status,
@@ -103,14 +104,14 @@ class Telemetry:
         return self._state
 
     def receive(self, message: Message, now: float) -> bool:
-        """Fold in a message; return whether there is a new snapshot. `now`: local clock [s]."""
-        fold = self._fold.get(message.get_type())
-        if fold is None:
+        """Update the state from a message; return whether there is a new snapshot. `now`: local clock [s]."""
+        handler = self._handlers.get(message.get_type())
+        if handler is None:
             return False
         self._now = now
         was_missing = message.get_msgId() in self._missing
         self._missing.discard(message.get_msgId())
-        snapshot = fold(message)
+        snapshot = handler(message)
         if was_missing or message.get_type() in _READINESS_SOURCES:
             self._update_readiness()
         if not snapshot and message.get_type() in _SNAPSHOT_SOURCES:
@@ -119,20 +120,20 @@ class Telemetry:
             self._snapshot_s = now
         return snapshot
 
-    def holds_another_mission(self, is_so: bool) -> None:
+    def set_other_mission(self, is_stored: bool) -> None:
         """Set whether the vehicle stores another mission than the verified one."""
-        self._changes["other_mission"] = is_so
+        self._changes["other_mission"] = is_stored
 
     @property
     def position_age_s(self) -> float:
-        """Return the age of the last position at the last message [s]; 0 if none has come."""
+        """Return the age of the last position at the last message [s]; 0 before the first position."""
         reported_s = self.state.position_s
         return 0.0 if reported_s is None else self._now - reported_s
 
     def position_every_s(self, now: float) -> float | None:
         """Return the mean time between the last positions [s]; None after fewer than FEWEST_POSITIONS."""
-        came_s = self._positions_s
-        return (now - came_s[0]) / len(came_s) if len(came_s) >= FEWEST_POSITIONS else None
+        times_s = self._positions_s
+        return (now - times_s[0]) / len(times_s) if len(times_s) >= FEWEST_POSITIONS else None
 
     def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
         """Return the kept texts that came after the first `n_texts`."""
@@ -160,7 +161,7 @@ class Telemetry:
         return reported_s is None or self._now - reported_s > POSITION_KEPT_S
 
     def _system_time(self, message: Message) -> bool:
-        """Take the vehicle's clock from SYSTEM_TIME while no positions come; otherwise they carry it."""
+        """Update the vehicle's clock while no positions come; positions carry the clock too."""
         time_boot_s = self._clock_s(message)
         if (
             not self._notice_reboot(time_boot_s)
@@ -175,11 +176,11 @@ class Telemetry:
         if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
             return False
         self._count_standing(time_boot_s)
-        place = _position_fields(message)
-        if place is not _NO_POSITION:
+        position = _position_fields(message)
+        if position is not _NO_POSITION:
             self._changes["position_s"] = self._now
             self._positions_s.append(self._now)
-        self._changes |= place
+        self._changes |= position
         self._changes |= {
             "time_boot_s": time_boot_s,
             "ground_speed_m_s": (message.vx**2 + message.vy**2) ** 0.5 / 100.0,
@@ -204,31 +205,31 @@ class Telemetry:
     def _clock_s(self, message: Message) -> float:
         """Return the time since boot, also across the clock's wrap after 49.7 days.
 
-        A wrap counts only when it is due by the local clock; otherwise a restart of the clock is a reboot.
+        A wrap counts only when the local clock expects it; otherwise a restart of the clock is a reboot.
         """
         reported_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
-        if self._clock_before_s and reported_s - self._clock_reported_s > CLOCK_BEGINS_ANEW_S / 2.0:
-            return reported_s - CLOCK_BEGINS_ANEW_S  # late message from before the wrap
+        if self._clock_before_s and reported_s - self._clock_reported_s > CLOCK_WRAP_S / 2.0:
+            return reported_s - CLOCK_WRAP_S  # late message from before the wrap
         if self._clock_received_s is not None:
-            ran_s = reported_s + CLOCK_BEGINS_ANEW_S - self._clock_reported_s
+            ran_s = reported_s + CLOCK_WRAP_S - self._clock_reported_s
             if abs(ran_s - (self._now - self._clock_received_s)) <= REBOOT_S:
-                self._clock_before_s += CLOCK_BEGINS_ANEW_S
-                return reported_s + CLOCK_BEGINS_ANEW_S
+                self._clock_before_s += CLOCK_WRAP_S
+                return reported_s + CLOCK_WRAP_S
         return reported_s
 
     def _notice_reboot(self, time_boot_s: float) -> bool:
-        began_anew_s = self._clock_reported_s // CLOCK_BEGINS_ANEW_S * CLOCK_BEGINS_ANEW_S
+        last_wrap_s = self._clock_reported_s // CLOCK_WRAP_S * CLOCK_WRAP_S
         received_s, self._clock_received_s, self._clock_reported_s = (
             self._clock_received_s,
             self._now,
             time_boot_s,
         )
         went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
-        ran_s = time_boot_s - began_anew_s  # below 0: late message from before the wrap
+        ran_s = time_boot_s - last_wrap_s  # below 0: late message from before the wrap
         is_younger = received_s is not None and 0.0 <= ran_s < self._now - received_s - YOUNGER_S
         if not (went_back or is_younger):
             return False
-        # Keep the fields from heartbeats, which come unrequested; the rest is from before the reboot.
+        # Heartbeats come without a request, so their fields stay; all others are from before the reboot.
         last = self.state
         time_boot_s -= self._clock_before_s
         self._clock_before_s, self._clock_reported_s = 0.0, time_boot_s
@@ -264,10 +265,10 @@ class Telemetry:
         return False
 
     def _gps_ok(self, present: int, health: int) -> bool | None:
-        """Return whether the GPS works; None without a receiver. A receiver that disappears counts as lost.
+        """Return whether the GPS works; None without a receiver. A receiver that disappears has failed.
 
-        PX4 reports its GPS as present only while its estimator uses it, and healthy all the same
-        (estimatorCheck.cpp, SYS_STATUS.hpp); ArduPilot while the receiver sends data.
+        PX4 reports the GPS as present only while the estimator uses it, but always as healthy
+        (estimatorCheck.cpp, SYS_STATUS.hpp). ArduPilot reports it as present while the receiver sends data.
         """
         if present & mavlink.MAV_SYS_STATUS_SENSOR_GPS:
             self._had_gps = True
@@ -286,7 +287,7 @@ class Telemetry:
     def _mission_current(self, message: Message) -> bool:
         seq, total = int(message.seq), int(message.total)
         self._changes |= {
-            # PX4 reports -1 between an upload without a marked item and its navigator's next cycle.
+            # After an upload without a marked item, PX4 reports -1 until its navigator's next cycle.
             "mission_seq": None if seq == 0xFFFF else seq,
             "mission_total": None if total == 0xFFFF else total,
         }

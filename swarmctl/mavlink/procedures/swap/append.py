@@ -1,6 +1,6 @@
-"""Append swap: the new route goes after the old one, for a vehicle that follows every item as it is written.
+"""Append swap: the new route is stored after the old one, for autopilots that follow each item once written.
 
-No item of the old route changes until the new route is stored and read back. One command then makes its first
+No item of the old route changes. When the new route is stored and read back, one command makes its first
 item current. An ArduCopter brakes and speeds up again; other vehicles turn without braking. If the link ends
 before that command, the vehicle flies its old route and lands.
 """
@@ -17,7 +17,7 @@ from swarmctl.mavlink.procedures.swap.in_hold import swap_in_hold
 from swarmctl.mavlink.procedures.swap.route_progress import CORNER_S, SAME_PLACE_M, RoutePosition
 from swarmctl.mavlink.procedures.swap.steps import (
     MAX_ITEMS,
-    PAST_SPLIT,
+    PAST_SPLICE,
     POSITION_UNKNOWN,
     OldPlan,
     SwapPlan,
@@ -31,12 +31,12 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_M_S
 
-MOMENT_S = 10.0
-"""longest wait until the vehicle is not close to a corner"""
+CLEAR_WAIT_S = 10.0
+"""longest wait until the vehicle is clear of corners"""
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Write the new route after the old one, read it back and make it current; otherwise `swap_in_hold`.
+    """Append the new route to the old one, read it back and make it current; otherwise `swap_in_hold`.
 
     Raises NotInControl.
     """
@@ -45,38 +45,40 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     tail = plan.items[ctx.dialect.first_waypoint_seq :]
     if not kept or not mission(ctx.state) or len(kept) + len(tail) > MAX_ITEMS:
         return (yield from swap_in_hold(ctx, plan, old))
-    # From here on the vehicle stores items that are not verified.
+    # From now on the vehicle stores items that are not verified.
     ctx.verified_items = ()
-    is_past = partial(plan.is_past_split, ctx)
+    is_past = partial(plan.is_past_splice, ctx)
     appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
     if appended.is_foreign:
         raise TakenOver(f"another station has changed the mission: {appended.failure}")
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if appended.is_late:
         yield from confirm_state(ctx, mission)
-        # An unread list is unknown: the next plan is written as a whole.
+        # A list that was not read is unknown, so the next plan is written as a whole.
         ctx.verified_items = () if failure else kept + found
-        return Swapped(PAST_SPLIT, "old", is_late=True)
+        return Swapped(PAST_SPLICE, "old", is_late=True)
     if not failure:
-        # A command is based on telemetry that is as old as one round trip.
+        # When a command arrives, the telemetry behind it is one round trip old.
         later_s = appended.round_trip_s
-        yield WaitUntil(lambda: _is_clear(ctx, plan, later_s), MOMENT_S)
+        yield WaitUntil(lambda: _is_clear(ctx, plan, later_s), CLEAR_WAIT_S)
         late, no_position = is_past(appended.round_trip_s), plan.lacks_position(ctx)
         if late or no_position or ctx.state.landed is Landed.LANDING:
             # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, mission)
             ctx.verified_items = kept + found
             why = (
-                PAST_SPLIT
+                PAST_SPLICE
                 if late
                 else POSITION_UNKNOWN
                 if no_position
                 else "the vehicle is landing [landing]"
             )
             return Swapped(why, "old", is_late=late)
-        failure = yield from _take_over(ctx, len(kept), tail, lambda: plan.next_waypoint(ctx, later_s))
+        failure = yield from _make_tail_current(
+            ctx, len(kept), tail, lambda: plan.next_waypoint(ctx, later_s)
+        )
     if not failure:
-        plan.mark_taken_over(ctx)
+        plan.mark_current(ctx)
         ctx.verified_items, ctx.plan_first_seq = kept + found, len(kept)
         failure = yield from confirm_flying(ctx, len(kept))
     if not failure:
@@ -99,31 +101,31 @@ def _read_back(
 
 
 def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
-    """Return whether it is certain which corner of the new route lies ahead when a command arrives."""
+    """Return whether the next corner of the new route is certain at the time when a command arrives."""
     if plan.lacks_position(ctx):
         return False
     if not plan.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
     at = plan.position(ctx, later_s)
-    return at.is_late or (at.corner_s > CORNER_S and not _passes_it_braking(ctx, at))
+    return at.is_late or (at.corner_s > CORNER_S and not _brakes_past_item(ctx, at))
 
 
-def _passes_it_braking(ctx: Context, at: RoutePosition) -> bool:
-    """Return whether braking would carry the vehicle past the item ahead, so that it would fly back.
+def _brakes_past_item(ctx: Context, at: RoutePosition) -> bool:
+    """Return whether the vehicle would brake past the next item, and so would fly back to it.
 
-    False at the splice point: flying back to it is better than leaving it out.
+    False at the splice point: flying back to that point is better than leaving it out.
     """
     brakes_m_s2 = ctx.dialect.brakes_m_s2
-    is_at_splice = at.item_m + at.past_split_m > -SAME_PLACE_M
+    is_at_splice = at.item_m + at.past_splice_m > -SAME_PLACE_M
     if brakes_m_s2 is None or is_at_splice:
         return False
     return at.item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
-def _take_over(
+def _make_tail_current(
     ctx: Context, begin: int, tail: tuple[MissionItem, ...], first: Callable[[], int]
 ) -> Procedure[str | None]:
-    """Make an item of the tail current; return the failure. `first`: its index, computed for each command."""
+    """Make an item of the tail current; return the failure. `first` returns its index before each command."""
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
     def follows(state: VehicleState) -> bool:

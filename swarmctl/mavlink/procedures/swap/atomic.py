@@ -1,4 +1,4 @@
-"""Atomic swap: the new mission replaces the old one when its upload is complete; the vehicle flies on."""
+"""Atomic swap: a completed upload replaces the old mission while the vehicle flies on."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ REJECTION_TEXTS = (
 
 
 def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Upload, read back and see the new mission flown; otherwise return to the old one.
+    """Upload and read back the new mission and confirm that it is flown; otherwise return to the old mission.
 
-    A plan that leaves the old one ahead of the vehicle is joined to the flown part of the old plan with the
-    same item numbers, so the vehicle keeps its current item. For any other plan the item to fly is marked.
+    A plan with a splice point ahead of the vehicle (`leaves_ahead`) follows the flown items of the old plan.
+    All item numbers stay, so the vehicle keeps its current item. In any other plan the item to fly is marked.
 
-    There is one try, because the vehicle flies on meanwhile. A vehicle that has passed the splice point by
-    then does not get the last item. Raises NotInControl.
+    The vehicle flies on during the upload, so the upload is tried once. If the vehicle has passed the splice
+    point, the last item is withheld. Raises NotInControl.
     """
     old = OldPlan.of(ctx)
     items: tuple[MissionItem, ...] = plan.items
@@ -64,8 +64,8 @@ def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     uploaded = yield from _upload(ctx, plan, items, marked, before)
     failure = uploaded.failure
     if failure is None:
-        plan.taken_over_s = uploaded.uploaded_s
-        failure = yield from _confirm_taken_up(ctx, plan, marked, min(before, len(items) - 1), n_texts)
+        plan.current_since_s = uploaded.uploaded_s
+        failure = yield from _confirm_new_mission(ctx, plan, marked, min(before, len(items) - 1), n_texts)
         if failure is None:
             return Swapped(None, "new")
     elif _still_flies_old(ctx, old, uploaded.found):
@@ -78,25 +78,25 @@ def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 
 
 def _joined(ctx: Context, plan: SwapPlan, old: OldPlan) -> tuple[tuple[MissionItem, ...], int | None]:
-    """Return the old plan up to the splice point followed by the new one, and no item to mark.
+    """Return the old plan up to the splice point followed by the new plan, and None (no item to mark).
 
-    If that list is too long, return the new plan by itself and its first waypoint.
+    If that list is too long, return the new plan alone, and its first waypoint as the item to mark.
     """
     first, flown = ctx.dialect.first_waypoint_seq, old.seq
-    begins, passed = plan.items[first], list[MissionItem]()
-    if _place(old.items[flown - 1]) == _place(begins):
+    splice, passed = plan.items[first], list[MissionItem]()
+    if _position(old.items[flown - 1]) == _position(splice):
         flown -= 1
     else:
-        # Items that the first leg passes keep their numbers, also where the new plan does not name them.
+        # Old items on the first leg keep their numbers, even if the new plan leaves them out.
         for item in old.items[flown:]:
-            if _place(item) == _place(begins) or not plan.progress.first_leg_passes(item):
+            if _position(item) == _position(splice) or not plan.progress.first_leg_passes(item):
                 break
-            passed.append(replace(item, z=begins.z))
+            passed.append(replace(item, z=splice.z))
     joined = append_items((*old.items[:flown], *passed), plan.items, first)
     return (joined, None) if len(joined) <= MAX_ITEMS else (plan.items, first)
 
 
-def _place(item: MissionItem) -> tuple[int, int]:
+def _position(item: MissionItem) -> tuple[int, int]:
     return item.x, item.y
 
 
@@ -105,12 +105,12 @@ def _upload(
 ) -> Procedure[VerifiedUpload]:
     """Upload the new mission once to a vehicle that holds or flies item `before`.
 
-    After a failure, the result has the items that are on the vehicle instead, if they could be read.
+    After a failure `found` has the items on the vehicle, if they could be read.
     """
     yield from confirm_state(ctx, _in_own_modes(plan))
 
     def too_late(round_trip_s: float) -> bool:
-        return plan.lacks_position(ctx) or plan.is_past_split(ctx, round_trip_s)
+        return plan.lacks_position(ctx) or plan.is_past_splice(ctx, round_trip_s)
 
     uploaded = yield from upload_mission(ctx, items, marked, tries=1, flown=before, too_late=too_late)
     if uploaded.failure is None:
@@ -128,45 +128,47 @@ def _upload(
     return replace(uploaded, failure=None, found=read.items)
 
 
-def _confirm_taken_up(
+def _confirm_new_mission(
     ctx: Context, plan: SwapPlan, marked: int | None, kept: int, n_texts: int
 ) -> Procedure[str | None]:
-    """See the vehicle fly its new mission from the marked item, or else from item `kept`; return the failure.
+    """Wait until the vehicle flies the new mission from item `marked` (None: `kept`); return the failure.
 
-    `n_texts`: number of its texts before the upload.
+    `n_texts`: number of the vehicle's texts before the upload.
     """
     items = ctx.verified_items
-    if _has_landed_by(ctx, items):
+    if _has_landed_after(ctx, items):
         return None
     try:
         if marked is None:
-            # A MISSION_CURRENT from now on is about the new mission.
+            # The next MISSION_CURRENT is about the new mission.
             yield from await_current_item(ctx, lambda _now: True)
             if is_other_landing(items, ctx.state.mission_seq or 0):
-                # Its item number belonged to the old mission's landing, and belongs to another landing now.
+                # The current number belonged to the old mission's landing, and now to another landing.
                 return "the vehicle reached its landing before the new mission was complete [landing-reached]"
-            return (yield from _flown_from(ctx, plan, kept))
-        return (yield from _fly(ctx, plan, marked, lambda now: _reached_marked(ctx, plan, marked, kept, now)))
+            return (yield from _fly_mission_from(ctx, plan, kept))
+        return (
+            yield from _fly_from(ctx, plan, marked, lambda now: _reached_marked(ctx, plan, marked, kept, now))
+        )
     except TakenOver:
-        why = _rejection(ctx, n_texts)
+        why = _rejection_in_hold(ctx, n_texts)
         if why is None:
             raise
         plan.own_modes.add(ctx.dialect.hold_mode)
         return why
 
 
-def _has_landed_by(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
-    """Return whether the vehicle has flown the items to their end, and is down, during the read-back."""
+def _has_landed_after(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
+    """Return whether the vehicle has completed the items and landed during the read-back."""
     state, seq = ctx.state, ctx.state.mission_seq
     is_down = not state.armed and state.landed is Landed.ON_GROUND and state.mode == ctx.dialect.mission_mode
     return is_down and seq is not None and seq < len(items) and items[seq].command == LAND
 
 
 def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: int) -> bool:
-    """Return whether the vehicle has flown to the marked item first, given its current item `now`.
+    """Return whether the vehicle has begun at the marked item, given its current item `now`.
 
-    A number below `kept`, the item flown before, proves it. From `kept` on the vehicle may have gone on by
-    number instead, so its position has to be near the leg to `now`.
+    A number below `kept`, the item flown before, proves this. With another number the vehicle may have kept
+    its old item number, so the vehicle has to be near the leg to `now`.
     """
     first = ctx.dialect.first_waypoint_seq
     if marked <= now < kept or now == marked:
@@ -174,15 +176,15 @@ def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: i
     return now > marked and plan.progress.is_near_leg_to(now - first, ctx.state)
 
 
-def _rejection(ctx: Context, n_texts: int) -> str | None:
-    """Return the vehicle's complaint if it holds because of the new mission; None for another reason.
+def _rejection_in_hold(ctx: Context, n_texts: int) -> str | None:
+    """Return the vehicle's text if it holds because it rejects the new mission, else None.
 
-    PX4 accepts a mission that it cannot fly, complains, and leaves mission mode by itself.
+    PX4 accepts a mission that it cannot fly, sends a text, and leaves mission mode by itself.
     """
-    return complaint(ctx, n_texts) if ctx.state.mode == ctx.dialect.hold_mode else None
+    return rejection_text(ctx, n_texts) if ctx.state.mode == ctx.dialect.hold_mode else None
 
 
-def complaint(ctx: Context, n_texts: int) -> str | None:
+def rejection_text(ctx: Context, n_texts: int) -> str | None:
     """Return the vehicle's last text since `n_texts` that rejects a mission; None if there is none."""
     warnings = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
     rejections = [text for text in warnings if any(part in text.lower() for part in REJECTION_TEXTS)]
@@ -190,35 +192,37 @@ def complaint(ctx: Context, n_texts: int) -> str | None:
 
 
 def _still_flies_old(ctx: Context, old: OldPlan, found: tuple[MissionItem, ...]) -> bool:
-    """Return whether the vehicle still flies the old mission: the new one was refused or never complete."""
+    """Return whether the vehicle still flies the old mission, after a refused or incomplete upload."""
     is_stored = bool(found) and bool(old.items) and not ctx.dialect.differences(old.items, found)
     return is_stored and ctx.state.mode == ctx.dialect.mission_mode
 
 
 def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str | None]:
-    """Return to the old mission, if the vehicle is still on its route; return the failure."""
+    """Return a vehicle that is still on the old route to the old mission; return the failure."""
     yield from confirm_state(ctx, _in_own_modes(plan))
     seq = old.next_item(ctx)
     if seq is None:
-        return NOT_ON_OLD_MISSION if old.items else "the old mission is not known"
+        return NOT_ON_OLD_MISSION if old.items else "the old mission is unknown"
     uploaded = yield from upload_mission(ctx, old.items, seq)
     if uploaded.failure:
         return uploaded.failure
     seq = old.next_item(ctx)  # the vehicle has flown on meanwhile
     if seq is None:
         return NOT_ON_OLD_MISSION
-    return (yield from _fly(ctx, plan, seq, lambda now: now == seq))
+    return (yield from _fly_from(ctx, plan, seq, lambda now: now == seq))
 
 
-def _fly(ctx: Context, plan: SwapPlan, seq: int, is_right: Callable[[int], bool]) -> Procedure[str | None]:
+def _fly_from(
+    ctx: Context, plan: SwapPlan, seq: int, is_right: Callable[[int], bool]
+) -> Procedure[str | None]:
     failure = None
     if not (yield from await_current_item(ctx, is_right)):
         failure = yield from set_current_item(ctx, seq, _in_own_modes(plan))
-    return failure or (yield from _flown_from(ctx, plan, seq))
+    return failure or (yield from _fly_mission_from(ctx, plan, seq))
 
 
-def _flown_from(ctx: Context, plan: SwapPlan, seq: int) -> Procedure[str | None]:
-    """Set mission mode and see the vehicle fly to item `seq` or a later one; return the failure."""
+def _fly_mission_from(ctx: Context, plan: SwapPlan, seq: int) -> Procedure[str | None]:
+    """Set mission mode and wait until the vehicle flies to item `seq` or a later item; return the failure."""
     failure = yield from set_mode(ctx, ctx.dialect.mission_mode, _in_own_modes(plan), armed=True)
     return failure or (yield from confirm_flying(ctx, seq))
 

@@ -1,11 +1,12 @@
 """Replace the mission of a flying vehicle as a transaction.
 
-The vehicle never flies a mixture of two plans, even if messages are lost. The autopilot decides on the kind:
+The vehicle never flies a mixture of two plans, even if messages are lost. The kind of swap depends on the
+autopilot:
 
 | swap | condition | during the swap the vehicle |
 |---|---|---|
 | `swap_atomic` | the autopilot exchanges whole missions | flies on |
-| `swap_append` | the autopilot follows each written item | flies on; the new route goes after the old one |
+| `swap_append` | the autopilot follows each item once written | flies on; the new route is appended |
 | `swap_in_hold` | appending is impossible or failed | holds |
 """
 
@@ -39,7 +40,7 @@ CLIMB_LIMIT_S = 60.0
 
 
 def _lands(ctx: Context) -> bool:
-    """Return whether the vehicle descends to land, or flies to the circle of its landing."""
+    """Return whether the vehicle descends to land, or flies to its landing's circle."""
     state = ctx.state
     by_mission = state.mode == ctx.dialect.mission_mode and state.mission_seq in landing_items(
         ctx.verified_items
@@ -50,10 +51,10 @@ def _lands(ctx: Context) -> bool:
 def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
     """Return the expected time of a swap [s], given that an upload of `n_items` took `upload_s`.
 
-    The estimate scales by the number of requests and answers of each.
+    The estimate compares numbers of round trips.
     """
     windows = math.ceil(n_items / WINDOW)
-    up, down = 2 + windows, 1 + windows  # the number of items, the items, and the last one by itself
+    up, down = 2 + windows, 1 + windows  # number of items, windows, and for uploads the last item alone
     if dialect.uploads_atomically:
         return upload_s * up / (up + down)
     # Write, read back, confirm, make current.
@@ -63,13 +64,13 @@ def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
 def swap(
     ctx: Context, new: tuple[MissionItem, ...], *, leaves_ahead: bool = False, from_hold: bool = False
 ) -> Procedure[Swapped]:
-    """Fly `new` from its first waypoint; on failure fly the old mission again, or hold. Return which it is.
+    """Fly `new` from its first waypoint; after a failure fly the old mission, or hold. Return the outcome.
 
-    `leaves_ahead`: the new mission begins like the rest of the old one and leaves it farther on. The vehicle
-    then flies it from the item ahead of it, and not at all if it has passed the splice point.
+    `leaves_ahead`: the new mission begins like the rest of the old mission, up to a splice point. The vehicle
+    continues with the item ahead of it. If the vehicle has passed the splice point, the swap fails.
 
-    No command is sent once another party has chosen another mode. Hold mode counts as such, unless this
-    program has set it (`from_hold`).
+    No command is sent once another party has chosen a mode. `from_hold`: this program has set hold mode;
+    otherwise hold mode is another party's choice.
     """
     begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
@@ -78,7 +79,7 @@ def swap(
     plan = SwapPlan(new, progress, leaves_ahead, own_modes)
     # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
     yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
-    # A late heartbeat may show an earlier mode.
+    # The last heartbeat may show an earlier mode.
     yield WaitUntil(lambda: ctx.state.mode in plan.own_modes, STALE_MODE_S)
     if ctx.state.mode not in plan.own_modes:
         return Swapped(describe_takeover(ctx.state), "theirs")
@@ -96,6 +97,6 @@ def swap(
         done = Swapped(str(why), "theirs")
     except NotInControl as why:
         done = Swapped(str(why), "hold" if plan.holds else "unknown")
-    took_s = None if plan.taken_over_s is None else max(plan.taken_over_s - begin.time_boot_s, 0.0)
+    took_s = None if plan.current_since_s is None else max(plan.current_since_s - begin.time_boot_s, 0.0)
     stood_s = ctx.telemetry.stood_still_s - stood_s
     return replace(done, stood_still_s=stood_s, took_s=took_s if done.failure is None else None)

@@ -1,4 +1,4 @@
-"""Swap in hold: the vehicle holds while its mission is replaced, because it follows each item as written."""
+"""Swap in hold: the vehicle holds while its mission is replaced item by item."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from swarmctl.mavlink.procedures.guarded import confirm_state, in_modes, set_mod
 from swarmctl.mavlink.procedures.set_current import set_current_item
 from swarmctl.mavlink.procedures.swap.steps import (
     NOT_ON_OLD_MISSION,
-    PAST_SPLIT,
+    PAST_SPLICE,
     POSITION_UNKNOWN,
     OldPlan,
     SwapPlan,
@@ -22,11 +22,11 @@ from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 HOLD_LIMIT_S = 120.0
-"""Holding uses battery that the flight needs: later no further step begins, and the agent decides."""
+"""Longest hold: holding uses battery. After this time no further step begins, and the agent decides."""
 
 
 def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swapped]:
-    """Hold, upload, read back, set the current item, fly; on failure return to the old mission the same way.
+    """Hold, upload, read back, set the current item, fly; after a failure do the same with the old mission.
 
     Raises NotInControl.
     """
@@ -40,14 +40,14 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
     def is_over() -> bool:
         return ctx.state.time_boot_s > until_s
 
-    is_late = bool(old.items) and plan.is_past_split(ctx, 0.0)
-    failure = PAST_SPLIT if is_late else POSITION_UNKNOWN
+    is_late = bool(old.items) and plan.is_past_splice(ctx, 0.0)
+    failure = PAST_SPLICE if is_late else POSITION_UNKNOWN
     if not (is_late or plan.lacks_position(ctx)):
         failure = yield from _fly_from_hold(
             ctx, plan, plan.items, lambda: first + plan.next_waypoint(ctx), is_over
         )
     if not failure:
-        plan.mark_taken_over(ctx)
+        plan.mark_current(ctx)
         return Swapped(None, "new")
     if is_over():
         failure = f"{failure}; the vehicle has held for more than {HOLD_LIMIT_S:g} s [hold-limit]"
@@ -63,7 +63,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
 def _fly_back(
     ctx: Context, plan: SwapPlan, old: OldPlan, is_over: Callable[[], bool]
 ) -> Procedure[str | None]:
-    """Return to the old mission, if the vehicle is still on its route; return the failure."""
+    """Return a vehicle that is still on the old route to the old mission; return the failure."""
     seq = old.next_item(ctx)
     if seq is None:
         return NOT_ON_OLD_MISSION
@@ -74,12 +74,12 @@ def _fly_from_hold(
     ctx: Context,
     plan: SwapPlan,
     items: tuple[MissionItem, ...],
-    item: Callable[[], int],
+    first_item: Callable[[], int],
     is_over: Callable[[], bool],
 ) -> Procedure[str | None]:
-    """Upload to a vehicle that holds, and see it fly from the item that `item` returns after the upload.
+    """Upload to a holding vehicle and make it fly from `first_item()`, called after the upload.
 
-    On failure the vehicle holds again. Raises NotInControl after a takeover.
+    Return the failure, with the vehicle in hold again. Raises NotInControl.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     holds = in_modes({hold}, armed=True)
@@ -87,7 +87,7 @@ def _fly_from_hold(
     uploaded = yield from upload_mission(ctx, items, is_over=is_over)
     if uploaded.failure:
         return uploaded.failure
-    seq = item()
+    seq = first_item()
     failure = yield from set_current_item(ctx, seq, holds)
     if failure:
         return failure

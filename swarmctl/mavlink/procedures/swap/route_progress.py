@@ -1,4 +1,4 @@
-"""Route progress: position of a flying vehicle on its new route, and the item that lies ahead. Pure.
+"""Route progress: position of a flying vehicle on its new route, and the item ahead. No I/O.
 
 A new route begins with the part that it shares with the flown route. The vehicle flies on until the new route
 is current, and may pass the first new items in this time. The vehicle never flies back to a passed item.
@@ -17,11 +17,11 @@ from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
 CORNER_S = 0.75
-"""This close to a corner a command may arrive before or after it, so the command waits."""
+"""time around a corner without commands: a command could arrive before or after the corner"""
 MAX_CROSS_TRACK_M = 12.0
-"""a vehicle farther from the new route has left it"""
+"""longest distance from the new route of a vehicle on that route"""
 SAME_PLACE_M = 1.0
-"""a corner of the new route this close to the old route lies on it"""
+"""longest distance from the old route of a corner on that route"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,48 +29,48 @@ class RoutePosition:
     """Position of a vehicle on a route."""
 
     item: int
-    """index of the next item to fly to"""
+    """index of the next item"""
     cross_track_m: float
     """distance from the route"""
     corner_s: float
-    """time until that item, or since the item before, whichever is nearer"""
-    past_split_m: float = -math.inf
+    """time to the nearest corner: the next item or the previous item"""
+    past_splice_m: float = -math.inf
     """distance past the splice point, where the new route leaves the flown one; negative before"""
     item_m: float = math.inf
-    """distance along the route to that item"""
+    """distance along the route to the next item"""
 
     @property
     def is_late(self) -> bool:
-        return self.past_split_m > 0.0 or self.cross_track_m > MAX_CROSS_TRACK_M
+        return self.past_splice_m > 0.0 or self.cross_track_m > MAX_CROSS_TRACK_M
 
 
 class RouteProgress:
-    """A route (items with positions) from the vehicle's position at `begin` on.
+    """A new route (items with positions) from the vehicle's position at `begin` on.
 
-    `flown`: the route flown meanwhile, from its current item on, if known.
+    `flown`: the route that the vehicle flies until then, from its current item on, if known.
     """
 
     def __init__(
         self, begin: VehicleState, items: Sequence[MissionItem], flown: Sequence[MissionItem] = ()
     ) -> None:
-        here = _place(begin)
+        here = _lat_lon(begin)
         self._frame = None if here is None else LocalFrame(*here)
-        self._points = self._places(items)
+        self._points = self._to_planar(items)
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._along_m = [0.0, *accumulate(legs_m)]
         """distance along the route to each point"""
-        self._n_common = self._in_common(self._places(flown))
-        self._split_m = self._along_m[self._n_common] if self._n_common else math.inf
+        self._n_common = self._n_common_corners(self._to_planar(flown))
+        self._splice_m = self._along_m[self._n_common] if self._n_common else math.inf
 
-    def _places(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
+    def _to_planar(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
         """Return (0, 0) and the items' positions (east, north) [m] from the vehicle's position at `begin`."""
         if self._frame is None:
             return []
         places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
-    def _in_common(self, flown: Sequence[PlanarPoint]) -> int:
-        """Return the number of corners, from the first on, that both routes have; 0 if unknown."""
+    def _n_common_corners(self, flown: Sequence[PlanarPoint]) -> int:
+        """Return the number of first corners that both routes share; 0 if unknown."""
         if len(flown) < 2:
             return 0
         return sum(
@@ -80,19 +80,19 @@ class RouteProgress:
     def at(self, state: VehicleState, later_s: float = 0.0) -> RoutePosition:
         """Return the position on the route `later_s` after `state`, at the same speed along the route.
 
-        Without a known position this is the first item.
+        While the vehicle's position is unknown, the next item is the first one.
         """
-        here = _place(state)
+        here = _lat_lon(state)
         if self._frame is None or here is None or not self.is_known:
             return RoutePosition(0, 0.0, math.inf)
         place = self._frame.to_local(*here)
         legs = [distance_to_leg(place, a, b) for a, b in pairwise(self._points)]
-        # At a corner the vehicle is on both legs: the corner is still ahead.
-        leg = next(i for i, away_m in enumerate(legs) if away_m <= min(legs) + 0.01)
+        # A vehicle at a corner is on both legs; the earlier leg counts, so the corner is still ahead.
+        leg = next(i for i, cross_track_m in enumerate(legs) if cross_track_m <= min(legs) + 0.01)
         (ax, ay), (bx, by) = self._points[leg : leg + 2]
         leg_m = max(math.dist((ax, ay), (bx, by)), 0.01)
         east, north = (bx - ax) / leg_m, (by - ay) / leg_m
-        # Flying straight on past a corner counts as progress as if the vehicle had turned.
+        # Distance flown straight past a corner counts as if the vehicle had turned.
         on_m = max((place[0] - ax) * east + (place[1] - ay) * north, 0.0)
         on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
         return self._position(self._along_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
@@ -104,14 +104,14 @@ class RouteProgress:
 
     def first_leg_passes(self, item: MissionItem) -> bool:
         """Return whether the first leg passes over the item's position."""
-        places = self._places((item,))[1:]
+        places = self._to_planar((item,))[1:]
         return (
             self.is_known and bool(places) and distance_to_leg(places[0], *self._points[:2]) <= SAME_PLACE_M
         )
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
         """Return whether the vehicle is near the leg to item number `item`, or near the last leg."""
-        here, item = _place(state), min(item, len(self._points) - 2)
+        here, item = _lat_lon(state), min(item, len(self._points) - 2)
         if self._frame is None or here is None or item < 0:
             return False
         return (
@@ -121,17 +121,17 @@ class RouteProgress:
     def _position(self, along_m: float, cross_track_m: float, speed_m_s: float) -> RoutePosition:
         ends_m = self._along_m[1:]
         item = min(sum(end_m < along_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
-        if along_m > self._split_m:
-            # The vehicle has flown on along the old route: the way back is known, a way across is not.
+        if along_m > self._splice_m:
+            # The vehicle has followed the old route past the splice point. Only the way back is planned.
             item = min(item, self._n_common - 1)
         since_corner_m = along_m - self._along_m[item] if item else math.inf
         corner_m = min(abs(ends_m[item] - along_m), since_corner_m)
         return RoutePosition(
-            item, cross_track_m, corner_m / speed_m_s, along_m - self._split_m, ends_m[item] - along_m
+            item, cross_track_m, corner_m / speed_m_s, along_m - self._splice_m, ends_m[item] - along_m
         )
 
 
-def _place(state: VehicleState) -> LatLon | None:
+def _lat_lon(state: VehicleState) -> LatLon | None:
     if state.lat_deg is None or state.lon_deg is None:
         return None
     return state.lat_deg, state.lon_deg

@@ -1,4 +1,4 @@
-"""State and steps that the kinds of swap share."""
+"""State and steps shared by the kinds of swap."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import WaitUntil
 
 MAX_ITEMS = 400
-"""A longer list is written as a whole, without the items already flown. ArduPilot stores 650 and more."""
+"""Longest list with flown items; a longer list is replaced by the new plan alone. ArduPilot stores 650 items
+or more."""
 MOVE_WAIT_S = 10.0
 MAX_CROSS_TRACK_TURNING_M = 150.0
-"""cross-track distance that a fixed wing may have in a turn or a circle of its plan"""
-PAST_SPLIT = "the vehicle has flown past the point where the new plan leaves the old one [past-splice]"
+"""longest cross-track distance of a fixed wing in a turn or a circle of its plan"""
+PAST_SPLICE = "the vehicle has flown past the point where the new plan leaves the old one [past-splice]"
 NOT_ON_OLD_MISSION = "cannot confirm that the vehicle is still on its previous mission"
-POSITION_UNKNOWN = "the vehicle reports no position, so its place on the new plan is unknown [no-position]"
+POSITION_UNKNOWN = (
+    "the vehicle reports no position, so the next item of the new plan is unknown [no-position]"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class OldPlan:
-    """The plan that is flown before a swap, as a mission of its own, and its current item."""
+    """The plan flown before a swap, as a separate mission, with its current item."""
 
     items: tuple[MissionItem, ...]
     """empty if unknown"""
@@ -35,7 +38,7 @@ class OldPlan:
 
     @classmethod
     def of(cls, ctx: Context) -> OldPlan:
-        """Return the plan that the vehicle flies now; of a list with earlier plans only the last."""
+        """Return the plan that the vehicle flies now, without earlier plans in the vehicle's list."""
         first, begins = (
             ctx.dialect.first_waypoint_seq,
             max(ctx.plan_first_seq, ctx.dialect.first_waypoint_seq),
@@ -48,7 +51,7 @@ class OldPlan:
     def next_item(self, ctx: Context) -> int | None:
         """Return the item ahead of the vehicle; None if the vehicle is off this plan or reports no position.
 
-        There is no planned way back to the plan from such a place.
+        From such a position no way back to the plan is planned.
         """
         if not (self.items and self.progress.is_known and ctx.state.has_position):
             return None
@@ -62,24 +65,24 @@ class SwapPlan:
     """The new plan of a swap, and the state of the swap."""
 
     items: tuple[MissionItem, ...]
-    """the plan as a mission of its own"""
+    """the plan as a separate mission"""
     progress: RouteProgress
     """progress on the items from the first waypoint on"""
     leaves_ahead: bool
-    """True if the plan begins like the flown one and leaves it ahead of the vehicle"""
+    """True if the plan begins like the flown plan, up to a splice point ahead of the vehicle"""
     own_modes: set[str]
-    """modes that this program has set; grows when the swap changes the mode"""
+    """modes that this program has set; the swap adds the modes that it sets"""
     holds: bool = False
-    """True if the vehicle was last seen to hold by this swap's command"""
-    taken_over_s: float | None = None
+    """True if this swap has put the vehicle into hold, as confirmed by a heartbeat"""
+    current_since_s: float | None = None
     """time when the plan became current, by the vehicle's clock [s]"""
     _position: RoutePosition | None = None
     """last position on the new plan"""
 
     def position(self, ctx: Context, later_s: float) -> RoutePosition:
-        """Return the position on the new plan in `later_s`, or the last one while no position is known.
+        """Return the position on the new plan in `later_s`; the last result while no position is known.
 
-        A position does not come with every message, and is rare over a slow radio.
+        Positions are rare over a slow radio.
         """
         if self._position is None or ctx.state.has_position:
             self._position = self.progress.at(ctx.state, later_s + ctx.telemetry.position_age_s)
@@ -90,20 +93,17 @@ class SwapPlan:
         return self.leaves_ahead and not ctx.state.has_position
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
-        """Return the index of the waypoint to fly to: the next one ahead, or 0 off the plan."""
+        """Return the index of the waypoint to fly to: the next waypoint ahead, or 0 off the plan."""
         at = self.position(ctx, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
 
-    def is_past_split(self, ctx: Context, round_trip_s: float) -> bool:
-        """Return whether the vehicle is past the splice point when a message sent now takes effect.
-
-        The position is as old as one round trip.
-        """
+    def is_past_splice(self, ctx: Context, round_trip_s: float) -> bool:
+        """Return whether the vehicle is past the splice point when a message sent now takes effect."""
         return self.leaves_ahead and self.position(ctx, round_trip_s).is_late
 
-    def mark_taken_over(self, ctx: Context) -> None:
-        """Record that the plan is current from now on; telemetry shows it later."""
-        self.taken_over_s = ctx.state.time_boot_s
+    def mark_current(self, ctx: Context) -> None:
+        """Record that the plan is current from now on; telemetry shows this later."""
+        self.current_since_s = ctx.state.time_boot_s
 
 
 def takes_off(ctx: Context) -> bool:
@@ -114,9 +114,9 @@ def takes_off(ctx: Context) -> bool:
 
 
 def confirm_flying(ctx: Context, first: int) -> Procedure[str | None]:
-    """See the vehicle fly to item `first` or a later one; return the failure.
+    """Wait until the vehicle flies to item `first` or a later item; return the failure.
 
-    Without a position its current item number has to be enough.
+    Without a position the current item is the only evidence.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     # The last position may be from before the hold.
@@ -137,14 +137,14 @@ def _flies_on(ctx: Context, first: int, since_s: float) -> bool:
 
 
 def _is_under_way(ctx: Context, first: int) -> bool:
-    """Return whether mode and current item say that the vehicle flies `first` or a later item."""
+    """Return whether, by mode and current item, the vehicle flies `first` or a later item."""
     state = ctx.state
     is_on = state.mission_seq is not None and first <= state.mission_seq < len(ctx.verified_items)
     return is_on and state.mode == ctx.dialect.mission_mode
 
 
 def end_in_hold(ctx: Context, plan: SwapPlan, failure: str) -> Procedure[Swapped]:
-    """Have the vehicle hold as the last resort. Raises NotInControl if it does not."""
+    """Set hold mode as the last resort. Raises NotInControl if the vehicle does not hold."""
     no_hold = yield from enter_hold(ctx, plan)
     if no_hold:
         raise NotInControl(f"{failure}; the vehicle does not hold either: {no_hold} [no-hold]")
@@ -153,7 +153,7 @@ def end_in_hold(ctx: Context, plan: SwapPlan, failure: str) -> Procedure[Swapped
 
 def enter_hold(ctx: Context, plan: SwapPlan) -> Procedure[str | None]:
     """Set hold mode; return the failure. Raises NotInControl."""
-    # A vehicle that holds already was put there by another party, unless hold is one of the own modes.
+    # If the vehicle already holds and hold is not an own mode, another party has taken over.
     yield from confirm_state(ctx, in_modes(plan.own_modes, armed=True))
     plan.own_modes.add(ctx.dialect.hold_mode)
     failure = yield from set_mode(
