@@ -155,7 +155,7 @@ class OperatorService:
             transport.serve(key, self._receive)
 
     def join(self, uav: int, name: str, post: Callable[[AgentCommand], None]) -> None:
-        """Add an agent. `post` passes an event to the agent; the agent's answer goes to `answered`."""
+        """Add an agent. `post` passes an event to the agent; the agent calls `answered` with its answer."""
         self._agents[uav] = (name, post)
 
     def answered(self, command: int, answer: VehicleAnswer) -> None:

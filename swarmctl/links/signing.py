@@ -26,7 +26,7 @@ EPOCH_UNIX_S = 1_420_070_400
 """2015-01-01 00:00 UTC, the zero of timestamps"""
 LAST_TIMESTAMP = 2**48 - 1
 NEW_STREAM_AGE = 60 * TICKS_PER_S
-"""largest lag of a new stream behind the own time"""
+"""largest age of a new stream's first timestamp, by the own time"""
 RESERVED = 60 * TICKS_PER_S
 """lead of the stored timestamp over the used timestamps after a write"""
 RENEWED = 30 * TICKS_PER_S

@@ -229,7 +229,7 @@ def test_a_certificate_outside_its_validity_is_refused_with_the_date(
 
 MAKING_ON_TOP: dict[Callable[[Path], None], str] = {
     named_otherwise: r"uav3/cert.pem .* uav3;",
-    of_another_swarm: r"uav3/cert.pem .*/ca:",
+    of_another_swarm: r"uav3/cert.pem .*/ca\b",
     with_anothers_key: r"uav3/key.pem .*uav3/cert.pem",
     cut_off: r"uav3/cert.pem .*PEM",
     with_an_authority_of_two: r"ca/key.pem .*ca/ca.pem",

@@ -67,4 +67,4 @@ class NetworkCounters:
     refused_from: Counter[int] = field(default_factory=Counter)
     """messages refused, by sender"""
     flagged: Counter[int] = field(default_factory=Counter)
-    """cells that this UAV observed otherwise than another UAV, by the other UAV"""
+    """cells of contradicting reports, by the reporting UAV"""

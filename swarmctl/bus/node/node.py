@@ -326,7 +326,7 @@ class Node:
         self, output: NodeOutput, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
     ) -> list[bytes]:
         """Handle relayed frames; return the new frames. A refused frame does not affect other frames."""
-        fresh, wrong, peer = [], 0, self._peers[sender]
+        fresh, n_refused, peer = [], 0, self._peers[sender]
         for data in frames:
             try:
                 decoded = self._decode(data)
@@ -334,10 +334,10 @@ class Node:
                 if self._take_relayed(output, decoded, now_s, unix_s):
                     fresh.append(data)
             except MessageRefused as refused:
-                wrong += 1
+                n_refused += 1
                 self.refuse(refused.why, sender)
                 output.notices.append((refused.why, f"relayed by vehicle {sender}: {refused}"))
-                if wrong == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
+                if n_refused == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
 

@@ -1,7 +1,7 @@
 """Observations of one source, in order: one shared list for all UAVs of a process. No I/O.
 
-A hundred UAVs with separate lists would have ten thousand lists, and each message would touch a hundred of
-them, mostly outside of the processor's cache.
+A hundred UAVs with separate lists would have ten thousand lists. Each message would touch a hundred lists,
+mostly outside of the processor's cache.
 """
 
 from __future__ import annotations

@@ -201,7 +201,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         return has_more
 
     def mark_ahead(self) -> None:
-        """Record that the peer holds observations that are missing here, whatever its last state reported."""
+        """Record that the peer holds observations that are missing here, against its last state."""
         self.column.own_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
     @property

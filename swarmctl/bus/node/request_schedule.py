@@ -56,7 +56,7 @@ class RequestSchedule:
             self._pending = None
 
     def tick(self, now_s: float) -> bool:
-        """Return whether the periodic request is due. That request needs no known gap."""
+        """Return whether the periodic request is due; it needs no known gap."""
         if self._pending is not None and now_s >= self._pending[1]:
             self._pending = None
         if now_s < self._next_sync_s:

@@ -1,10 +1,10 @@
 """Renewal of a bus's Zenoh session: after a time without a link, or with a link without routes in a mesh.
 
 In a mesh the routes to a neighbour may stay lost although the link is up. A Zenoh router announces its
-subscriptions only once. When a network heals, the announcement may arrive before its sender is known and be
-dropped, or go to a session that the other end has closed. Only a new node id repairs this, and a new session
-has a new id. The node that misses the routes renews its session first. If the routes are still missing, the
-node requests a renewal from the neighbour.
+subscriptions only once. When a network heals, this announcement may be lost: its sender is not known yet, or
+the other end has closed the session. Only a new node id repairs this, and a new session has a new id. The
+node that misses the routes renews its session first. If the routes are still missing, the node requests a
+renewal from the neighbour.
 """
 
 from __future__ import annotations

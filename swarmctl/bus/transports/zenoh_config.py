@@ -8,8 +8,8 @@
 | `router` | router | for clients | – |
 | `mesh_node`: a companion in an ad-hoc mesh | router | for its neighbours | to its neighbours, now or later |
 
-There is no discovery: no multicast scouting, no gossip, no shared memory, explicit endpoints. With
-credentials both sides of a link show a certificate, and all links use the protocol of the endpoints.
+All endpoints are explicit: no multicast scouting, no gossip, no shared memory. With credentials both sides of
+a link show a certificate, and all links use the protocol of the endpoints.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ class TransportKind:
 
 TRANSPORTS: dict[Kind, TransportKind] = {
     "udpin": TransportKind(
-        Udp, "does the vehicle (or simulator) send to this machine and port, and is it switched on?"
+        Udp, "is the vehicle (or simulator) switched on, and does it send to this machine and port?"
     ),
     "udpout": TransportKind(
         Udp,

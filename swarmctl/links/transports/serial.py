@@ -85,7 +85,7 @@ class SerialPort:
             self._open_port()
         except (OSError, ValueError) as error:
             self._port = None
-            self.trouble = f"the device is gone: {error}"
+            self.trouble = f"the device is missing: {error}"
             self._reopening = asyncio.get_running_loop().call_later(REOPEN_S, self._reopen)
 
     def _close_port(self) -> None:

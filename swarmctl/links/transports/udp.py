@@ -31,12 +31,12 @@ class Udp(asyncio.DatagramProtocol):
     async def open(self, receive: Receive) -> None:
         self._receive = receive
         loop = asyncio.get_running_loop()
-        here = (self._endpoint.host, self._endpoint.port)
+        address = (self._endpoint.host, self._endpoint.port)
         try:
             if self._endpoint.kind == "udpin":
-                await loop.create_datagram_endpoint(lambda: self, local_addr=here)
+                await loop.create_datagram_endpoint(lambda: self, local_addr=address)
             else:
-                found = await loop.getaddrinfo(*here, type=socket.SOCK_DGRAM)
+                found = await loop.getaddrinfo(*address, type=socket.SOCK_DGRAM)
                 family, _, _, _, self._peer = found[0]
                 await loop.create_datagram_endpoint(lambda: self, family=family, local_addr=_any(family))
         except OSError as error:

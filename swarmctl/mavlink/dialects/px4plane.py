@@ -55,8 +55,7 @@ class Px4Plane(Px4):
 
         After a landing midway PX4 continues with the next item, even on the ground, and does not disarm in
         mission mode (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`). So a jump leads from
-        home's landing to the last item. That item is a landing, and a vehicle on the ground completes it at
-        once.
+        home's landing to the last item, a landing. A vehicle on the ground completes a landing at once.
         """
         at_goal, at_home = plane_approaches(plan)
         # The vehicle climbs along the line to the take-off item's position.

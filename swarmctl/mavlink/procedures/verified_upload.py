@@ -39,7 +39,7 @@ def upload_mission(
 
     A success means that exactly `items` are on the vehicle.
 
-    current: item marked as the one to fly; None: no mark
+    current: item marked as current; None: no mark
     flown: item that the vehicle flies now; it stays current if no item is marked
     too_late: called with the round-trip time [s]; True stops the upload as useless
     is_over: True stops further tries

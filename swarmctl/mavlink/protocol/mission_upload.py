@@ -63,7 +63,7 @@ each item is sent twice; the vehicle requests items again that overflow its buff
 class Upload(Conversation[UploadResult]):
     """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
-    current: item marked as the one to fly, if any
+    current: item marked as current, if any
     flown: item that the vehicle flies now, for a link that always has to mark an item
     too_late: called with the round-trip time [s] when the vehicle requests the last item; True withholds
         that item

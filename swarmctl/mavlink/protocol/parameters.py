@@ -178,7 +178,7 @@ class WriteParameters(_ParameterExchange):
 def read_parameters(
     ctx: Context, names: Iterable[str], *, byte_wise: bool
 ) -> Procedure[dict[str, Parameter]]:
-    """Read parameters; return those that the vehicle knows, by name."""
+    """Read parameters; return the parameters that the vehicle knows, by name."""
     current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
     return current
 
@@ -199,13 +199,13 @@ def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool
     unknown = [name for name in wanted if name not in current]
     if unknown:
         return Done(f"the vehicle does not report {', '.join(unknown)}; nothing was set [parameter-unknown]")
-    wrong = {
+    to_write = {
         name: Parameter(value, current[name].kind)
         for name, value in wanted.items()
         if not same_value(value, current[name].value)
     }
     try:
-        writing = WriteParameters(ctx.peer, wrong, byte_wise=byte_wise)
+        writing = WriteParameters(ctx.peer, to_write, byte_wise=byte_wise)
     except ValueError as error:
         return Done(f"nothing was set: {error}")
     written: dict[str, Parameter] = yield writing
@@ -213,7 +213,7 @@ def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool
         f"{name} is {written[name].value:g} instead of {parameter.value:g}"
         if name in written
         else f"{name} was not confirmed"
-        for name, parameter in wrong.items()
+        for name, parameter in to_write.items()
         if name not in written or not same_value(written[name].value, parameter.value)
     ]
     return Done("; ".join(refused) or None)

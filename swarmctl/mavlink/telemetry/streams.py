@@ -21,7 +21,7 @@ _POSITION = int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
 _STOPPED_US = -1.0
 """the interval of MAV_CMD_SET_MESSAGE_INTERVAL that ends a stream"""
 _STREAMS_WITHIN_S = 3.0
-"""a message that comes again within this time is a stream, not a single message"""
+"""longest interval of a stream; after a longer interval a message counts as a single message"""
 _STOP_EVERY_S = 0.2
 """spacing of commands that end streams: all at once would fill a slow link"""
 _STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0

@@ -58,7 +58,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
         ctx.verified_items = () if failure else kept + found
         return Swapped(PAST_SPLICE, "old", is_late=True)
     if not failure:
-        # When a command arrives, the telemetry behind it is one round trip old.
+        # A command is based on telemetry. When the command arrives, that telemetry is one round trip old.
         later_s = appended.round_trip_s
         yield WaitUntil(lambda: _is_clear(ctx, plan, later_s), CLEAR_WAIT_S)
         late, no_position = is_past(appended.round_trip_s), plan.lacks_position(ctx)

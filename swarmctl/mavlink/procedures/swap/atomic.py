@@ -206,7 +206,7 @@ def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str 
     uploaded = yield from upload_mission(ctx, old.items, seq)
     if uploaded.failure:
         return uploaded.failure
-    seq = old.next_item(ctx)  # the vehicle has flown on meanwhile
+    seq = old.next_item(ctx)  # the vehicle has flown on during the upload
     if seq is None:
         return NOT_ON_OLD_MISSION
     return (yield from _fly_from(ctx, plan, seq, lambda now: now == seq))

@@ -53,8 +53,8 @@ class RouteProgress:
     def __init__(
         self, begin: VehicleState, items: Sequence[MissionItem], flown: Sequence[MissionItem] = ()
     ) -> None:
-        here = _lat_lon(begin)
-        self._frame = None if here is None else LocalFrame(*here)
+        lat_lon = _lat_lon(begin)
+        self._frame = None if lat_lon is None else LocalFrame(*lat_lon)
         self._points = self._to_planar(items)
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._along_m = [0.0, *accumulate(legs_m)]
@@ -82,20 +82,20 @@ class RouteProgress:
 
         While the vehicle's position is unknown, the next item is the first one.
         """
-        here = _lat_lon(state)
-        if self._frame is None or here is None or not self.is_known:
+        lat_lon = _lat_lon(state)
+        if self._frame is None or lat_lon is None or not self.is_known:
             return RoutePosition(0, 0.0, math.inf)
-        place = self._frame.to_local(*here)
-        legs = [distance_to_leg(place, a, b) for a, b in pairwise(self._points)]
+        point = self._frame.to_local(*lat_lon)
+        legs = [distance_to_leg(point, a, b) for a, b in pairwise(self._points)]
         # A vehicle at a corner is on both legs; the earlier leg counts, so the corner is still ahead.
         leg = next(i for i, cross_track_m in enumerate(legs) if cross_track_m <= min(legs) + 0.01)
         (ax, ay), (bx, by) = self._points[leg : leg + 2]
         leg_m = max(math.dist((ax, ay), (bx, by)), 0.01)
         east, north = (bx - ax) / leg_m, (by - ay) / leg_m
         # Distance flown straight past a corner counts as if the vehicle had turned.
-        on_m = max((place[0] - ax) * east + (place[1] - ay) * north, 0.0)
-        on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
-        return self._position(self._along_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
+        flown_m = max((point[0] - ax) * east + (point[1] - ay) * north, 0.0)
+        flown_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
+        return self._position(self._along_m[leg] + flown_m, legs[leg], max(state.ground_speed_m_s, 0.1))
 
     @property
     def is_known(self) -> bool:
@@ -111,11 +111,12 @@ class RouteProgress:
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
         """Return whether the vehicle is near the leg to item number `item`, or near the last leg."""
-        here, item = _lat_lon(state), min(item, len(self._points) - 2)
-        if self._frame is None or here is None or item < 0:
+        lat_lon, item = _lat_lon(state), min(item, len(self._points) - 2)
+        if self._frame is None or lat_lon is None or item < 0:
             return False
         return (
-            distance_to_leg(self._frame.to_local(*here), *self._points[item : item + 2]) <= MAX_CROSS_TRACK_M
+            distance_to_leg(self._frame.to_local(*lat_lon), *self._points[item : item + 2])
+            <= MAX_CROSS_TRACK_M
         )
 
     def _position(self, along_m: float, cross_track_m: float, speed_m_s: float) -> RoutePosition:

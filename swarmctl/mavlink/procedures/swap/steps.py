@@ -39,12 +39,10 @@ class OldPlan:
     @classmethod
     def of(cls, ctx: Context) -> OldPlan:
         """Return the plan that the vehicle flies now, without earlier plans in the vehicle's list."""
-        first, begins = (
-            ctx.dialect.first_waypoint_seq,
-            max(ctx.plan_first_seq, ctx.dialect.first_waypoint_seq),
-        )
-        items = ctx.verified_items[:first] + ctx.verified_items[begins:]
-        seq = (ctx.state.mission_seq or begins) - begins + first
+        first = ctx.dialect.first_waypoint_seq
+        plan_first = max(ctx.plan_first_seq, first)
+        items = ctx.verified_items[:first] + ctx.verified_items[plan_first:]
+        seq = (ctx.state.mission_seq or plan_first) - plan_first + first
         seq = min(max(seq, first), max(len(items) - 1, first))
         return cls(items, seq, RouteProgress(ctx.state, items[seq:]))
 
