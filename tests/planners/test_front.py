@@ -75,8 +75,9 @@ def front_by_exchange(field: NDArray[np.float64], start: Cell, goal: Cell) -> li
 
 
 @pytest.mark.parametrize("kind", ["any", "few", "mostly zero"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, 2, 58])
 def test_on_a_larger_map_too(kind: str, seed: int) -> None:
+    """Routes of seed 58 differ in length by rounding only, and others by less than half a cell."""
     rng = np.random.default_rng(seed)
     shape = (9, 11)
     field = {
