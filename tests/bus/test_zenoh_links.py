@@ -46,16 +46,16 @@ def answer(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> N
 @pytest.mark.parametrize(
     ("protocol", "lost_after_s"),
     [
-        ("tcp", zenoh.LOST_AFTER_S),
+        ("tcp", renewal.LOST_AFTER_S),
         ("tcp", 0.0),
-        *full_only(("tls", zenoh.LOST_AFTER_S), ("quic", zenoh.LOST_AFTER_S)),
+        *full_only(("tls", renewal.LOST_AFTER_S), ("quic", renewal.LOST_AFTER_S)),
     ],
 )
 def test_a_late_or_restarted_router_is_found_each_time(
     protocol: str, lost_after_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Subscriptions and questions are declared again, in the same session or the next."""
-    monkeypatch.setattr(zenoh, "LOST_AFTER_S", lost_after_s)
+    monkeypatch.setattr(renewal, "LOST_AFTER_S", lost_after_s)
     monkeypatch.setattr(zenoh, "CHECK_EVERY_S", 0.05)
 
     async def scene() -> list[float]:

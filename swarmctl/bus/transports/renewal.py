@@ -16,6 +16,9 @@ LinkEnds = tuple[str, str]
 Subscribe = Callable[[str], Callable[[], None]]
 """function that subscribes to a key and returns a function to end the subscription"""
 
+LOST_AFTER_S = 3.0
+"""Time without any link after which a patient session is replaced. After a cut, Zenoh may need 10 s to close
+a TLS link with a full send buffer, and makes no new link in that time."""
 EARLIEST_S, LATEST_S = 2.0, 4.0
 """limits of the wait for the routes of a link; routes mostly arrive within milliseconds"""
 MAX_DOUBLINGS = 4
@@ -59,11 +62,11 @@ class LinkSet:
             self._known.pop(ends, None)
         self._missing_once = missing
 
-    def alone_s(self, now_s: float) -> float:
-        """Return the time since the first call without any link [s]."""
+    def are_lost(self, now_s: float) -> bool:
+        """Return whether there was no link for `LOST_AFTER_S`, counted from the first call without any."""
         if self._known or self._alone_since_s is None:
             self._alone_since_s = now_s
-        return now_s - self._alone_since_s
+        return now_s - self._alone_since_s >= LOST_AFTER_S
 
 
 class Renewal:

@@ -38,9 +38,6 @@ QUESTION_QUEUE, MESSAGE_QUEUE, OWN_QUEUE = range(3)
 QUEUE_SIZES = (QUESTIONS, 4096, 65_536)
 RETRY_S = 0.5
 """pause between attempts to open a session, if an attempt fails at once"""
-LOST_AFTER_S = 3.0
-"""Time without any link after which a patient session is replaced. After a cut, Zenoh may need 10 s to close
-a TLS link with a full send buffer, and makes no new link in that time."""
 CHECK_EVERY_S = 0.2
 AWAY_S = 1.0
 """pause between two sessions of a mesh node"""
@@ -303,7 +300,7 @@ class ZenohBus:
             if self._neighbours is not None:
                 is_lost = self._has_to_renew(session, self._neighbours, now_s)
             else:
-                is_lost = self._links.alone_s(now_s) >= LOST_AFTER_S
+                is_lost = self._links.are_lost(now_s)
             if is_lost:
                 return
 
