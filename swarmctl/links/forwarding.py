@@ -91,7 +91,7 @@ def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
             "send to 127.0.0.1, or set links.signing_key [open-to-strangers]"
         )
     return (
-        f"{endpoint}: other machines reach this endpoint; with links.forward_commands they could command "
+        f"{endpoint}: other machines reach this endpoint and with links.forward_commands could command "
         "vehicles; listen at 127.0.0.1, or set links.signing_key [open-to-strangers]"
     )
 

@@ -73,7 +73,7 @@ def verify_answer(
 
 
 class CommandVerifier:
-    """Check of commands to an agent: signature, key, time, and no repetition.
+    """Verifier of commands to an agent: signature, key, time, and no repetition.
 
     `verify` checks the operator's signature. Commands from before `began_unix_s`, the start of this process,
     are refused: an earlier process may have executed them.

@@ -56,7 +56,7 @@ class Transport(Protocol):
         """
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
-        """Send a query and return all answers; none if no process serves the key, or its queue is full.
+        """Send a query and return all answers; none if no process serves the key, or if a queue is full.
 
         Raises TimeoutError if answers are missing after `timeout_s`.
         """

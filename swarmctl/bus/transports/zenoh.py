@@ -44,7 +44,7 @@ AWAY_S = 1.0
 CLOSE_S = 2.0
 """limit on closing: a link to a frozen process with a full queue can block Zenoh for ever"""
 MARGIN_S = 3.0
-"""margin of Zenoh's time-out over the caller's: Zenoh reports its own time-out like an answer"""
+"""difference of Zenoh's time-out and the caller's: Zenoh reports its own time-out like an answer"""
 ADMIN_TIMEOUT_S = 2.0
 MAX_ANSWERS = 64
 """largest number of kept answers to one query"""

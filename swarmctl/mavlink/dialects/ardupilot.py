@@ -92,7 +92,7 @@ class ArduPilot:
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
         """Return the reasons against arming.
 
-        The pre-arm bit includes the position only in modes that need one; in STABILIZE it is set earlier.
+        The pre-arm bit includes the position only in modes that need it, unlike STABILIZE.
         """
         return tuple(self._reasons(readiness))
 

@@ -1,4 +1,4 @@
-"""ArduPlane 4.x, fixed wings. Facts read in its sources (`ArduPlane/`, `libraries/AP_Mission/`)."""
+"""ArduPlane 4.x, fixed wings. Facts from ArduPlane's sources (`ArduPlane/`, `libraries/AP_Mission/`)."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ class Dialect(Protocol):
 
     @property
     def upload_timeout_s(self) -> float:
-        """Time after the last message of a broken upload until the vehicle has certainly ended it [s]."""
+        """Time from the last message of an interrupted upload to the vehicle's certain end of it [s]."""
 
     @property
     def uploads_atomically(self) -> bool:

@@ -63,7 +63,7 @@ def prepare(ctx: Context) -> Procedure[Done]:
     while True:
         has_heartbeat = yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)
         if ctx.state.armed:
-            return Done("the vehicle is already armed; prepare it while it is disarmed on the ground [armed]")
+            return Done("the vehicle is already armed; disarm it on the ground, then prepare it [armed]")
         # In the first seconds after boot ArduPilot acknowledges a mode, then silently leaves it again.
         if has_heartbeat and ctx.state.mode != ctx.dialect.hold_mode:
             yield command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(ctx.dialect.hold_mode))(0)
@@ -140,9 +140,9 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
 def _set_mode_urgently(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str | None]:
     """Set a mode at once, with several tries; return the failure.
 
-    Only the first command is sent without a new heartbeat. With `check_mode_first` that command waits for a
-    heartbeat too; it is for commands that no operator has given. The procedure ends when a heartbeat shows a
-    mode chosen by another party: neither the earlier mode nor an own mode.
+    Only the first command is sent without a new heartbeat. With `check_mode_first`, for commands that no
+    operator has given, the first command also waits for a heartbeat. The procedure ends when a heartbeat
+    shows a mode chosen by another party: neither the earlier mode nor an own mode.
     """
     dialect, failure = ctx.dialect, None
     own_modes = {mode, ctx.state.mode}

@@ -27,7 +27,7 @@ _VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 
 
 def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
-    """Return the mission items of a polygon [deg]. Raises ValueError for a number that vehicles refuse."""
+    """Return the mission items of a polygon [deg]. Raises ValueError for too few or too many vertices."""
     if not 3 <= len(polygon) <= MAX_VERTICES:
         raise ValueError(f"a fence of {len(polygon)} vertices: expected 3 to {MAX_VERTICES}")
     frame = int(mavlink.MAV_FRAME_GLOBAL)

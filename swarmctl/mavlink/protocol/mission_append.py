@@ -6,7 +6,7 @@ each item would take a round trip.
 
 ArduPilot accepts an item with the expected number, requested or not (GCS_Common.cpp handle_mission_item,
 MissionItemProtocol.cpp handle_mission_item). ArduPilot requests an item that has not arrived by its next turn
-to send (queued_request_send). Usually the acknowledgement is its only answer.
+to send (queued_request_send). Usually the only answer is the acknowledgement.
 
 | message | answer of ArduPilot |
 |---|---|
@@ -158,7 +158,7 @@ class Append(Conversation[AppendResult]):
         self._on_answer(now)
         if index not in self._requested and not self._has_refused:
             self._requested.add(index)
-            return []  # the item is on its way
+            return []  # the item is under way
         return [item_message(self._peer, self._n_before + index, self._items[index])]
 
     def _on_ack(self, code: int, now: float) -> list[Message]:

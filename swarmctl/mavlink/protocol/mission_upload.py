@@ -57,7 +57,7 @@ class UploadResult:
 
 WINDOW = 8
 """Items under way at a time: some 400 bytes, which fit into the receive buffer of a serial port. After a loss
-each item is sent twice; the vehicle requests items again that overflow its buffer."""
+each item is sent twice. The vehicle requests items lost by an overflow again."""
 
 
 class Upload(Conversation[UploadResult]):

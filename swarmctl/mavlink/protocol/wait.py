@@ -1,4 +1,4 @@
-"""Conversations without commands: wait for a condition, with or without requests, or for one message."""
+"""Conversations that wait: for a condition, with or without requests, or for one message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class WaitUntil(Conversation[bool]):
-    """Wait for a condition: True as soon as `condition()` holds after a message, False after `timeout_s`.
+    """Waiting for a condition: True as soon as `condition()` holds after a message, False after `timeout_s`.
 
     `condition` reads the vehicle's state, which the session updates before it passes the message on.
     """
@@ -45,10 +45,11 @@ def wait(seconds: float) -> WaitUntil:
 
 
 class RequestUntil(Conversation[bool]):
-    """Request of a message: True once it has arrived and `condition()` holds, False after `timeout_s`.
+    """Request of a message: True when the message has arrived and `condition()` holds, else False.
 
     The message is usually a heartbeat, the only message with mode and arming. ArduPilot sends a heartbeat
-    soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.
+    soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway. The result is
+    False after `timeout_s`.
     """
 
     REPEAT_S = 1.0
