@@ -30,7 +30,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def configuration() -> str:
-    """Return the page of all keys of a configuration, a table a section."""
+    """Return the page of all keys of a configuration, one table for each section."""
     schema = Config.model_json_schema()
     lines = [
         "# Configuration reference",
@@ -47,7 +47,10 @@ def configuration() -> str:
 
 
 def _section(path: str, part: Schema, defs: Schema, above: set[str]) -> Iterator[str]:
-    """Yield the table of a section, then those of the sections in it."""
+    """Yield the lines of a section's table, then of the tables of its inner sections.
+
+    `above` has the names of the enclosing sections.
+    """
     for name in _references(part):
         inner = defs[name]
         if name in above or "properties" not in inner:
@@ -78,7 +81,7 @@ def _table(schema: Schema, defs: Schema) -> Iterator[str]:
 
 
 def _references(part: Schema) -> Iterator[str]:
-    """Yield the names of the definitions that a value may have, in lists and alternatives too."""
+    """Yield the names of all definitions in a value's schema, including lists and alternatives."""
     if "$ref" in part:
         yield part["$ref"].rsplit("/", 1)[-1]
     for inner in [*part.get("anyOf", ()), *part.get("oneOf", ()), *part.get("prefixItems", ())]:
