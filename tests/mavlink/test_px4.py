@@ -228,6 +228,20 @@ def test_an_upload_that_ends_without_an_acknowledgement_leaves_the_old_mission()
     assert bench.swap(NEW).flying == "new"
 
 
+def test_a_takeover_at_the_end_of_the_read_back_is_reported():
+    """The last heartbeat still shows the mission."""
+    bench = FlyingBench("px4").flying(OLD)
+
+    def is_lost(message):
+        if message.get_type() == "MISSION_ACK" and message.type == mavlink.MAV_MISSION_ACCEPTED:
+            bench.vehicle.modes.enter(3 << 16)
+        return message.get_type() == ITEM and message.seq >= 3
+
+    bench.block = is_lost
+    assert bench.swap(NEW).flying == "theirs"
+    assert bench.session.state.mode == "POSCTL"
+
+
 @pytest.mark.parametrize("number", [3 << 16, 4 << 16 | 5 << 24], ids=["POSCTL", "AUTO.RTL"])
 def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
     bench = FlyingBench("px4").flying(OLD)

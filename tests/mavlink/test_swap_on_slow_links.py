@@ -136,6 +136,41 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
     assert most_back_m(norths_m) < TURNS_WITHIN_M
 
 
+@pytest.mark.parametrize(
+    ("personality", "delay_s", "holds", "ahead_m", "flying_then"),
+    [
+        ("ardupilot", 0.0, False, 4.0, "old"),  # the command could come after the corner
+        ("ardupilot", 0.0, False, 9.0, "new"),
+        ("ardupilot", 0.0, True, 12.0, "old"),
+        ("ardupilot", 0.0, True, 17.0, "new"),
+        ("px4", 0.5, False, 14.0, "old"),  # the last item would come after the corner
+        ("px4", 0.5, False, 20.0, "new"),
+    ],
+)
+def test_the_time_until_the_splice_point_decides_on_the_plan(
+    personality: str, delay_s: float, holds: bool, ahead_m: float, flying_then: str
+) -> None:
+    """The vehicle flies at 10 m/s. Without partial lists an ArduCopter holds for the swap."""
+    bench = flying(personality, delay_s)
+    turns_m = place(bench)[1] + ahead_m
+    new = bench.session.mission_items(plan((0.0, turns_m), (150.0, turns_m), leaves_ahead=True))
+    aims = {"old": {(item.x, item.y) for item in bench.session.items}}
+    aims["new"] = {(item.x, item.y) for item in new} - aims["old"]
+    bench.block = lambda m: holds and m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+    result = bench.do("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    assert (result.flying, result.is_late) == (flying_then, flying_then == "old")
+    assert bench.aim in aims[flying_then]
+
+
+def test_a_new_plan_from_the_passed_corner_on_does_not_lead_back_to_that_corner() -> None:
+    bench = flying("px4", 0.0)
+    new = bench.session.mission_items(plan(OLD[0], (0.0, 150.0), (150.0, 150.0), leaves_ahead=True))
+    result = bench.do("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    second = new[bench.session.dialect.first_waypoint_seq + 1]
+    assert (result.failure, result.flying) == (None, "new")
+    assert bench.aim == (second.x, second.y)
+
+
 @pytest.mark.parametrize("n_lost", [*full_only(0, 1), 3])
 def test_a_vehicle_whose_command_comes_after_the_corner_stays_on_a_known_route(n_lost: int) -> None:
     """The vehicle does not cross between the routes, where neither plan leads."""

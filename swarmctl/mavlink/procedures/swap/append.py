@@ -8,6 +8,7 @@ before that command, the vehicle flies its old route and lands.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from swarmctl.core.mission import MissionItem
@@ -84,7 +85,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     if not failure:
         return Swapped(None, "new")
     done = yield from swap_in_hold(ctx, plan, old)
-    return done if done.failure is None else Swapped(f"{failure}; {done.failure}", done.flying)
+    return done if done.failure is None else replace(done, failure=f"{failure}; {done.failure}")
 
 
 def _read_back(
