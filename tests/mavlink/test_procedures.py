@@ -145,6 +145,7 @@ def test_a_landing_vehicle_keeps_its_mission():
     assert bench.run(120, lambda: bench.session.state.landed == 4)
     result = bench.swap(NEW)
     assert (result.flying, "[landing]" in result.failure) == ("old", True)
+    assert bench.of("MISSION_WRITE_PARTIAL_LIST") == []
     assert bench.run(60, lambda: not bench.session.state.armed)
     result = bench.swap(NEW)
     assert result.flying == "old"
