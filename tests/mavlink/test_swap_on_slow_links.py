@@ -270,6 +270,20 @@ def test_a_vehicle_that_passes_the_corner_without_a_position_keeps_its_old_plan(
     assert place(bench)[0] == pytest.approx(0.0, abs=1.0)
 
 
+def test_a_held_vehicle_without_a_position_gets_no_plan_that_begins_midway() -> None:
+    bench = flying("ardupilot", 0.0)
+    turns_m = place(bench)[1] + 200.0
+    new = bench.session.mission_items(plan((0.0, turns_m), (150.0, turns_m), leaves_ahead=True))
+    bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+    bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT"
+    bench.run(4.0)
+    result = bench.do("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    assert result.flying == "hold"
+    assert "[no-position]" in result.failure
+    assert bench.mode == bench.session.dialect.hold_mode
+    assert not bench.holds(new)
+
+
 @pytest.mark.parametrize("silence_s", [8.0, 20.0, *full_only(3.0, 14.0)])
 def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silence_s: float) -> None:
     """PX4 follows it at once; the old plan is behind by when it can be asked again."""
