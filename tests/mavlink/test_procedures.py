@@ -235,6 +235,13 @@ def test_a_swap_on_a_lost_link_reports_the_last_known_mission(partial_lists):
         assert bench.copter.mode_name == "GUIDED", "and the mixture on it is not flown"
 
 
+def test_a_swap_without_an_answer_to_the_last_mode_command_does_not_report_hold():
+    bench = Bench(Script(partial_lists=False)).flying(OLD)
+    bench.block_down = lambda m: bench.copter.mode_name == "AUTO" and bench.mission_is(NEW)
+    assert bench.swap(NEW).flying == "unknown"
+    assert bench.copter.mode_name == "AUTO"
+
+
 def test_cancelling_an_upload_sends_a_cancellation():
     bench = Bench(faults=Faults(max_delay_s=0.5)).prepared()
     bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
