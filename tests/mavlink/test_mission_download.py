@@ -105,6 +105,14 @@ def test_requests_in_the_wrong_order_are_refused_with_an_error():
     assert download.result.outcome is DownloadOutcome.REFUSED
 
 
+def test_an_item_that_was_not_requested_is_from_an_earlier_download():
+    download = Download(PEER)
+    download.start(0.0)
+    download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.1)
+    assert download.receive(item(1), 0.2) == []
+    assert [m.seq for m in download.receive(item(0), 0.3)] == [1]
+
+
 def test_an_empty_mission_is_a_complete_one():
     download = Download(PEER)
     download.start(0.0)
