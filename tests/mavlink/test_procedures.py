@@ -242,6 +242,16 @@ def test_a_swap_without_an_answer_to_the_last_mode_command_does_not_report_hold(
     assert bench.copter.mode_name == "AUTO"
 
 
+def test_a_speed_from_before_the_hold_does_not_show_that_the_vehicle_flies_on():
+    bench = Bench(Script(partial_lists=False)).flying(OLD)
+    bench.copter.script.never_moves = True
+    follows = lambda: bench.copter.mode_name == "AUTO" and bench.mission_is(NEW)  # noqa: E731
+    bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and not follows()
+    result = bench.swap(NEW)
+    assert result.flying != "new"
+    assert "[not-flying-on]" in result.failure
+
+
 def test_cancelling_an_upload_sends_a_cancellation():
     bench = Bench(faults=Faults(max_delay_s=0.5)).prepared()
     bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
