@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
 from swarmctl.core.texts import printable
 from swarmctl.report.evidence.chain import CheckedChain, Entry, check, sealed
 from swarmctl.report.evidence.digest import Digest, digest
 from swarmctl.report.evidence.file import FILE_NAME
+from swarmctl.report.tables import Column, FittedTable
 from swarmctl.security.evidence_keys import is_key_of, is_valid_signature
 from swarmctl.security.files import KeyringError
 
@@ -151,10 +151,20 @@ def _show(checked: CheckedChain, *, every: bool) -> None:
         )
 
 
-def _table(told: Digest) -> Table:
-    table = Table(title="what was commanded", caption="seen: the first change of that kind after it")
-    for name in ("vehicle", "command", "sent", "answered", "refused", "no answer", "seen"):
-        table.add_column(name, justify="right" if name in ("sent", "refused", "no answer") else "left")
+COLUMNS = (
+    Column("vehicle", "left"),
+    Column("command", "left"),
+    Column("sent"),
+    Column("answered", "left", wraps_at=13),
+    Column("re-\nfused"),
+    Column("no\nanswer"),
+    Column("seen", "left", rank=1, wraps_at=11),
+)
+
+
+def _table(told: Digest) -> FittedTable:
+    caption = ["seen: the first change of that kind after the command"]
+    table = FittedTable(COLUMNS, caption=caption, elsewhere="`swarmctl audit --all`")
     for row in told.rows:
         others = f" ({row.by_others} by others)" if row.by_others else ""
         table.add_row(
@@ -164,13 +174,22 @@ def _table(told: Digest) -> Table:
             printable(_counted(row.answers)),
             str(row.refused or ""),
             str(row.unanswered or ""),
-            printable(_counted(row.seen)),
+            printable(_grouped(row.seen)),
         )
     return table
 
 
 def _counted(counter: Counter[str]) -> str:
     return ", ".join(f"{text} × {n}" if n > 1 else text for text, n in counter.items())
+
+
+def _grouped(seen: Iterable[str]) -> str:
+    """Return changes as a text that names each part of the state once: "mission_seq 5, 10; mode AUTO"."""
+    values: dict[str, list[str]] = {}
+    for change in seen:
+        name, _, value = change.partition(" ")
+        values.setdefault(name, []).append(value)
+    return "; ".join(f"{name} {', '.join(found)}" for name, found in values.items())
 
 
 def _line(entry: Entry) -> str:
