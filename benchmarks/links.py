@@ -1,6 +1,6 @@
 """Costs of the links `direct` and `mavsdk`: uploads and swaps over bad radio, and CPU.
 
-Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`. Options choose the rows:
+Run: `pip install -e .`, then `python benchmarks/links.py [--quick]`. Options choose the rows:
 `--only uploads,swaps,cpu`, `--links direct,mavsdk`, `--vehicles 1,50`, `--items 10,50,200`, `--losses 0,0.3`,
 `--delays 0,1`. Nothing is asserted; the load of the machine is printed.
 

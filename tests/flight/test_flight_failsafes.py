@@ -11,6 +11,7 @@ from flights import Ui, coded, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from trouble import Trouble, fly_with, inject, select_mode
 
+from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.state import Phase
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
@@ -164,8 +165,8 @@ def test_a_vehicle_blown_towards_the_fence_holds_before_it_and_returns_from_beyo
     scenario = pair(rules={"not_following": None})
     _, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     holds, returns, *_ = coded(ui.said, "uav1", "fence-ahead")
-    assert "; holds" in holds
-    assert "; returns" in returns
+    assert DemandKind.HOLD in holds
+    assert DemandKind.RETURN in returns
 
 
 def silent_of_position(frames: list[tuple[int, bytes]], sysid: int) -> list[tuple[int, bytes]]:
@@ -202,6 +203,6 @@ def test_rules_act_on_a_vehicle_without_position_messages(
     ui = Ui()
     report = fly(pair(), tmp_path, ui=ui)
     assert trouble.modes[2] == ["AUTO", "RTL"]
-    assert any("; returns" in line for line in coded(ui.said, "uav2", code))
+    assert any(DemandKind.RETURN in line for line in coded(ui.said, "uav2", code))
     assert report.states[2].outcome.endswith("; landed")
     assert report.states[1].outcome == "arrived"

@@ -59,7 +59,7 @@ def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(perso
         bench.run(tenths / 10)
         if bench.session.busy_with is None:
             break
-        bench.vehicle.modes.by_itself(Behaviour.LAND)
+        bench.vehicle.modes.enter_behaviour(Behaviour.LAND)
         taken_s, sent = bench.now, len(bench.sent)
         assert bench.run(100, lambda b=bench: b.session.busy_with is None)
         late = [m.get_type() for now, m in bench.sent[sent:] if now > taken_s + 0.25 and orders(m)]
