@@ -99,7 +99,7 @@ planner:
 
 flight:
   altitude_m: 40             # of the first vehicle, above home
-  altitude_step_m: 5         # each next vehicle flies this much higher
+  altitude_step_m: 5         # each vehicle flies this much higher than the previous one
   on_exit: return            # on Ctrl-C: return, land or hold
 
 separation:                  # two vehicles closer than both distances are too close

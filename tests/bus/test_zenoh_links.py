@@ -96,8 +96,8 @@ def test_a_late_or_restarted_router_is_found_each_time(
 
 async def until_answered(operator: ZenohBus) -> None:
     async with asyncio.timeout(5.0):
-        while await operator.ask(WEIGHTS, b"", 5.0) != (b"answer",):
-            await asyncio.sleep(0.05)  # noqa: ASYNC110 - the answer comes from outside this loop
+        while await operator.ask(WEIGHTS, b"", 5.0) != (b"answer",):  # noqa: ASYNC110 - it asks again
+            await asyncio.sleep(0.05)
 
 
 @pytest.mark.full
