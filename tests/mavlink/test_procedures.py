@@ -128,6 +128,15 @@ def test_a_failed_swap_leaves_and_reports_a_whole_plan_or_hold(script, flying, p
         assert bench.mission_is(OLD)
 
 
+def test_the_return_to_an_appended_plan_leaves_out_the_plans_before_it():
+    bench, appended = Bench().flying(OLD), plan(north=6, east=0.002)
+    assert bench.swap(appended).flying == "new"
+    bench.copter.script = Script(partial_lists=False, refuse_item=3)
+    assert bench.swap(NEW).flying == "old"
+    assert bench.mission_is(appended)
+    assert bench.flies(appended)
+
+
 def test_a_swap_right_after_the_launch_lets_it_climb_first():
     bench = Bench(faults=Faults(max_delay_s=0.1)).prepared()
     bench.upload(OLD)
