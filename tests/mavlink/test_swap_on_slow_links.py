@@ -141,9 +141,9 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
     [
         ("ardupilot", 0.0, False, 4.0, "old"),  # the command could come after the corner
         ("ardupilot", 0.0, False, 9.0, "new"),
-        ("ardupilot", 0.0, True, 12.0, "old"),
+        ("ardupilot", 0.0, True, 11.5, "old"),
         ("ardupilot", 0.0, True, 17.0, "new"),
-        ("px4", 0.5, False, 14.0, "old"),  # the last item would come after the corner
+        ("px4", 0.5, False, 13.0, "old"),  # the last item would come after the corner
         ("px4", 0.5, False, 20.0, "new"),
     ],
 )
