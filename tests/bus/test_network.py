@@ -24,7 +24,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.frames import Frame, FrameCodec, RefusalReason
+from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, RefusalReason
 from swarmctl.core.geo import distance_m
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.flight.virtual_clock import run_virtual
@@ -289,6 +289,19 @@ def heard_after(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0
 @pytest.mark.parametrize("speedup", [1.0, 10.0])
 def test_delay_is_in_simulated_seconds(speedup: float) -> None:
     assert heard_after(RadioSettings(delay_s=2.0), speedup) == pytest.approx(2.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("speedup", [1.0, 10.0])
+def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(transport, 1, 2, speedup=speedup)
+            with closing(swarm.network):
+                swarm.network.publish(1, IntentShared(1, (IntentPoint(0.0, 46.0, 14.4, 340.0),)))
+                await asyncio.sleep(2.0 / speedup)
+                assert swarm.network.intents(2)[1][1] == pytest.approx(2.0, abs=1e-3)
+
+    run_virtual(scene())
 
 
 def test_partitions_and_silence_come_and_go() -> None:
