@@ -22,6 +22,17 @@ def test_a_download_requests_item_by_item_and_acknowledges():
     assert [i.x for i in download.result.items] == [10, 11]
 
 
+@pytest.mark.parametrize(
+    ("system", "component", "takes"),
+    [(255, 190, True), (0, 0, True), (255, 0, True), (254, 190, False), (255, 191, False)],
+)
+def test_an_answer_counts_if_its_target_is_this_station_or_left_0(system, component, takes):
+    download = Download(PEER)
+    download.start(0.0)
+    sent = download.receive(mavlink.MAVLink_mission_count_message(system, component, 2, 0), 0.1)
+    assert kinds(sent) == ["MISSION_REQUEST_INT"] * takes
+
+
 def item(seq: int):
     return mavlink.MAVLink_mission_item_int_message(
         255, 190, seq, 3, 16, 0, 1, 0, 0, 0, 0, 10 + seq, 20, 30.0, 0
