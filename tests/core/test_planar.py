@@ -99,3 +99,16 @@ def test_sides_of_a_convex_polygon_cross_after_two_corners_are_swapped(points, d
     i = data.draw(st.integers(0, len(hull) - 2))
     hull[i], hull[i + 1] = hull[i + 1], hull[i]
     assert crossing_sides(hull) is not None
+
+
+@pytest.mark.parametrize("shift_m", [(0.0, 0.0), (1000.0, -500.0), (-700.0, 300.0)])
+@pytest.mark.parametrize(
+    ("polygon", "sides"),
+    [
+        ([(0.0, 0.0), (100.0, 0.0), (50.0, 0.0), (50.0, 80.0)], (0, 1)),  # folds back at its second corner
+        ([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (50.0, 80.0)], None),  # the same corners, straight on
+    ],
+)
+def test_a_side_that_folds_back_crosses_the_side_before_it(polygon, sides, shift_m):
+    moved = [(e + shift_m[0], n + shift_m[1]) for e, n in polygon]
+    assert crossing_sides(moved) == sides
