@@ -57,6 +57,14 @@ def test_too_few_positions_before_a_flight_are_reported_with_their_rate(personal
     assert slow_s > AT_LEAST_EVERY_S
 
 
+def test_a_vehicle_that_reports_no_time_still_reports_its_satellites() -> None:
+    bench = LowBandwidthBench("ardupilot", 20_000.0).connected()
+    bench.block_down = lambda m: m.get_type() == "SYSTEM_TIME"
+    found = bench.do("look", read_instruments)
+    assert found.unix_s is None
+    assert found.gps is not None
+
+
 @BOTH
 def test_every_fast_unneeded_stream_is_stopped_once(personality: str) -> None:
     bench = LowBandwidthBench(personality, 20_000.0, Streaming(stops_others=True)).connected()
