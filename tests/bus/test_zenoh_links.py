@@ -72,7 +72,9 @@ def test_a_late_or_restarted_router_is_found_each_time(
             try:
                 # A killed router is noticed at once over TCP, after the lease over QUIC.
                 for _ in range(2 if protocol == "quic" else 3):
+                    dropped = one.dropped
                     one.put(TO_TWO, b"lost")
+                    assert one.dropped == dropped + 1
                     await asyncio.to_thread(router.start)
                     began_s = time.monotonic()
                     await until(lambda: received, "heard again", lambda: one.put(TO_TWO, b"again"))
