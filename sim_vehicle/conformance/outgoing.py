@@ -10,7 +10,7 @@ from pymavlink.generator.mavcrc import x25crc
 
 LONGEST_FRAME = 280  # bytes of a signed MAVLink 2 frame
 COMMAND_CANCEL, COMMAND_CANCEL_EXTRA = 80, 14  # unknown to pymavlink's codec
-_CANCEL_TARGET = 2  # offset of target_system in its payload
+_CANCEL_TARGET = 2  # offset of target_system in the payload of COMMAND_CANCEL
 _HEADER_BYTES = {0xFE: 6, 0xFD: 10}
 # Names of the target field; only MANUAL_CONTROL uses the second.
 _TARGETS = ("target_system", "target")
@@ -26,10 +26,10 @@ class OutgoingFrame:
 
 
 def frames_in(data: bytes, begin: int = 0) -> Iterator[OutgoingFrame]:
-    """Yield each frame with a correct checksum that ends after `begin`, from any start.
+    """Yield each frame that has a correct checksum and ends after the index `begin`.
 
-    A receiver may start reading anywhere, so frames inside frames and after garbage count. Signatures and
-    flags are not checked, because some receivers ignore them.
+    A receiver may start reading at any byte. The search therefore tries every byte, and also finds a frame
+    inside another frame. It ignores signatures and flags, because some receivers ignore them.
     """
     for at, start in enumerate(data):
         head = _HEADER_BYTES.get(start)
@@ -60,7 +60,7 @@ def _frame(raw: bytes, head: int) -> OutgoingFrame | None:
 
 
 def _decoded(number: int, payload: bytes, known: Any) -> Any:
-    """Decode the fields, reframed so that pymavlink accepts them."""
+    """Decode the payload in a new MAVLink 2 frame, because pymavlink decodes only frames."""
     fields = payload[: known.unpacker.size]
     body = bytes([len(fields), 0, 0, 0, 255, 190]) + number.to_bytes(3, "little") + fields
     crc = x25crc(body + bytes([known.crc_extra])).crc

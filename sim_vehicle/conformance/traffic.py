@@ -15,7 +15,7 @@ from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
 Condition = Callable[[Any], bool]
 HEARTBEAT_S = 1.0
 REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers much earlier
-RESTORE_S = 60.0  # guaranteed time for undoing a change, also after the limit of a check
+RESTORE_S = 60.0  # time for undoing a change, even after the time limit of a check
 SYSTEMS = 250  # the highest system id of a vehicle
 EPSILON_S = 1e-6  # tolerance for sums of times
 STATION, SECOND_STATION = (255, 190), (254, 191)
@@ -26,7 +26,7 @@ class WireError(OSError):
 
 
 class Wire(Protocol):
-    """A link to one or more vehicles; after `follow`, to one vehicle."""
+    """A link to one or more vehicles. After `follow`, `send` reaches one vehicle only."""
 
     def send(self, data: bytes) -> None:
         """Send to the vehicle, or to all known senders before `follow`."""
@@ -51,11 +51,13 @@ def is_autopilot(heartbeat: Any) -> bool:
 class Traffic:
     """The messages between the suite's ground stations and one vehicle.
 
-    Each wait lets time pass on the wire; the station then sends one heartbeat a second.
+    During each wait the station receives frames and sends one heartbeat per second.
 
-    received: frames since the check began. last: the latest frame of each kind. texts: each STATUSTEXT of the
-    run. seen_sysids: all system ids on the link. saved_plans: MAV_MISSION_TYPE of the plans with a copy; only
-    these may be overwritten.
+    received: frames since the check began.
+    last: latest frame of each kind.
+    texts: time [s], severity and text of each STATUSTEXT of the run.
+    seen_sysids: all system ids on the link.
+    saved_plans: MAV_MISSION_TYPE of each plan that the suite has saved; only these may be overwritten.
     """
 
     def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
@@ -86,7 +88,7 @@ class Traffic:
         return self.identity.sysid, self.identity.component
 
     def codec(self, source: tuple[int, int] = STATION) -> mavlink.MAVLink:
-        """Return the packer of one of the suite's stations."""
+        """Return the MAVLink encoder of one of the suite's stations."""
         if source not in self._codecs:
             self._codecs[source] = mavlink.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
         return self._codecs[source]
@@ -98,7 +100,7 @@ class Traffic:
         return data
 
     def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
-        """Send a message as one of the suite's stations; `Skip` without the permission."""
+        """Send a message as one of the suite's stations; raise `Skip` if a permission is missing."""
         self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
@@ -201,7 +203,7 @@ class Traffic:
         return begin
 
     def wait_until(self, condition: Callable[[], bool], description: str, within_s: float) -> float:
-        """Wait for a condition; return the time taken [s]. `description`: the condition in a failure."""
+        """Wait for a condition; return the time taken [s]. A failure quotes `description`."""
         began_s = self.now
         while not condition():
             if self.now - began_s > within_s:
@@ -240,7 +242,7 @@ class Traffic:
         mark: int | None = None,
         description: str = "",
     ) -> Any:
-        """Wait for a message; CheckFailed without one."""
+        """Wait for a message and return it; raise CheckFailed if none arrives."""
         message = self.wait_for(kind, where, within_s=within_s, mark=mark)
         if message is None:
             raise CheckFailed(f"expected {description or kind} within {within_s:g} s, saw none")
@@ -249,7 +251,7 @@ class Traffic:
     def expect_none(
         self, kind: str, where: Condition | None = None, *, during_s: float, mark: int | None = None
     ) -> None:
-        """Wait `during_s` [s]; CheckFailed if a matching message arrives."""
+        """Wait `during_s` [s]; raise CheckFailed if a matching message arrives."""
         message = self.wait_for(kind, where, within_s=during_s, mark=mark)
         if message is not None:
             raise CheckFailed(f"expected no {kind}, saw {message}")

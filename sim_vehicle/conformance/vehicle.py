@@ -1,4 +1,4 @@
-"""The vehicle under test, observed and commanded as by a ground station."""
+"""The vehicle under test: its state, its commands, and the changes to undo."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -84,7 +84,7 @@ class VehicleUnderTest(Traffic):
 
     @contextmanager
     def restoring(self, part: str, undo: Callable[[], None]) -> Iterator[None]:
-        """Record a change of the vehicle and undo it at the end; after a failure `restore_all` undoes it."""
+        """Undo a change of the vehicle at the end; if `undo` fails, `restore_all` repeats it."""
         outer = part in self.pending_restores
         self.pending_restores.setdefault(part, undo)
         try:
@@ -96,7 +96,7 @@ class VehicleUnderTest(Traffic):
                 del self.pending_restores[part]
 
     def restore_all(self) -> list[str]:
-        """Undo the remaining changes; return a text for each failure."""
+        """Undo the changes that `restoring` could not undo; return a text for each failure."""
         trouble = []
         for part, undo in reversed(list(self.pending_restores.items())):
             try:
@@ -158,11 +158,11 @@ class VehicleUnderTest(Traffic):
         return self.result(self.command_long(command, *params))
 
     def accepted(self, command: int, *params: float) -> None:
-        """Send COMMAND_LONG; CheckFailed unless it is accepted."""
+        """Send COMMAND_LONG; raise CheckFailed unless the vehicle accepts it."""
         equal(result_name(self.command(command, *params)), "ACCEPTED", command_name(command))
 
     def request(self, kind: str, *params: float) -> Any:
-        """Request a message by REQUEST_MESSAGE; Skip if the vehicle does not send it."""
+        """Request a message by REQUEST_MESSAGE; raise Skip if the vehicle refuses the request."""
         message_id = id_of(kind)
         mark = self.mark()
         result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
@@ -177,7 +177,7 @@ class VehicleUnderTest(Traffic):
 
     @contextmanager
     def streaming(self, rates_hz: Mapping[str, float]) -> Iterator[None]:
-        """Stream messages at these rates, then restore the default rates; Skip if a rate is refused."""
+        """Stream messages at these rates, then restore the default rates; raise Skip if a rate is refused."""
         try:
             for kind, rate_hz in rates_hz.items():
                 result = self.set_interval(kind, rate_hz)
@@ -204,7 +204,7 @@ _UNKNOWN = object()
 
 
 def known_behaviour(vehicle: VehicleUnderTest, *, ardupilot: Any = _UNKNOWN, px4: Any = _UNKNOWN) -> Any:
-    """Return the known behaviour of this autopilot; Skip if it is unknown."""
+    """Return the known behaviour of this autopilot; raise Skip if it is unknown."""
     value = {"ardupilot": ardupilot, "px4": px4}.get(vehicle.dialect.name, _UNKNOWN)
     if value is _UNKNOWN:
         raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")

@@ -56,7 +56,7 @@ def set_weights(
         text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer)
         if answer.outcome != "taken" or answer.note:
             return text
-        # A vehicle that keeps its route makes no new plan, and may arrive before one.
+        # A new plan is not certain: the vehicle may keep its route, or arrive first.
         return f"{text}; plan {answer.from_plan} follows if another route is better"
 
     send_and_exit(command, swarm, config, connect, line)

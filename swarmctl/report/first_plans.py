@@ -27,16 +27,17 @@ class FirstRoute:
     """A vehicle's route before anything is observed."""
 
     task: Task
-    """the vehicle's task, with the planner, w and time bound by which this route was chosen"""
+    """the vehicle's task, with the planner, w and time bound of this route"""
     problem: Problem
     """the planner's input"""
     route: Route
 
 
 def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
-    """Return all vehicles' routes before any observation, by a label of the planner and w that chose them.
+    """Return the routes of all vehicles before any observation.
 
-    These are the paper's routes for each w of PLAN_WEIGHTS, and the configured routes.
+    The keys are labels such as `w = 0.5`. The paper's planner gives the routes for each w of PLAN_WEIGHTS.
+    The configured planner gives the routes of `scenario.chosen_by`; they replace the paper's for the same w.
     """
     papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {
@@ -58,9 +59,10 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 
 
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:
-    """Return a table of length, exposure and chance of the flown track for each route of `first_routes`.
+    """Return a table with one row for each route of `first_routes`.
 
-    A track that is pulled straight differs from its route. The configured choice is bold.
+    A row has length [m], exposure and survival probability of the flown track, not of the route: the two
+    differ if the track is pulled straight. The configured choice is bold.
     """
     table = FittedTable(COLUMNS)
     for index, spec in enumerate(scenario.specs):

@@ -10,10 +10,10 @@ from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-GO_M = 40.0
+GO_M = 40.0  # distance north; half of it east
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
-STOPS_S = 10.0
-TURN_S = 20.0
+STOPS_S = 10.0  # longest time to a stop
+TURN_S = 20.0  # longest time for a turn of 90 degrees
 
 
 # -- take-off --------------------------------------------------------------------------------------------
@@ -159,7 +159,7 @@ def reposition_long(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.reposition.impossible_place", airborne=True, dialects=("ardupilot",), limit_s=300)
 def reposition_impossible(vehicle: VehicleUnderTest) -> str:
-    """A latitude of 95 degrees is refused, and the vehicle stays."""
+    """DO_REPOSITION to a latitude of 95 degrees is refused."""
     place = flying.last_position(vehicle)
     seen = result_name(flying.reposition(vehicle, (950_000_000, place[1]), 20.0))
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")

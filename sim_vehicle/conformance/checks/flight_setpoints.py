@@ -8,7 +8,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 POSITION_ONLY, VELOCITY_ONLY = 0x0DF8, 0x0DC7  # type masks of the set-point messages
-STOPS_S = 10.0
+STOPS_S = 10.0  # longest time to a stop
 
 
 @check("flight.setpoint.position", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
@@ -54,7 +54,10 @@ def _stream_velocity(vehicle: VehicleUnderTest, north_m_s: float, seconds: float
 
 
 def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
-    """Set OFFBOARD on PX4, after a stream of velocities; ArduPilot follows velocities in its present mode."""
+    """Prepare the vehicle to follow velocities.
+
+    PX4 needs a stream of velocities and then OFFBOARD. ArduPilot keeps its mode.
+    """
     if vehicle.dialect.name == "px4":
         _stream_velocity(vehicle, 0.0, 2.0)
         equal(result_name(flying.try_mode(vehicle, "offboard")), "ACCEPTED", "OFFBOARD")

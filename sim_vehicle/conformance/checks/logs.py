@@ -8,14 +8,14 @@ from sim_vehicle.conformance.guard import ALTER
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-PART = 900
+PART = 900  # bytes
 BYTES_IN_FLIGHT = 100_000  # more bytes than a vehicle sends before it receives the end request
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 
 
 @check("logs.list")
 def log_list(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers LOG_REQUEST_LIST with one LOG_ENTRY a log, and with one for an empty list."""
+    """LOG_REQUEST_LIST brings one LOG_ENTRY per log; an empty list also brings one."""
     found = logclient.entries(vehicle)
     logclient.end_transfer(vehicle)
     return f"{len(found)} logs"
@@ -48,7 +48,7 @@ def begins(vehicle: VehicleUnderTest) -> str:
 
 @check("logs.reads_same_twice", limit_s=120)
 def same_twice(vehicle: VehicleUnderTest) -> str:
-    """A second read of a part of a log, in two halves, gives the same bytes."""
+    """A part of a log has the same bytes in one read as in two reads."""
     entry = logclient.newest(vehicle)
     size = min(PART, entry.size)
     whole = logclient.data(vehicle, entry.id, 0, size)
@@ -97,7 +97,7 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
         with vehicle.extra_time():
             logclient.end_transfer(vehicle)
             vehicle.wait(1.0)
-            logclient.end_transfer(vehicle)  # the first may be lost
+            logclient.end_transfer(vehicle)  # again, because the first request may be lost
             vehicle.wait(1.0)
     received = max(m.ofs + m.count for m in vehicle.since(mark, "LOG_DATA") if m.id == entry.id)
     holds(received < entry.size, f"the vehicle sent all {entry.size} bytes")

@@ -9,9 +9,9 @@ from sim_vehicle.conformance.guard import ARM, REBOOT
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-BACK_S = 60.0
-YOUNG_MS = 45_000
-SETTLE_S = 3.0  # after a boot; the vehicle undoes an earlier mode change
+BACK_S = 60.0  # longest time from the reboot to an answer
+YOUNG_MS = 45_000  # a lower time_boot_ms counts as a reboot
+SETTLE_S = 3.0  # wait after a boot: the vehicle undoes a mode change made earlier
 PREFLIGHT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 
 
@@ -20,7 +20,7 @@ def _boot_ms(vehicle: VehicleUnderTest) -> int:
 
 
 def _reboot(vehicle: VehicleUnderTest) -> float:
-    """Reboot the vehicle and wait for its answer; return the time taken [s]."""
+    """Reboot the vehicle and wait until it answers again; return the time taken [s]."""
     before_ms = _boot_ms(vehicle)
     equal(result_name(vehicle.command(PREFLIGHT, 1)), "ACCEPTED", "PREFLIGHT_REBOOT_SHUTDOWN")
     gone_s = vehicle.now
