@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -183,13 +183,13 @@ def _counted(counter: Counter[str]) -> str:
     return ", ".join(f"{text} × {n}" if n > 1 else text for text, n in counter.items())
 
 
-def _grouped(seen: Iterable[str]) -> str:
+def _grouped(seen: Counter[str]) -> str:
     """Return changes as a text that names each part of the state once: "mission_seq 5, 10; mode AUTO"."""
-    values: dict[str, list[str]] = {}
-    for change in seen:
+    values: dict[str, Counter[str]] = {}
+    for change, n in seen.items():
         name, _, value = change.partition(" ")
-        values.setdefault(name, []).append(value)
-    return "; ".join(f"{name} {', '.join(found)}" for name, found in values.items())
+        values.setdefault(name, Counter())[value] += n
+    return "; ".join(f"{name} {_counted(found)}" for name, found in values.items())
 
 
 def _line(entry: Entry) -> str:
