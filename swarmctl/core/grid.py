@@ -57,7 +57,11 @@ class Grid:
 
     def nearest_border_cell(self, lat_deg: float, lon_deg: float) -> Cell:
         """Return the cell on the border of the area nearest to a point, inside the area or outside it."""
-        east_m, north_m = self._finite_local(lat_deg, lon_deg)
+        east_m, north_m = self.frame.to_local(lat_deg, lon_deg)
+        if not (math.isfinite(east_m) and math.isfinite(north_m)):
+            raise ValueError(
+                f"({lat_deg}, {lon_deg}) is no position: expected latitude, longitude in degrees"
+            )
         row, col = self._clamped(east_m, north_m)
         last_row, last_col = self.rows - 1, self.cols - 1
         if row in (0, last_row) or col in (0, last_col):
@@ -98,11 +102,3 @@ class Grid:
         row = math.floor(north_m / self.cell_size_m)
         col = math.floor(east_m / self.cell_size_m)
         return min(max(row, 0), self.rows - 1), min(max(col, 0), self.cols - 1)
-
-    def _finite_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        east_m, north_m = self.frame.to_local(lat_deg, lon_deg)
-        if not (math.isfinite(east_m) and math.isfinite(north_m)):
-            raise ValueError(
-                f"({lat_deg}, {lon_deg}) is no position: expected latitude, longitude in degrees"
-            )
-        return east_m, north_m

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from swarmctl.agent.replan.travel_time import BRAKING_M_S2
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
@@ -21,8 +22,6 @@ SILENT_S = 180.0
 """Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]."""
 AIRBORNE_M = 1.0
 """Height above home below which a vehicle counts as on the ground [m]."""
-BRAKING_M_S2 = 1.75
-"""Deceleration of a copter [m/s²] (`swarmctl.agent.replan.travel_time`)."""
 
 
 def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:

@@ -7,7 +7,6 @@ continue.
 from __future__ import annotations
 
 import asyncio
-import time
 from collections import deque
 from collections.abc import Callable
 
@@ -31,7 +30,7 @@ class Inbox:
         loop: asyncio.AbstractEventLoop,
         limits: tuple[int, ...],
         on_failure: Failure,
-        clock: Callable[[], float] = time.perf_counter,
+        clock: Callable[[], float],
     ) -> None:
         self.dropped = 0
         self.failed = 0

@@ -88,7 +88,7 @@ class ZenohBus:
         self._on_link = on_link
         self._loop = asyncio.get_running_loop()
         self._routes = Subscriptions()
-        self._inbox = Inbox(self._loop, QUEUE_SIZES, on_failure)
+        self._inbox = Inbox(self._loop, QUEUE_SIZES, on_failure, self._loop.time)
         self._unsent = 0
         self._links = LinkSet()
         """links of the current session"""
