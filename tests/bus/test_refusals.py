@@ -25,6 +25,7 @@ from zenoh_nodes import (
     meet,
     router_at,
     until,
+    until_answered,
 )
 
 from swarmctl.bus import keys
@@ -442,13 +443,6 @@ def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
             assert set(received) == {b"far", b"own", b"by hand"}
 
     asyncio.run(scene())
-
-
-async def until_answered(bus: ZenohBus, key: str, answer: bytes) -> None:
-    """A declaration is on its way a moment longer than a link stands."""
-    async with asyncio.timeout(8.0):
-        while await bus.ask(key, b"", 5.0) != (answer,):  # noqa: ASYNC110 - another process's
-            await asyncio.sleep(0.05)
 
 
 def test_a_process_that_serves_anothers_key_does_not_hide_its_answer() -> None:

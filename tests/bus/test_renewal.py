@@ -91,7 +91,7 @@ def test_a_whole_network_causes_no_renewal(links: list[str]) -> None:
 
 
 def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
-    """Of two nodes, `1` does not receive the subscription of `2`."""
+    """Node `1` does not receive the subscription of node `2`."""
     told_1: set[str] = set()
     told_2: set[str] = set()
 

@@ -22,6 +22,7 @@ from zenoh_nodes import (
     meet,
     router_process,
     until,
+    until_answered,
 )
 
 from swarmctl.bus import keys
@@ -80,8 +81,7 @@ def test_a_late_or_restarted_router_is_found_each_time(
                     await until(lambda: received, "heard again", lambda: one.put(TO_TWO, b"again"))
                     found_s.append(time.monotonic() - began_s)
                     await meet(operator)
-                    # The router may learn of a served key after it has learnt of the inboxes.
-                    await until_answered(operator)
+                    await until_answered(operator, WEIGHTS, b"answer", within_s=5.0)
                     router.kill()
                     await until(lambda: one.links + two.links + operator.links == 0, "the end is noticed")
                     received.clear()
@@ -94,12 +94,6 @@ def test_a_late_or_restarted_router_is_found_each_time(
     found_s = asyncio.run(scene())
     say(f"{protocol}: heard again {', '.join(f'{s:.2f}' for s in found_s)} s after the router was up")
     assert max(found_s) < 4.0
-
-
-async def until_answered(operator: ZenohBus) -> None:
-    async with asyncio.timeout(5.0):
-        while await operator.ask(WEIGHTS, b"", 5.0) != (b"answer",):  # noqa: ASYNC110 - it asks again
-            await asyncio.sleep(0.05)
 
 
 @pytest.mark.full

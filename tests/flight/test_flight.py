@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interruptions import interrupting, silent
 from mcap.reader import make_reader
-from profiles import examples
+from profiles import examples, full_only
 from pymavlink import mavutil
 from recorded import effects, messages
 
@@ -275,7 +275,7 @@ def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path
     assert not any(s.vehicle.armed for s in report.states.values())
 
 
-@pytest.mark.parametrize("k", [1, *(pytest.param(k, marks=pytest.mark.full) for k in (0, 2, "all"))])
+@pytest.mark.parametrize("k", [1, *full_only(0, 2, "all")])
 def test_messages_reach_as_many_vehicles_as_the_configured_range(k: int | str, tmp_path: Path) -> None:
     scenario = small(
         communication={"bus": "memory", "range": k, "sync_every_s": 0.0},

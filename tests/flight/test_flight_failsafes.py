@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from failsafe_faults import outage, sagging
 from flights import Ui, coded, fly, small
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from trouble import Trouble, fly_with, inject, select_mode
 
@@ -61,9 +62,7 @@ def test_a_disabled_rule_leaves_the_vehicle_to_its_own_failsafe(
     assert "in mode RTL" in report.states[2].outcome
 
 
-@pytest.mark.parametrize(
-    "mode", ["GUIDED", *(pytest.param(mode, marks=pytest.mark.full) for mode in ("LOITER", "RTL"))]
-)
+@pytest.mark.parametrize("mode", ["GUIDED", *full_only("LOITER", "RTL")])
 def test_a_pilot_or_another_station_takes_over_and_is_not_fought(
     mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

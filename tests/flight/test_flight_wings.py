@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from flights import Ui, fly
 from interruptions import interrupting
+from profiles import full_only
 from pymavlink import mavutil
 from wings_flights import away_m, winged
 
@@ -87,7 +88,7 @@ def test_a_holding_fixed_wing_circles(autopilot: str, mode: str, tmp_path: Path)
     assert wing.vehicle.alt_rel_m == pytest.approx(30.0, abs=3.0)
 
 
-@pytest.mark.parametrize("seed", [11, *(pytest.param(s, marks=pytest.mark.full) for s in (12, 13))])
+@pytest.mark.parametrize("seed", [11, *full_only(12, 13)])
 def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
     seed: int, tmp_path: Path
 ) -> None:

@@ -93,6 +93,13 @@ async def meet(*buses: ZenohBus) -> None:
     await until(lambda: all(bus.connected for bus in buses), "all have a link")
 
 
+async def until_answered(bus: ZenohBus, key: str, answer: bytes, within_s: float = 8.0) -> None:
+    """Wait until `answer` is the one answer under a key; a declaration takes longer than its link."""
+    async with asyncio.timeout(within_s):
+        while await bus.ask(key, b"", 5.0) != (answer,):  # noqa: ASYNC110 - another process's
+            await asyncio.sleep(0.05)
+
+
 ROUTER = """\
 import asyncio, sys
 from pathlib import Path
