@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from swarmctl.core import texts
+from swarmctl.core import operator_text
 
 PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFICATE_PROTOCOLS = ("tls", "quic")
@@ -29,7 +29,7 @@ class BusEndpoint:
     @property
     def is_loopback(self) -> bool:
         """True if only this machine can reach the endpoint."""
-        return texts.is_loopback(self.host)
+        return operator_text.is_loopback(self.host)
 
     @property
     def is_certified(self) -> bool:

@@ -17,7 +17,7 @@ from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, Report, ReportAnswer, ReportedCells
 from swarmctl.bus.transports.base import MAX_QUESTION_BYTES, Reply, Transport
 from swarmctl.core.grid import Grid
-from swarmctl.core.texts import printable
+from swarmctl.core.operator_text import printable
 
 PER_S = 50.0
 BURST = 50

@@ -34,7 +34,7 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import BeliefItem, Observation
-from swarmctl.core.texts import printable
+from swarmctl.core.operator_text import printable
 
 SLOW_SLICE_S = 0.005
 """time slice for requests and their answers while other messages wait; at least one message is delivered"""

@@ -28,7 +28,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
-from swarmctl.core.texts import printable, resolve_vehicles
+from swarmctl.core.operator_text import printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
 """Longest wait for the agents' answers [s]; an agent in a long search may answer later."""

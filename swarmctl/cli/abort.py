@@ -25,7 +25,7 @@ from swarmctl.cli.operator_command import (
     send_and_exit,
 )
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
-from swarmctl.core.texts import resolve_vehicles
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.report.answers import order_line
 from swarmctl.station import client, recall
 from swarmctl.station.client import CommandSigning, Station

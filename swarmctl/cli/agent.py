@@ -40,7 +40,7 @@ from swarmctl.cli.flights import (
 )
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.texts import extended, resolve_vehicles
+from swarmctl.core.operator_text import extended, resolve_vehicles
 from swarmctl.flight import companion
 from swarmctl.flight.director import Permission
 from swarmctl.flight.gc_tuning import tune_collector

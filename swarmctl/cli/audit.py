@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
-from swarmctl.core.texts import printable
+from swarmctl.core.operator_text import printable
 from swarmctl.report.evidence.chain import CheckedChain, Entry, check, sealed
 from swarmctl.report.evidence.digest import Digest, digest
 from swarmctl.report.evidence.file import FILE_NAME

@@ -21,7 +21,7 @@ from swarmctl.cli.console import (
 )
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.inference.survival import N_WORLDS
-from swarmctl.core.texts import resolve_vehicles
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.planners.front import MAX_LABELS
 from swarmctl.report import first_plans, front, outputs
 from swarmctl.report.prior_run import PriorRunError, vehicles_without_route, with_prior_run

@@ -21,7 +21,7 @@ from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
 from swarmctl.config import joining
 from swarmctl.core.frames import FrameCodec
-from swarmctl.core.texts import extended
+from swarmctl.core.operator_text import extended
 from swarmctl.security.files import KeyringError
 from swarmctl.station import watch
 from swarmctl.station.watch import Board, View, table

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.core.section import Section
-from swarmctl.core.texts import resolve_vehicles
 
 MAX_DELAY_S = 60.0
 

@@ -16,7 +16,7 @@ from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
-from swarmctl.core.texts import extended
+from swarmctl.core.operator_text import extended
 from swarmctl.flight.member import POLL_S, Member, names, until
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.shutdown import Shutdown

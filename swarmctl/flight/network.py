@@ -13,7 +13,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.config.communication import Communication
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import FrameCodec
-from swarmctl.core.texts import resolve_vehicles
+from swarmctl.core.operator_text import resolve_vehicles
 
 
 def options_of(scenario: Scenario) -> NodeOptions:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from swarmctl.bus.network import Network
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.texts import extended
+from swarmctl.core.operator_text import extended
 from swarmctl.flight import simulator
 from swarmctl.flight.director import Director
 from swarmctl.flight.member import Member

@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Sequence
 
-from swarmctl.core.texts import is_loopback
+from swarmctl.core.operator_text import is_loopback
 from swarmctl.links.base import LinkError
 from swarmctl.links.transports.base import Address, Transport
 from swarmctl.links.url import Endpoint

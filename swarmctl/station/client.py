@@ -29,7 +29,7 @@ from swarmctl.core.messages import (
     decode_answer,
     encode,
 )
-from swarmctl.core.texts import extended, resolve_vehicles
+from swarmctl.core.operator_text import extended, resolve_vehicles
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 

@@ -16,7 +16,7 @@ from swarmctl.bus import keys
 from swarmctl.bus.transports.base import Transport
 from swarmctl.core.frames import Frame, FrameCodec, MessageRefused, StateShared
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.texts import printable
+from swarmctl.core.operator_text import printable
 from swarmctl.report.live_rows import COLOURS
 from swarmctl.report.tables import Column, FittedTable
 

@@ -31,7 +31,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
-from swarmctl.core.texts import resolve_vehicles
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.core.threat import FiringStrength
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import client

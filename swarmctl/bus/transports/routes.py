@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from swarmctl.bus.transports.base import Receive
-from swarmctl.core.texts import printable
+from swarmctl.core.operator_text import printable
 
 EVERYTHING = "**"
 MAX_TEXTS = 32

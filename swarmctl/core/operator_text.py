@@ -1,4 +1,4 @@
-"""Small checks of text: terminal output, host names, names of vehicles."""
+"""Text that operators write or read: names of vehicles and hosts, printable text, messages with a code."""
 
 from __future__ import annotations
 
