@@ -65,6 +65,7 @@ def test_the_shipped_arrival_configuration_is_valid() -> None:
     assert shipped.arrival.mode == "simultaneous"
 
 
+@pytest.mark.full
 def test_independent_arrivals_have_no_spread(tmp_path: Path) -> None:
     report = fly(small(simulate={"count": 1, "ready_s": 3.0}), tmp_path)
     assert report.summary["arrival"] is None

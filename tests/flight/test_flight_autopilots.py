@@ -72,6 +72,7 @@ def test_the_shipped_mixed_swarm_arrives(tmp_path: Path) -> None:
     assert autopilots(tmp_path, tuple(f"uav{n}" for n in range(1, 7))) == [ARDUPILOT, PX4] * 3
 
 
+@pytest.mark.full
 def test_a_swarm_with_reduced_telemetry_arrives(tmp_path: Path) -> None:
     simulate = {"count": 2, "ready_s": 3.0, "autopilot": "mixed"}
     scenario = small(simulate=simulate, links={"position_hz": 2.0, "stop_other_streams": True})

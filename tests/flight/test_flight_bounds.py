@@ -76,6 +76,7 @@ def test_the_lower_bound_of_the_last_plan_is_in_the_summary(tmp_path: Path) -> N
         assert set(plan["searched"][0]) == {"w", "length_cells", "exposure_sum"}
 
 
+@pytest.mark.full
 def test_an_arrival_window_is_kept_at_both_ends(unbounded: list[dict[str, Any]], tmp_path: Path) -> None:
     scenario = swarm(
         {"name": "time_bound", "options": {"minimise": "distance"}},

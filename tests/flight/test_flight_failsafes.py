@@ -140,6 +140,7 @@ def test_the_configured_lost_link_action_is_not_fought_after_the_link_is_restore
     assert report.states[1].outcome == "arrived"
 
 
+@pytest.mark.full
 def test_a_vehicle_flies_on_after_a_short_loss_of_its_link(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

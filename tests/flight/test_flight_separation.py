@@ -81,6 +81,7 @@ def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path
     assert separation["held"] == separation["climbed"] == 0
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
 def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -> None:
     separation, shown = meeting(tmp_path, "hold")
@@ -146,6 +147,7 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
     assert separation["too_close"] == []
 
 
+@pytest.mark.full
 def test_a_later_launch_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
     flown_after_waiting(tmp_path, delay_step_s=3.0)
 

@@ -60,13 +60,14 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
     assert [item["command"] for item in plan["items"]][-5:] == [16, 189, 31, 16, 21]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("autopilot", "on_exit", "mode"),
     [
         ("arduplane", "return", "AUTO"),
-        pytest.param("arduplane", "land", "AUTO", marks=pytest.mark.full),
-        pytest.param("px4plane", "return", "AUTO.LOITER", marks=pytest.mark.full),  # disarmed it waits there
-        pytest.param("px4plane", "land", "AUTO.MISSION", marks=pytest.mark.full),
+        ("arduplane", "land", "AUTO"),
+        ("px4plane", "return", "AUTO.LOITER"),  # disarmed it waits there
+        ("px4plane", "land", "AUTO.MISSION"),
     ],
 )
 def test_a_recalled_fixed_wing_lands_at_home(autopilot: str, on_exit: str, mode: str, tmp_path: Path) -> None:

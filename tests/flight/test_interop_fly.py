@@ -204,6 +204,7 @@ def test_an_autopilot_that_is_not_simulated_gets_no_mission_and_no_arming_withou
     assert {kind for kind, _ in autopilot.received} <= {"COMMAND_LONG", "HEARTBEAT"}
 
 
+@pytest.mark.full
 def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\n")

@@ -141,6 +141,7 @@ def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: py
     assert coded(ui.said, "returning", "return-schedule")
 
 
+@pytest.mark.full
 def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> None:
     land = GiveOrder(("uav2",), "land")
     report, _, (answer,) = run_virtual(flown_with_commands(tmp_path, (35.0, land)))
@@ -294,6 +295,7 @@ def test_a_failed_flight_returns_the_vehicles_in_turns(
     assert all("mode RTL" in line for line in report.final_states)
 
 
+@pytest.mark.full
 def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -140,6 +140,7 @@ def armed_early() -> Trouble:
     return Trouble(faults=[unfit], actions=[(10.0, arms(2))])
 
 
+@pytest.mark.full
 def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
