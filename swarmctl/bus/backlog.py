@@ -43,10 +43,10 @@ class Backlog:
         return len(self._waiting)
 
     def append(self, message: QueuedMessage) -> list[QueuedMessage]:
-        """Append a message; return the messages that were dropped to make room.
+        """Append a message; return the messages dropped for lack of memory.
 
-        Above the limit the older half is dropped. The newest state and intent of each sender to each receiver
-        stay.
+        Above the limit the older half is dropped, except the newest state and intent of each sender to each
+        receiver.
         """
         self._waiting.append(message)
         self._n_bytes += message.n_bytes

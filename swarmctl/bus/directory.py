@@ -2,7 +2,7 @@
 
 Each flight has a locked file in a folder of its user. A file without a lock is a stale record of a killed
 flight: readers ignore the file, and the next flight removes it. After a flight an empty file keeps the time
-of its end.
+of the flight's end.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def running_swarms() -> list[RunningSwarm]:
 
 
 def record_end(swarm: str, uav: int | None = None) -> None:
-    """Record that the flight of a swarm, or of one agent, ends now; an unwritable folder is ignored."""
+    """Record that the flight of a swarm, or of one agent, ends now; ignore an unwritable folder."""
     with contextlib.suppress(OSError):
         _end_file(_folder(), swarm, uav).touch()
 
@@ -88,7 +88,7 @@ def _end_file(folder: Path, swarm: str, uav: int | None) -> Path:
 
 
 def _locked(draft: Path) -> TextIO:
-    """Open and lock a new file before its final name; without a lock the file would count as stale.
+    """Open and lock a new file under its draft name; without a lock the file would count as stale.
 
     Raises OSError.
     """
@@ -136,9 +136,9 @@ def _is_stale(file: TextIO) -> bool:
 
 
 def _folder() -> Path:
-    """Return the directory's folder; make a missing folder.
+    """Return the directory's folder; create a missing folder.
 
-    Raises OSError if another user can write to it: a forged record would redirect commands.
+    Raises OSError if another user can write to the folder: a forged record would redirect commands.
     """
     # Not below XDG_RUNTIME_DIR, which differs between a shell and a flight under cron or sudo.
     folder = Path(tempfile.gettempdir()) / f"swarmctl-{os.getuid()}"

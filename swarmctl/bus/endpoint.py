@@ -20,7 +20,7 @@ _FORM = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class BusEndpoint:
-    """An address on the network; port 0 stands for any free one."""
+    """An address on the network; port 0 stands for any free port."""
 
     host: str
     port: int

@@ -1,9 +1,8 @@
 """Receiver of payloads' reports: one key for each vehicle, for puts and for queries.
 
-A put has no answer, a query has one (formats: `swarmctl.bus.sensor_reports`). An accepted report becomes an
-observation of the vehicle's agent, also on the ground and after the flight: other vehicles use it, and a
-person may report observations of others. Refused reports are counted. The program shows each reason once,
-and again after a pause.
+A query gets an answer, a put gets none (formats: `swarmctl.bus.sensor_reports`). An accepted report becomes
+an observation of the vehicle's agent, also on the ground and after the flight, because other vehicles use
+the observation. Refused reports are counted. The program shows each reason once, and again after a pause.
 """
 
 from __future__ import annotations
@@ -15,18 +14,18 @@ from dataclasses import dataclass, field
 from swarmctl.bus import keys, sensor_reports
 from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, Report, ReportAnswer, ReportedCells
-from swarmctl.bus.transports.base import MAX_QUESTION_BYTES, Reply, Transport
+from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core.grid import Grid
 from swarmctl.core.operator_text import printable
 
 PER_S = 50.0
 BURST = 50
-"""Limits on the reports to one vehicle, accepted or refused: PER_S a second, BURST at once."""
-PAUSE_S = 10.0
+"""limits on the reports to one vehicle, accepted or refused: PER_S a second, BURST at once"""
+SHOWN_AGAIN_AFTER_S = 10.0
 """time without a refusal for the same reason, after which a new refusal is shown"""
 MAX_REASON_CHARS = 400
 TIMEOUT_S = 3.0
-"""longest wait for an answer [s]; an agent answers as soon as the report arrives"""
+"""longest wait for an answer; an agent answers as soon as the report arrives"""
 
 
 @dataclass(slots=True)
@@ -35,14 +34,15 @@ class ReportCounts:
 
     taken: int = 0
     refused: dict[str, int] = field(default_factory=dict)
-    """numbers of refused reports, by reason"""
+    """number of refused reports, by reason"""
 
 
 class ReportReceiver:
     """The receiver of one vehicle, active until the transport is closed.
 
-    `clock`: wall clock [s since 1970] for refusing old and future reports. `post`: consumer of the cells of a
-    report and its source.
+    clock: wall clock [s since 1970], for the check of a report's time
+    post: receiver of an accepted report's cells and source
+    tolerance_s: largest lead of a payload's clock [s]
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class ReportReceiver:
             raise RejectedReport(RejectReason.KEY, f"{key[:200]}, expected {self._key}")
         if payload is None:
             raise RejectedReport(
-                RejectReason.OVERSIZE, f"more than {MAX_QUESTION_BYTES} bytes: send several reports"
+                RejectReason.OVERSIZE, f"more than {MAX_QUERY_BYTES} bytes: send several reports"
             )
         return sensor_reports.decode_report(payload, self._grid, self._clock(), self._tolerance_s)
 
@@ -108,7 +108,7 @@ class ReportReceiver:
         why = printable(str(bad)[:MAX_REASON_CHARS])
         before_s = self._refused_at_s.get(reason)
         self._refused_at_s[reason] = now_s
-        if before_s is None or now_s - before_s > PAUSE_S:
+        if before_s is None or now_s - before_s > SHOWN_AGAIN_AFTER_S:
             self._say(f"a report of observations was refused ({sum(refused.values())} so far): {why}")
         return ReportAnswer(taken=False, why=why)
 

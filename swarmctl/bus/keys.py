@@ -60,7 +60,7 @@ def station(swarm: str) -> str:
 
 
 def request(swarm: str, kind: RequestKind, uav: int | None = None) -> str:
-    """Return the key of an operator's requests to the agent of `uav`; None: to the process of all agents."""
+    """Return the key of an operator's requests to the agent of `uav`; None: the process with all agents."""
     receiver = "station" if uav is None else f"uav/{uav}"
     return f"{ROOT}/{swarm}/{receiver}/request/{kind}/operator"
 
@@ -71,7 +71,7 @@ def sensor_report(swarm: str, uav: int | Literal["*"]) -> str:
 
 
 def sender_of(key: str) -> tuple[int, str] | None:
-    """Return (sender, act) of the key of a UAV's message; None for any other key, and with wildcards.
+    """Return (sender, act) of the key of a UAV's message; None for all other keys and for wildcards.
 
     A put on a wildcard key would reach every inbox and pass a router's deny rules. The result is not cached,
     because other processes choose the key.

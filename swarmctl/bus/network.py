@@ -42,7 +42,7 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 OnNews = Callable[[tuple[BeliefItem, ...]], None]
 MAX_LINES = 10
-"""largest number of shown lines for each topic and UAV; the counters include all"""
+"""largest number of shown lines for each topic and UAV; the counters count all"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,9 +150,9 @@ class Network:
         return incarnation
 
     def publish(self, uav: int, message: AgentMessage, against: frozenset[Cell] = frozenset()) -> int:
-        """Send to all UAVs in communication range; return their number.
+        """Send a message to all UAVs in communication range; return the number of these UAVs.
 
-        `against` are the cells of an observation that contradict earlier reports of other UAVs.
+        `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
         output = self._members[uav].node.publish(message, self._now_s(), self._clock.unix_s(), against)
         if isinstance(message, StateShared):
@@ -169,9 +169,9 @@ class Network:
         return self._members[uav].node.states()
 
     def intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
-        """Return the newest intent of each other UAV that this UAV knows, and its age.
+        """Return the newest intent of each other UAV that this UAV knows, and the intent's age.
 
-        The age is in simulated seconds, and never below 0, even if the clocks differ.
+        The age is in simulated seconds, and 0 or more even if the clocks differ.
         """
         unix_s, speedup = self._clock.unix_s(), self._clock.speedup
         items = self._members[uav].node.intents().items()
@@ -304,12 +304,12 @@ class Network:
         if self._closed:
             return
         now_s, unix_s = self._now_s(), self._clock.unix_s()
-        rest_s = SLOW_SLICE_S if self._queue else TURN_S
+        slow_slice_s = SLOW_SLICE_S if self._queue else TURN_S
         for queued in _within(TURN_S, self._queue):
             self._deliver_message(queued, now_s, unix_s)
         for member in _within(TURN_S, self._with_news):
             self._deliver_news(member)
-        for queued in _within(rest_s, self._slow_queue):
+        for queued in _within(slow_slice_s, self._slow_queue):
             self._deliver_message(queued, now_s, unix_s)
         if self._queue or self._with_news or self._slow_queue:
             self._schedule_delivery()

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from swarmctl.bus import keys
 from swarmctl.bus.rate import TokenBucket
-from swarmctl.bus.transports.base import MAX_QUESTION_BYTES, Reply, Transport
+from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
     BadMessage,
@@ -31,13 +31,13 @@ from swarmctl.core.messages import (
 from swarmctl.core.operator_text import printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
-"""Longest wait for the agents' answers [s]; an agent in a long search may answer later."""
+"""longest wait for the agents' answers; an agent in a long search may answer later"""
 MAX_REASON_CHARS = 400
 PER_S = 4.0
 BURST = 8
-"""Limits on commands with a valid signature, accepted or refused: PER_S a second, BURST at once."""
+"""limits on commands with a valid signature, accepted or refused: PER_S a second, BURST at once"""
 CHECKED_PER_S = 200.0
-"""Limit on signature checks; a check takes 0.1 to 0.3 ms. Further commands get no check and no answer."""
+"""limit on signature checks of 0.1 to 0.3 ms each; further commands get neither a check nor an answer"""
 CHECKED_BURST = 100
 SHOWN_PER_S, SHOWN_BURST = 0.1, 4
 """limits on messages about invalid signatures"""
@@ -200,7 +200,7 @@ class OperatorService:
     def _verified(self, key: str, payload: bytes | None) -> bytes:
         """Return the command in a payload. Raises BadMessage."""
         if payload is None:
-            raise BadMessage(f"the payload is above the limit of {MAX_QUESTION_BYTES} bytes")
+            raise BadMessage(f"the payload is above the limit of {MAX_QUERY_BYTES} bytes")
         return self._signing.verify_command(key, payload)
 
     def _execute(self, key: str, verified: bytes, reply: Reply) -> None:

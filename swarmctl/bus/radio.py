@@ -1,8 +1,8 @@
 """Radio model: range, loss, delay and bandwidth of messages between UAVs. No I/O.
 
-The model works above every transport, in simulated time. The sender calls `Radio.send`, the receiver
-`Radio.distance_loss`. Each ordered pair of UAVs has its own random stream: loss and jitter of the n-th
-message depend only on the seed and n, in one process or in many.
+The model works above every transport, in simulated time. The sender calls `Radio.send`, and the receiver
+calls `Radio.distance_loss`. Each ordered pair of UAVs has its own random stream. So loss and jitter of a
+pair's n-th message depend only on the seed and n, in one process or in many.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 from swarmctl.core.geo import LatLon, distance_m
 
 MAX_WAIT_S = 2.0
-"""longest wait for the transmitter; messages that would wait longer are dropped as out of date"""
-STREAM = 3
-"""first part of the pairs' spawn keys, which separates the pairs from other streams of the run's seed"""
-_DRAWN_AHEAD = 32
-"""messages per draw: for numpy many numbers cost little more than one"""
+"""longest wait for the transmitter; a message with a longer wait is dropped"""
+SPAWN_KEY = 3
+"""first number of the spawn keys; it separates this model's random streams from the run's other streams"""
+_MESSAGES_PER_DRAW = 32
+"""number of messages per draw; many random numbers take numpy little longer than a single number"""
 
 
 class LossReason(StrEnum):
@@ -43,9 +43,9 @@ class LossReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """A split of the swarm from `from_s` until before `until_s`: UAVs reach only UAVs of their own group.
+    """A split of the swarm into groups, from `from_s` to before `until_s` [s since the start].
 
-    A UAV outside of all groups is isolated.
+    A UAV reaches only UAVs of its own group. A UAV outside all groups is isolated.
     """
 
     groups: tuple[frozenset[int], ...]
@@ -60,7 +60,7 @@ class Partition:
 
 @dataclass(frozen=True, slots=True)
 class RadioSilence:
-    """Radio silence of UAVs from `from_s` until before `until_s`."""
+    """Radio silence of UAVs, from `from_s` to before `until_s` [s since the start]."""
 
     uavs: frozenset[int]
     from_s: float = 0.0
@@ -123,12 +123,12 @@ class RadioSettings:
 def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[bool, float]]:
     """Yield (lost, jitter [s]) of each message of a pair.
 
-    Each message takes two draws, used or not, so jitter does not change the lost messages.
+    Each message takes two draws, even without jitter, so jitter does not change which messages are lost.
     """
     p_enter, p_stay = gilbert_probabilities(settings.loss, settings.loss_burst)
     p_lost = settings.loss  # the stationary value: the state before the first message is unknown
     while True:
-        draws = iter(rng.random(2 * _DRAWN_AHEAD).tolist())
+        draws = iter(rng.random(2 * _MESSAGES_PER_DRAW).tolist())
         for lost_draw, jitter_draw in zip(draws, draws, strict=True):
             is_lost = lost_draw < p_lost
             p_lost = p_stay if is_lost else p_enter
@@ -143,7 +143,7 @@ class Radio:
         """True if every message arrives at once"""
         self._settings = settings
         self._seed = seed
-        self._draws = settings.loss > 0.0 or settings.jitter_s > 0.0
+        self._is_random = settings.loss > 0.0 or settings.jitter_s > 0.0
         self._fates: dict[tuple[int, int], Iterator[tuple[bool, float]]] = {}
         self._free_at_s: dict[int, float] = {}
 
@@ -155,7 +155,7 @@ class Radio:
         """
         settings = self._settings
         # The draw comes first, so that other causes of loss do not change the draws of later messages.
-        is_lost, jitter_s = self._fate(sender, to) if self._draws else (False, 0.0)
+        is_lost, jitter_s = self._fate(sender, to) if self._is_random else (False, 0.0)
         if any(quiet.silences(sender, now_s) for quiet in settings.quiet):
             return LossReason.QUIET
         sent_s = self._transmit(sender, n_bytes, now_s)
@@ -183,15 +183,15 @@ class Radio:
     def _fate(self, sender: int, to: int) -> tuple[bool, float]:
         fates = self._fates.get((sender, to))
         if fates is None:
-            sequence = np.random.SeedSequence(self._seed, spawn_key=(STREAM, sender, to))
+            sequence = np.random.SeedSequence(self._seed, spawn_key=(SPAWN_KEY, sender, to))
             fates = _fates(np.random.default_rng(sequence), self._settings)
             self._fates[sender, to] = fates
         return next(fates)
 
     def _transmit(self, sender: int, n_bytes: int, now_s: float) -> float | None:
-        """Return the end of a message's transmission [s], after all earlier messages.
+        """Return the end time of a transmission [s], after all earlier ones; None above `MAX_WAIT_S`.
 
-        None for a wait above `MAX_WAIT_S`. A message to several receivers is sent once for each receiver.
+        A message to several receivers is transmitted once for each receiver.
         """
         bandwidth_bytes_s = self._settings.bandwidth_bytes_s
         if bandwidth_bytes_s == math.inf:

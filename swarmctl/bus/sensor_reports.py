@@ -1,6 +1,6 @@
 """Reports of a payload to its vehicle's agent, as JSON: cells of the area with and without a hostile.
 
-A report is one observation, of these fields:
+A report is one observation with these fields:
 
 | field | type | meaning |
 |---|---|---|
@@ -31,14 +31,14 @@ from swarmctl.core.grid import Cell, Grid
 
 VERSION: Final = 1
 MAX_BYTES = 16_384
-"""greatest size of a report [bytes]; about 1400 cells"""
+"""greatest size of a report, enough for about 1400 cells"""
 MAX_CELLS = 4096
-MAX_SOURCE = 32
-"""largest length of a source [characters]"""
-BY_HAND = "operator"
-"""source of a person's reports by `swarmctl observe`"""
-OLDEST_S = 60.0
-"""largest age: the hostile may have moved, or the payload's clock may be wrong"""
+MAX_SOURCE_CHARS = 32
+"""greatest length of a report's `source`"""
+MANUAL_SOURCE = "operator"
+"""`source` of the reports that a person sends with `swarmctl observe`"""
+MAX_AGE_S = 60.0
+"""largest age of a report: the hostile may have moved, or the payload's clock may be wrong"""
 CLOCK_TOLERANCE_S = 5.0
 """largest lead of a payload's clock"""
 
@@ -82,12 +82,12 @@ _OneOrMore = msgspec.Meta(min_length=1, max_length=MAX_CELLS)
 class Report(msgspec.Struct, frozen=True, omit_defaults=True):
     """One observation of a payload."""
 
-    version: Annotated[Literal[1], msgspec.Meta(description="of this schema")]
+    version: Annotated[Literal[1], msgspec.Meta(description="version of this schema")]
     cells: Annotated[tuple[tuple[int, int, bool], ...], _OneOrMore] | None = None
     """(row, col, occupied)"""
     points: Annotated[tuple[ReportedPoint, ...], _OneOrMore] | None = None
     unix_s: float | None = None
-    source: Annotated[str, msgspec.Meta(max_length=MAX_SOURCE)] = ""
+    source: Annotated[str, msgspec.Meta(max_length=MAX_SOURCE_CHARS)] = ""
 
 
 class ReportAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -168,10 +168,10 @@ def _decode_json(data: bytes) -> Report:
 
 
 def _check_time(age_s: float, tolerance_s: float) -> None:
-    if age_s > OLDEST_S:
+    if age_s > MAX_AGE_S:
         raise RejectedReport(
             RejectReason.STALE,
-            f"the observation is {age_s:.1f} s old (limit {OLDEST_S:g} s); check the payload's clock",
+            f"the observation is {age_s:.1f} s old (limit {MAX_AGE_S:g} s); check the payload's clock",
         )
     if age_s < -tolerance_s:
         raise RejectedReport(
@@ -191,7 +191,7 @@ def _check_cells(cells: ReportedCells, grid: Grid) -> ReportedCells:
                 f"{grid.cols - 1}",
             )
         if (row, col) in observed:
-            raise RejectedReport(RejectReason.TWICE, f"cell [{row}, {col}]: a report is one observation")
+            raise RejectedReport(RejectReason.TWICE, f"cell [{row}, {col}]; list each cell once")
         observed.add((row, col))
     return cells
 

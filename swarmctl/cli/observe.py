@@ -11,7 +11,14 @@ from typing import Annotated
 import typer
 
 from swarmctl.bus import external_observations
-from swarmctl.bus.sensor_reports import BY_HAND, VERSION, Report, ReportAnswer, ReportedPoint, report_schema
+from swarmctl.bus.sensor_reports import (
+    MANUAL_SOURCE,
+    VERSION,
+    Report,
+    ReportAnswer,
+    ReportedPoint,
+    report_schema,
+)
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
@@ -103,8 +110,8 @@ def make_report(cells: list[str], positions: list[str], occupied: bool | None) -
     if occupied is None:
         raise Unclear("give --occupied (a hostile is in the cell) or --clear [occupied-or-clear]")
     if cells:
-        return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=BY_HAND)
-    return Report(VERSION, points=tuple(_point(word, occupied) for word in positions), source=BY_HAND)
+        return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=MANUAL_SOURCE)
+    return Report(VERSION, points=tuple(_point(word, occupied) for word in positions), source=MANUAL_SOURCE)
 
 
 def _pair(word: str, option: str, such_as: str) -> tuple[float, float]:
@@ -146,14 +153,14 @@ def _station(
     """Return the flight and the credentials for it. Raises BusError, KeyringError and ValueError."""
     station = find_station(swarm, known, connect)
     if known is None:
-        return station, joining.certified(station.endpoint, None)
+        return station, joining.credentials_for(station.endpoint, None)
     own = mesh_endpoints(known.communication.mesh, known.names).get(receiver)
     if own is not None and connect is None and station.agents:
         # Mesh nodes do not relay reports.
         station = replace(station, endpoint=own, others=())
     certified = station.endpoint.is_certified
     keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC)) if certified else None
-    return station, joining.certified(station.endpoint, keyring)
+    return station, joining.credentials_for(station.endpoint, keyring)
 
 
 async def _report(

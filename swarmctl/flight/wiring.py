@@ -16,7 +16,7 @@ from typing import Any, Literal
 from swarmctl.bus import external_observations
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.operator_service import OperatorService
-from swarmctl.bus.sensor_reports import BY_HAND, ReportedCells
+from swarmctl.bus.sensor_reports import MANUAL_SOURCE, ReportedCells
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
@@ -211,7 +211,7 @@ def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
 def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: str) -> None:
     text = f"{source or 'a payload'} reports {'1 cell' if len(cells) == 1 else f'{len(cells)} cells'}"
     runner.note(text)
-    if source == BY_HAND:
+    if source == MANUAL_SOURCE:
         evidence.operator("observe", runner.state.task.name, cells=cells)
     else:
         evidence.remark(text, runner.state.task.name)

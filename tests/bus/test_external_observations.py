@@ -23,10 +23,10 @@ from profiles import examples
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, ReportCounts, ReportReceiver
+from swarmctl.bus.external_observations import BURST, PER_S, SHOWN_AGAIN_AFTER_S, ReportCounts, ReportReceiver
 from swarmctl.bus.sensor_reports import (
+    MAX_AGE_S,
     MAX_BYTES,
-    OLDEST_S,
     RejectedReport,
     RejectReason,
     Report,
@@ -82,7 +82,7 @@ TAKEN: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
     "points in one cell that agree": (report_of(points=[point((4, 7), True)] * 3), SEEN),
     "with its time and name": (report_of(cells=ONE, unix_s=NOW_S - 1.0, source="thermal camera 2"), SEEN),
     "from a clock that is a little ahead": (report_of(cells=ONE, unix_s=NOW_S + 4.9), SEEN),
-    "just not too old": (report_of(cells=ONE, unix_s=NOW_S - OLDEST_S), SEEN),
+    "just not too old": (report_of(cells=ONE, unix_s=NOW_S - MAX_AGE_S), SEEN),
     "a time without a fraction": (report_of(cells=ONE, unix_s=int(NOW_S)), SEEN),
     "with fields of later versions": (report_of(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
     "with null for what is missing": (report_of(cells=ONE, points=None, unix_s=None), SEEN),
@@ -165,7 +165,7 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
         "unix_s",
     ),
     "too old": (
-        report_of(cells=ONE, unix_s=NOW_S - OLDEST_S - 0.2),
+        report_of(cells=ONE, unix_s=NOW_S - MAX_AGE_S - 0.2),
         RejectReason.STALE,
         "60.2 s",
     ),
@@ -489,7 +489,7 @@ def test_each_reason_is_reported_once_until_a_pause() -> None:
             RejectReason.MALFORMED,
             RejectReason.OUTSIDE,
         ]
-        await asyncio.sleep(PAUSE_S)
+        await asyncio.sleep(SHOWN_AGAIN_AFTER_S)
         await answered(bus, b"nonsense")
         assert len(vehicle.said) == 3
         assert "(201 so far)" in vehicle.said[2]

@@ -18,9 +18,9 @@ from profiles import examples
 
 from swarmctl.bus import keys, operator_service
 from swarmctl.bus.operator_service import CommandCounts
-from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Transport
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES, Transport
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.zenoh import QUESTIONS, ZenohBus
+from swarmctl.bus.transports.zenoh import MAX_PENDING_QUERIES, ZenohBus
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
     BadMessage,
@@ -76,7 +76,7 @@ FOREIGN: dict[str, tuple[bytes, str]] = {
         packed(uavs=list(range(10, 100)), w=0.5),
         "10, 11, 12, 13, 14, 15, 16, 17, 18, 19 and 80 more;",
     ),
-    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUESTION_BYTES), "16384 bytes"),
+    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUERY_BYTES), "16384 bytes"),
 }
 """commands that only the operator service can refuse"""
 
@@ -168,7 +168,7 @@ def test_an_invalid_command_reaches_no_vehicle_and_is_counted_shown_and_answered
 def test_the_largest_valid_command_is_read() -> None:
     names = tuple("\N{BLACK STAR}" * 8 + f"{n:08}" for n in range(254))
     assert all(len(name.encode()) == 32 for name in names)
-    assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUESTION_BYTES
+    assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUERY_BYTES
 
 
 def test_an_oversized_question_never_reaches_the_service() -> None:
@@ -233,7 +233,7 @@ def test_questions_displace_no_messages_between_vehicles() -> None:
         with ZenohBus() as bus:
             bus.subscribe("swarmctl/test/uav/1/**", lambda _, payload: received.append(payload))
             bus.serve(KEY, lambda _, payload, reply: reply(payload or b""))
-            asked = [asyncio.create_task(bus.ask(KEY, b"?", 5.0)) for _ in range(5 * QUESTIONS)]
+            asked = [asyncio.create_task(bus.ask(KEY, b"?", 5.0)) for _ in range(5 * MAX_PENDING_QUERIES)]
             await asyncio.sleep(0)
             bus.put("swarmctl/test/uav/1/inform/state/2", b"here")
             answers = await asyncio.gather(*asked)

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.bus.transports.renewal import (
-    EARLIEST_S,
-    LATEST_S,
     MAX_DOUBLINGS,
+    MAX_ROUTE_WAIT_S,
+    MIN_ROUTE_WAIT_S,
     RESET_AFTER_S,
     LinkSet,
     MeshNeighbours,
@@ -27,8 +27,8 @@ def test_a_neighbour_without_routes_causes_a_renewal_after_a_wait() -> None:
     renewal = Renewal()
     missing = {"2": True, "3": False}
     assert not renewal.is_due(SOON, missing, 100.0, is_missed=False)
-    assert not renewal.is_due(SOON, missing, 100.0 + EARLIEST_S - 0.1, is_missed=False)
-    assert renewal.is_due(SOON, missing, 100.0 + EARLIEST_S, is_missed=False)
+    assert not renewal.is_due(SOON, missing, 100.0 + MIN_ROUTE_WAIT_S - 0.1, is_missed=False)
+    assert renewal.is_due(SOON, missing, 100.0 + MIN_ROUTE_WAIT_S, is_missed=False)
 
 
 def test_routes_in_time_restart_the_wait() -> None:
@@ -61,7 +61,7 @@ def test_a_neighbour_is_requested_to_renew_after_a_renewal_without_effect() -> N
 def test_a_missed_node_renews() -> None:
     renewal = Renewal()
     assert not renewal.is_due(SOON, {"2": True}, 100.0, is_missed=True)
-    assert renewal.is_due(SOON, {"2": True}, 100.0 + EARLIEST_S, is_missed=True)
+    assert renewal.is_due(SOON, {"2": True}, 100.0 + MIN_ROUTE_WAIT_S, is_missed=True)
 
 
 def test_renewals_without_effect_become_rarer_until_the_mesh_is_whole() -> None:
@@ -69,17 +69,17 @@ def test_renewals_without_effect_become_rarer_until_the_mesh_is_whole() -> None:
     times_s = [s for s in range(1000) if renewal.is_due(SOON, {"2": True}, float(s), is_missed=True)]
     waits_s = [later - before for before, later in pairwise(times_s)]
     assert waits_s == sorted(waits_s)
-    assert waits_s[-1] >= EARLIEST_S * 2**MAX_DOUBLINGS
+    assert waits_s[-1] >= MIN_ROUTE_WAIT_S * 2**MAX_DOUBLINGS
     for now_s in (1000.0, 1000.0 + RESET_AFTER_S):
         assert not renewal.is_due(SOON, {"2": True}, now_s, is_missed=False)
     assert not renewal.is_due(SOON, {"2": True}, 1020.0, is_missed=True)
-    assert renewal.is_due(SOON, {"2": True}, 1020.0 + EARLIEST_S, is_missed=True)
+    assert renewal.is_due(SOON, {"2": True}, 1020.0 + MIN_ROUTE_WAIT_S, is_missed=True)
 
 
 @given(st.integers(0, 2**128 - 1))
 def test_the_wait_depends_on_the_id(number: int) -> None:
-    assert EARLIEST_S <= route_wait_s(f"{number:032x}") <= LATEST_S
-    assert route_wait_s(LATE) - route_wait_s(SOON) == LATEST_S - EARLIEST_S
+    assert MIN_ROUTE_WAIT_S <= route_wait_s(f"{number:032x}") <= MAX_ROUTE_WAIT_S
+    assert route_wait_s(LATE) - route_wait_s(SOON) == MAX_ROUTE_WAIT_S - MIN_ROUTE_WAIT_S
 
 
 @given(st.lists(st.sampled_from(["", "2", "3", "23"]), max_size=200))
@@ -109,13 +109,13 @@ def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
     one = MeshNeighbours("nodes", SOON, subscribes(told_2), told_1.__contains__)
     two = MeshNeighbours("nodes", LATE, nowhere, told_2.__contains__)
     assert not one.has_to_renew(renewal_1, [LATE], 100.0)
-    assert one.has_to_renew(renewal_1, [LATE], 100.0 + EARLIEST_S)
+    assert one.has_to_renew(renewal_1, [LATE], 100.0 + MIN_ROUTE_WAIT_S)
     assert not two.has_to_renew(renewal_2, [SOON], 102.0)
     assert told_2 == {f"nodes/{SOON}"}
     assert not one.has_to_renew(renewal_1, [LATE], 103.0)
     assert told_2 == {f"nodes/{SOON}", f"nodes/{LATE}/missed"}
     assert not two.has_to_renew(renewal_2, [SOON], 103.0)
-    assert two.has_to_renew(renewal_2, [SOON], 103.0 + LATEST_S)
+    assert two.has_to_renew(renewal_2, [SOON], 103.0 + MAX_ROUTE_WAIT_S)
     told_1.add(f"nodes/{LATE}")
     assert not one.has_to_renew(renewal_1, [LATE], 108.0)
     assert told_2 == {f"nodes/{SOON}"}

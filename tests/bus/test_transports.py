@@ -13,7 +13,7 @@ from zenoh_nodes import SWARM, UAVS, client_of, credentials, here, meet, router_
 
 from swarmctl.bus import keys
 from swarmctl.bus.transports import zenoh_config
-from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Transport
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES, Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
 
@@ -159,7 +159,7 @@ def test_messages_and_questions_reach_their_receiver_in_order(
             assert received["one"] == []
 
             assert await net.operator.ask(weights, b"question", 5.0) == (b"answer",)
-            assert await net.operator.ask(weights, bytes(MAX_QUESTION_BYTES + 1), 5.0) == (b"answer",)
+            assert await net.operator.ask(weights, bytes(MAX_QUERY_BYTES + 1), 5.0) == (b"answer",)
             assert asked == [b"question", None]
             assert await net.operator.ask(order, b"unserved", 5.0) == ()
 

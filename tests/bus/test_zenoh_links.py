@@ -211,9 +211,9 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The other is as of an older version, and says nothing of itself; what was declared is, again."""
-    monkeypatch.setattr(renewal, "EARLIEST_S", 0.3)
-    monkeypatch.setattr(renewal, "LATEST_S", 0.3)
-    monkeypatch.setattr(zenoh, "AWAY_S", 0.1)
+    monkeypatch.setattr(renewal, "MIN_ROUTE_WAIT_S", 0.3)
+    monkeypatch.setattr(renewal, "MAX_ROUTE_WAIT_S", 0.3)
+    monkeypatch.setattr(zenoh, "RENEWAL_PAUSE_S", 0.1)
 
     async def scene() -> None:
         one_is, two_is = here("tcp"), here("tcp")
@@ -243,8 +243,8 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
 
 @pytest.mark.full
 def test_a_whole_mesh_keeps_its_sessions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(renewal, "EARLIEST_S", 1.0)
-    monkeypatch.setattr(renewal, "LATEST_S", 1.0)
+    monkeypatch.setattr(renewal, "MIN_ROUTE_WAIT_S", 1.0)
+    monkeypatch.setattr(renewal, "MAX_ROUTE_WAIT_S", 1.0)
 
     async def scene() -> None:
         places = {uav: here("tls") for uav in UAVS}

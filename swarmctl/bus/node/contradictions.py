@@ -1,7 +1,7 @@
-"""Contradictions between a UAV's own observations and others: a forged report, or a sensor error. No I/O.
+"""Contradictions between a UAV's own observations and those of other UAVs. No I/O.
 
-Beliefs merge both observations, because neither is known to be right. Only sensors that are configured as
-perfect contradict each other.
+The cause is a forged report or a sensor error. Beliefs merge both observations, because neither is known to
+be right. Only sensors that are configured as perfect contradict each other.
 """
 
 from __future__ import annotations

@@ -19,20 +19,21 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.observation import Checkpoint, Observation, Source, indexed, mark_of
 
-CACHED = 16_384
-CACHED_BYTES = 1024
-"""Longest cached frame; each receiver decodes longer frames. Forged frames must not fill the memory."""
+CACHED_FRAMES = 16_384
+"""greatest number of cached frames"""
+MAX_CACHED_BYTES = 1024
+"""size of the longest cached frame; each receiver decodes longer frames, so forged frames fill no memory"""
 
 
 class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
-    """A frame that is well formed, signed where the swarm requires it, and within this area."""
+    """A valid frame: well formed, inside the area, and signed if the swarm requires signatures."""
 
     frame: Frame
     act: str
-    """act/kind"""
+    """act and kind, such as `inform/state`"""
     data: bytes
     source: Source
-    """observer and incarnation, if the frame reports observations"""
+    """sender and incarnation"""
     seq: int = 0
     """number of an observation; 0 in all other frames"""
     clear: frozenset[int] = frozenset()
@@ -74,8 +75,8 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
                 content.counts(rows * cols)
         return DecodedFrame(frame, frame.act, data, source)
 
-    cached = lru_cache(maxsize=CACHED)(decode)
-    return lambda data: cached(data) if len(data) <= CACHED_BYTES else decode(data)
+    cached = lru_cache(maxsize=CACHED_FRAMES)(decode)
+    return lambda data: cached(data) if len(data) <= MAX_CACHED_BYTES else decode(data)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""Input and output of a node: its options, outgoing messages, the result of a step, and its counters."""
+"""A node's options, output and counters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NodeOptions:
     sync_every_s: float = 3.0
     """period of requests for missed observations; 0: no requests"""
     round_trip_s: float = 0.0
-    """delay of a request and its answer in the radio model"""
+    """delay of a request and its answer together, in the radio model"""
     clock_tolerance_s: float = 5.0
     perfect_sensors: bool = True
     """True if two different observations of a cell contradict each other"""
@@ -38,7 +38,7 @@ class OutgoingMessage:
 
 
 class NodeOutput(msgspec.Struct):
-    """Result of a message or of a tick. A Struct, because every message creates a result."""
+    """Result of a message or of a tick; a Struct for speed, because every message has a result."""
 
     messages: list[OutgoingMessage] = []
     news: list[BeliefItem] = []

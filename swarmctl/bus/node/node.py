@@ -19,7 +19,7 @@ from swarmctl.bus.node.contradictions import Contradictions
 from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
 from swarmctl.bus.node.exchange import NetworkCounters, NodeOptions, NodeOutput
 from swarmctl.bus.node.peer import (
-    ASK_AGAIN_S,
+    MIN_REQUEST_PAUSE_S,
     REQUESTS_PER_S,
     WORK_PER_CHECKPOINT,
     WORK_PER_FRAME,
@@ -52,7 +52,7 @@ from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Sourc
 
 CHECKPOINT_EVERY = 64
 """number of own observations between two checkpoints"""
-DEFERRED_AT_ONCE = 8
+MAX_DEFERRED_PER_TICK = 8
 """largest number of checkpoints without new observations that the agent receives at a tick"""
 MAX_REFUSED_FRAMES = 8
 """number of refused frames inside a message after which the rest of the message is skipped"""
@@ -98,11 +98,11 @@ class Node:
             flagged=self._counters.flagged,
         )
         self._last_sent_upto = 0
-        """last observation in the newest sent checkpoint"""
+        """number of the last observation in the newest sent checkpoint"""
         self._sent_since_bytes = 0
         """bytes of observations sent after that checkpoint"""
         self._deferred: dict[Source, Checkpoint] = {}
-        """checkpoints without new observations; these only save memory, so the agent gets a few at a time"""
+        """checkpoints without new observations; they only save memory, so the agent gets a few at a tick"""
         self._requests = RequestSchedule(options, rng)
         self._rng = rng
         self._distance_loss = distance_loss
@@ -132,7 +132,7 @@ class Node:
     ) -> NodeOutput:
         """Send a message of the agent.
 
-        `against` are the cells of an observation that contradict earlier reports of other UAVs.
+        `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
         output = NodeOutput()
         if isinstance(message, Observation):
@@ -143,7 +143,7 @@ class Node:
             self._contradictions.record_own(message)
             if against:
                 output.notices += self._contradictions.find_earlier(self._replica.frames(), against)
-            if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # not all of a swarm at once
+            if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # UAVs make checkpoints at different times
                 self._make_checkpoint(output, to, unix_s)
         elif isinstance(message, IntentShared):
             self._send(output, message, self._receivers(now_s), unix_s)
@@ -163,7 +163,7 @@ class Node:
     def _one_silent(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
         """Return one silent UAV beyond the communication range, chosen at random.
 
-        Without this UAV two groups with enough neighbours each would never merge after a long separation.
+        Without these messages two groups would stay separate if every UAV has `k` neighbours in its group.
         """
         if not receivers or self._options.sync_every_s == 0.0 or len(receivers) == len(self._peers):
             return ()
@@ -179,7 +179,7 @@ class Node:
         self._replica.take(self._replica.of(self._self), own, self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
-        """Make a checkpoint for requests; sometimes send it, so that other UAVs can drop single frames."""
+        """Make a checkpoint for answers; send it if its size is worth it, so that UAVs drop single frames."""
         record, o = self._replica.of(self._self), self._options
         contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
@@ -276,7 +276,7 @@ class Node:
             case Snapshot(frames=frames, last=last):
                 self._take_all_relayed(output, frames, sender, now_s, unix_s)
                 if output.news:
-                    peer.ask_again_s = ASK_AGAIN_S
+                    peer.request_pause_s = MIN_REQUEST_PAUSE_S
                 if last:
                     self._requests.answered(sender)
             case Relayed(frames=frames):
@@ -384,14 +384,14 @@ class Node:
         self._requests.schedule(peer, now_s, self._peers[peer].ask_after_s)
 
     def _request_missing(self, peer: int, now_s: float) -> None:
-        """Schedule a request for observations that this peer holds and this UAV does not."""
+        """Schedule a request for observations that this peer holds and this UAV lacks."""
         self._peers[peer].mark_ahead()
         self._schedule_request(peer, now_s)
 
     def tick(self, now_s: float, unix_s: float) -> NodeOutput:
         output = NodeOutput()
         if self._requests.tick(now_s):
-            for source in [*self._deferred][:DEFERRED_AT_ONCE]:
+            for source in [*self._deferred][:MAX_DEFERRED_PER_TICK]:
                 output.news.append(self._deferred.pop(source))
             receivers = self._receivers(now_s)
             known = [u for u in receivers if self._peers[u].state is not None]

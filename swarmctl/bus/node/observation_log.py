@@ -17,25 +17,25 @@ _numbers = itertools.count(1)
 
 
 class ObservationLog:
-    """The observations after `base`, without a gap. The list only grows; each user keeps an end index."""
+    """The observations with numbers above `base`, without a gap; each user keeps an end index."""
 
     __slots__ = ("__weakref__", "_frames", "base", "number")
 
     def __init__(self, base: int, frames: Iterable[DecodedFrame] = ()) -> None:
         self.base = base
         self.number = next(_numbers)
-        """unique in the process"""
+        """number of the log, unique in the process"""
         self._frames = list(frames)
 
     def accepts(self, decoded: DecodedFrame) -> bool:
-        """Append an observation if it is the next one; return whether the log now holds it."""
+        """Append an observation that follows the last; return whether the log holds this observation."""
         at = decoded.seq - self.base - 1
         if at == len(self._frames):
             self._frames.append(decoded)
         return self._frames[at] is decoded or self._frames[at].data == decoded.data
 
     def fork(self, decoded: DecodedFrame) -> ObservationLog:
-        """Return a copy up to this observation, which replaces another observation of the same number."""
+        """Return a copy that ends with this observation, in place of the log's one with the same number."""
         return ObservationLog(self.base, (*self.between(0, decoded.seq - 1), decoded))
 
     def between(self, after: int, upto: int) -> Sequence[DecodedFrame]:
@@ -51,7 +51,7 @@ class ObservationLogs:
         self._by_number: WeakValueDictionary[int, ObservationLog] = WeakValueDictionary()
 
     def at(self, source: Source, base: int) -> ObservationLog:
-        """Return the shared log of a source after `base`; make a missing log."""
+        """Return the shared log of a source after `base`; create a missing log."""
         log = self._logs.get((source, base))
         if log is None:
             log = self._logs[source, base] = ObservationLog(base)
@@ -59,5 +59,5 @@ class ObservationLogs:
         return log
 
     def by_number(self, number: int) -> ObservationLog | None:
-        """Return a shared log; None for a fork, because its contents differ."""
+        """Return the shared log with this number; None for a fork, because a fork is not shared."""
         return self._by_number.get(number)

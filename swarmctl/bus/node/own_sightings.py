@@ -6,7 +6,10 @@ from collections.abc import Iterable
 
 
 class OwnSightings:
-    """Bit masks of UAVs by cell, so that one step compares a reported cell with all UAVs' sightings."""
+    """Bit masks by cell: bit i stands for the UAV at place i of the reception tables.
+
+    One step compares a reported cell with the sightings of all UAVs.
+    """
 
     def __init__(self) -> None:
         self._clear: dict[int, int] = {}
@@ -34,7 +37,7 @@ class OwnSightings:
         self._places ^= 1 << place
 
     def conflicting_places(self, clear: Iterable[int], occupied: Iterable[int]) -> int:
-        """Return a bit mask: bit i is set if the UAV at place i observed one of these cells otherwise."""
+        """Return the bit mask of the UAVs that observed one of these cells otherwise."""
         places = 0
         for cells, contrary in ((clear, self._occupied), (occupied, self._clear)):
             if contrary:

@@ -22,18 +22,19 @@ from swarmctl.bus.rate import TokenBucket
 from swarmctl.core.frames import Frame, IntentShared, MessageRefused, RefusalReason, StateShared
 
 MAX_BYTES = 8_000_000
-"""limit per sender in `RATE_PERIOD_S`"""
+"""greatest number of bytes from one sender in `RATE_PERIOD_S`"""
 WORK_PER_FRAME, WORK_PER_CHECKPOINT = 1, 20
-"""work for a frame inside a message, in addition to the work for the message"""
-ASK_AGAIN_S = 1.0
-MAX_ASK_AGAIN_S = 8.0
+"""steps of work for a frame inside a message, in addition to the steps for the message"""
+MIN_REQUEST_PAUSE_S = 1.0
+MAX_REQUEST_PAUSE_S = 8.0
 """first and longest pause between requests to a peer; answers without news double the pause"""
 REQUESTS_PER_S, REQUESTS_BURST = 4.0, 16
-WINDOW = 1024
+"""limit on the requests of one peer: in the long run [1/s], and at once"""
+REPLAY_WINDOW = 1024
 """number of later messages of the same sender after which a late message counts as a replay"""
-IN_WINDOW = (1 << WINDOW) - 1
-MAX_CLOCK_S = 1.0
-"""smallest lead of a state over the requester's state for which the state is sent"""
+REPLAY_WINDOW_MASK = (1 << REPLAY_WINDOW) - 1
+MIN_STATE_LEAD_S = 1.0
+"""smallest lead of a sent state over the requester's state; other states are not sent"""
 
 
 def check_source(decoded: DecodedFrame, sender: int, act: str) -> None:
@@ -80,14 +81,14 @@ class PeerRecord(msgspec.Struct, gc=False):
     intent_unix_s: float = -math.inf
     intent_frame: bytes = b""
     missing: int = 0
-    """bit i: message `missing_at` - i has not arrived. Sets instead of bits took 1 GB for a hundred UAVs."""
+    """bit i: message `missing_at` - i has not arrived; sets instead of bits took 1 GB for a hundred UAVs"""
     missing_at: int = 0
     n_bytes: int = 0
     """bytes received in the current period"""
     bytes_period_end_s: float = -math.inf
     ask_after_s: float = -math.inf
     """earliest time of the next request to the peer"""
-    ask_again_s: float = ASK_AGAIN_S
+    request_pause_s: float = MIN_REQUEST_PAUSE_S
     requests: TokenBucket | None = None
     record: SourceRecord | None = None
     """observations of the peer's current incarnation; None until first needed"""
@@ -105,7 +106,7 @@ class PeerRecord(msgspec.Struct, gc=False):
                 )
             self._begin(frame.incarnation)
         ahead = n - column.newest[row]
-        if ahead <= 0 and (ahead <= -WINDOW or not self._missing() >> -ahead & 1):
+        if ahead <= 0 and (ahead <= -REPLAY_WINDOW or not self._missing() >> -ahead & 1):
             raise MessageRefused(
                 RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} was received before"
             )
@@ -113,8 +114,8 @@ class PeerRecord(msgspec.Struct, gc=False):
         self.add_work(WORK_PER_MESSAGE, now_s)
         if ahead > 1:
             # All messages of the gap are missing, up to the size of the window.
-            gap = (1 << min(ahead, WINDOW)) - 2
-            self.missing = (self._missing() << min(ahead, WINDOW) | gap) & IN_WINDOW
+            gap = (1 << min(ahead, REPLAY_WINDOW)) - 2
+            self.missing = (self._missing() << min(ahead, REPLAY_WINDOW) | gap) & REPLAY_WINDOW_MASK
             self.missing_at = n
         elif ahead <= 0:
             self.missing = self._missing() ^ 1 << -ahead
@@ -133,10 +134,10 @@ class PeerRecord(msgspec.Struct, gc=False):
             self.record = None
 
     def _missing(self) -> int:
-        """Return `missing`, shifted to the newest message; all messages since `missing_at` have arrived."""
+        """Shift `missing` to the newest message and return it; all messages since `missing_at` arrived."""
         ahead = self.column.newest[self.row] - self.missing_at
         self.missing_at += ahead
-        self.missing = self.missing << min(ahead, WINDOW) & IN_WINDOW if self.missing else 0
+        self.missing = self.missing << min(ahead, REPLAY_WINDOW) & REPLAY_WINDOW_MASK if self.missing else 0
         return self.missing
 
     def attach(self, record: SourceRecord) -> SourceRecord:
@@ -170,11 +171,11 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     def asked(self, now_s: float) -> None:
         """Record a request to the peer; the pause until the next request doubles without news."""
-        self.ask_after_s = now_s + self.ask_again_s
-        self.ask_again_s = min(2.0 * self.ask_again_s, MAX_ASK_AGAIN_S)
+        self.ask_after_s = now_s + self.request_pause_s
+        self.request_pause_s = min(2.0 * self.request_pause_s, MAX_REQUEST_PAUSE_S)
 
     def may_ask(self, now_s: float) -> bool:
-        """Return whether the peer's next request is within the rate limit."""
+        """Count a request of the peer; return whether the request is within the rate limit."""
         if self.requests is None:
             self.requests = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
         return self.requests.try_take(now_s)
@@ -190,7 +191,7 @@ class PeerRecord(msgspec.Struct, gc=False):
             column.set_state(decoded, frame.content, row, now_s)
 
     def update_knowledge(self, state: StateShared, now_s: float) -> bool:
-        """Compare the peer's report of its observations; return whether some are missing here."""
+        """Compare a peer's state with the observations held here; return whether some are missing here."""
         column, row = self.column, self.row
         column.own_state_s[row] = now_s
         if column.has_held(state.knows):
@@ -201,7 +202,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         return has_more
 
     def mark_ahead(self) -> None:
-        """Record that the peer holds observations that are missing here, against its last state."""
+        """Record that the peer holds observations that are missing here; its last state counts no longer."""
         self.column.own_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
     @property
@@ -221,7 +222,7 @@ class PeerRecord(msgspec.Struct, gc=False):
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 
     def agrees(self, now_s: float) -> bool:
-        """Return whether, by its recent reports, the peer holds nothing that is missing here.
+        """Return whether the peer's recent reports name no observation that is missing here.
 
         Communication may be one-way, so old reports do not count.
         """
@@ -234,12 +235,12 @@ class PeerRecord(msgspec.Struct, gc=False):
 
 
 def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
-    """Return the frames of states newer than `known` (UAV -> unix time [s]), and of recent intents."""
+    """Return the frames of states newer than `known` (UAV -> unix time [s]), with these UAVs' intents."""
     newer = [
         (peer, decoded)
         for peer in peers
         if (decoded := peer.state_frame) is not None
-        and decoded.frame.unix_s > known.get(decoded.frame.sender, -math.inf) + MAX_CLOCK_S
+        and decoded.frame.unix_s > known.get(decoded.frame.sender, -math.inf) + MIN_STATE_LEAD_S
     ]
     frames = [decoded.data for _, decoded in newer]
     return frames + [p.intent_frame for p, _ in newer if unix_s - p.intent_unix_s <= STALE_S]

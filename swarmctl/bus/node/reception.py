@@ -1,10 +1,10 @@
 """Reception state of all UAVs of a process as tables: a message to a hundred UAVs is one step. No I/O.
 
 A hundred UAVs in one process that observe five times a second receive fifty thousand observations a second.
-Nearly every one is the sender's next message with its next observation, and needs no answer. The numbers for
-this check are tables: one row for each sender, one place in the row for each receiver. `ReceptionTable.take`
-checks and updates a whole row at once. Each node reads and writes the same numbers one by one, through its
-`ReceptionColumn`.
+Nearly every message is the sender's next message with its next observation, and needs no answer. The tables
+have the numbers for this check: one row for each sender, one place in the row for each receiver.
+`ReceptionTable.take` checks and updates a whole row at once. Each node reads and writes single numbers
+through its `ReceptionColumn`.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from swarmctl.core.geo import LatLon, distances_m
 from swarmctl.core.observation import Observation
 
 STALE_S = 60.0
-"""largest age of messages and of relayed states; older ones may be replays and are refused"""
+"""largest age of messages and of relayed states; older messages may be replays and are refused"""
 SILENT_AFTER_S = 5.0
 """silence of a UAV after which its next message causes a request for missed observations"""
-ALIVE_S = 20.0
+RANKED_LAST_AFTER_S = 20.0
 """time without direct or relayed news after which a UAV ranks last among the receivers"""
 WORK_PER_MESSAGE = 5
 MAX_WORK_PER_PERIOD, RATE_PERIOD_S = 10_000, 10.0
-"""Limit on the work that one sender causes at one receiver in a period; further messages are refused."""
+"""limit on the steps of work that a sender causes at a receiver in a period; more messages are refused"""
 N_FINGERPRINTS = 2048
 """number of kept earlier fingerprints: while all UAVs send, no two UAVs hold exactly the same set"""
 EMPTY_FINGERPRINT = 0
@@ -53,7 +53,7 @@ ReceiverMask = NDArray[np.bool_]
 
 
 class ReceptionTable:
-    """The tables of the UAVs `uavs`, in this process and elsewhere; all nodes of the process share them."""
+    """The tables of all UAVs of the swarm; all nodes of the process share the tables."""
 
     def __init__(self, uavs: Iterable[int], options: NodeOptions) -> None:
         self.system_ids = np.array(sorted(set(uavs)), np.int64)
@@ -111,9 +111,9 @@ class ReceptionTable:
     ) -> ReceiverMask:
         """Deliver a message to the receivers that need no further action; return the mask of these receivers.
 
-        For such a receiver the message is its next observation, or a state without consequences. The
-        remaining receivers were not touched; pass the message to `Node.receive_decoded` for each of them.
-        Both paths give the same result. `receivers` does not include the sender.
+        For such a receiver the message is the sender's next observation, or a state without consequences.
+        Nothing changes for the remaining receivers: pass the message to `Node.receive_decoded` for each of
+        them. Both paths give the same result. `receivers` does not include the sender.
         """
         frame, content = decoded.frame, decoded.frame.content
         is_its_own = frame.sender == sender and decoded.act == act
@@ -143,7 +143,7 @@ class ReceptionTable:
         return takes
 
     def _is_next(self, row: int, frame: Frame, receivers: ReceiverMask, now_s: float) -> ReceiverMask:
-        """Return the receivers that miss neither an earlier message nor an observation of the sender."""
+        """Return the receivers for which the frame is the next in order, within the limits."""
         return np.asarray(
             receivers
             & self.in_order[row]
@@ -166,7 +166,7 @@ class ReceptionTable:
         return holds
 
     def _append_to_logs(self, decoded: DecodedFrame, takes: ReceiverMask, numbers: NDArray[np.int64]) -> None:
-        """Append to the receivers' logs, nearly always one log.
+        """Append an observation to the receivers' logs; nearly always all receivers share one log.
 
         Receivers whose log holds another observation under this number are removed from `takes`.
         """
@@ -194,7 +194,7 @@ class ReceptionColumn:
     """The reception state of one UAV, by place of the sender: a writable view of the tables."""
 
     def __init__(self, table: ReceptionTable, uav: int) -> None:
-        """Reset the column to that of a UAV that has received nothing."""
+        """Reset the column, as for a UAV that has received nothing."""
         self.table = table
         self.place = at = table.place(uav)
         for counts in (table.newest, table.work, table.upto, table.in_order, table.log_number):
@@ -257,7 +257,7 @@ class ReceptionColumn:
         self._n_fingerprints[0] += 1
 
     def has_held(self, fingerprint: int) -> bool:
-        """Return whether exactly this set was held recently, so that a UAV with this set has nothing new."""
+        """Return whether exactly this set was held recently; a UAV with this set has nothing new."""
         if fingerprint in (EMPTY_FINGERPRINT, self._fingerprint[0]):
             return True
         return bool((self.table.fingerprints[self.place] == fingerprint).any())
@@ -269,10 +269,10 @@ class ReceptionColumn:
         self.state_s[place] = now_s
 
     def silent(self, now_s: float) -> ReceiverMask:
-        """Return the UAVs whose state is known but older than `ALIVE_S`."""
+        """Return the UAVs with a known state but no news for `RANKED_LAST_AFTER_S`."""
         table, at = self.table, self.place
         last_s = np.maximum(table.received_s[:, at], table.state_s[:, at])
-        silent: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
+        silent: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > RANKED_LAST_AFTER_S)
         return silent
 
     def nearest(self, position: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
@@ -308,7 +308,7 @@ def nearest_uavs(
 ) -> tuple[int, ...]:
     """Return the `k` nearest of `uavs` by last known position, nearest first. `k` None: all UAVs.
 
-    This is the communication range of the paper, a number of UAVs. `uavs` ascend; `positions` are latitudes
+    The paper defines the communication range as a number of UAVs. `uavs` ascend; `positions` are latitudes
     and longitudes [deg], or NaN if unknown. UAVs with a known position come first, then UAVs without a
     position, then silent UAVs.
     """

@@ -18,11 +18,11 @@ from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
 from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
 
 COMPACT_AFTER = 256
-"""Longest run of single observations in an answer; a longer run is replaced by a checkpoint."""
+"""longest run of single observations in an answer; a checkpoint replaces a longer run"""
 MAX_BEYOND = 600
-"""largest number of observations beyond gaps in a digest, over all sources; further ones may be sent twice"""
+"""largest number of observations beyond gaps in a digest, over all sources; others may be sent twice"""
 MAX_AHEAD = 1024
-"""Largest distance of a kept observation beyond a gap; farther observations are requested later."""
+"""largest distance of a kept observation beyond a gap; farther observations are requested later"""
 MAX_INCARNATIONS = 8
 """greatest number of incarnations kept for one observer"""
 
@@ -39,7 +39,7 @@ class DetachedColumn:
 
 
 class SourceRecord(msgspec.Struct, gc=False):
-    """All frames of one source, without reference cycles, so the garbage collector can skip it."""
+    """All frames of one source, without reference cycles, so the garbage collector can skip the record."""
 
     source: Source
     log: ObservationLog
@@ -52,8 +52,8 @@ class SourceRecord(msgspec.Struct, gc=False):
     place: int = 0
     """index in `numbers`"""
     _mark: int = 0
-    """combined mark of all observations held up to `_marked`, and of `ahead`"""
-    _marked: int = 0
+    """combined mark of all observations held up to `_marked_upto`, and of `ahead`"""
+    _marked_upto: int = 0
 
     @property
     def upto(self) -> int:
@@ -63,14 +63,14 @@ class SourceRecord(msgspec.Struct, gc=False):
     @property
     def mark(self) -> int:
         """Exclusive or of the marks of all held observations."""
-        if self._marked < self.upto:
-            for decoded in self.log.between(self._marked, self.upto):
+        if self._marked_upto < self.upto:
+            for decoded in self.log.between(self._marked_upto, self.upto):
                 self._mark ^= decoded.mark
-            self._marked = self.upto
+            self._marked_upto = self.upto
         return self._mark
 
     def attach(self, numbers: DetachedColumn | ReceptionColumn, place: int = 0) -> None:
-        """Move the numbers to another column, which other objects read and change too."""
+        """Move the numbers to another column, shared with other objects."""
         numbers.upto[place], self.numbers.in_order[self.place] = self.upto, False
         self.numbers, self.place = numbers, place
         self._update_column()
@@ -146,7 +146,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     def _settle(self) -> None:
         while (following := self.ahead.pop(self.upto + 1, None)) is not None:
             self.append(following)
-        self._marked = self.upto
+        self._marked_upto = self.upto
         self._update_column()
 
     def after(self, seq: int) -> Sequence[DecodedFrame]:
@@ -157,11 +157,11 @@ class SourceRecord(msgspec.Struct, gc=False):
         return [*in_log, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
 
     def is_contradicted(self, other: HeldObservations) -> bool:
-        """Return whether another UAV holds other contents under the same names; then one is forged."""
+        """Return whether another UAV holds other contents under the same names: a forged observation."""
         is_same = other.upto == self.upto and other.beyond == tuple(sorted(self.ahead))
         return is_same and other.mark != self.mark
 
-    def have(self, n_beyond: int) -> HeldObservations:
+    def digest_entry(self, n_beyond: int) -> HeldObservations:
         ahead = tuple(sorted(self.ahead)[:n_beyond])
         return HeldObservations(*self.source, self.covered, self.upto, ahead, self.mark)
 
@@ -176,7 +176,7 @@ class Replica:
         self._incarnations: Counter[int] = Counter()
 
     def of(self, source: Source) -> SourceRecord:
-        """Return the record of a source; make a missing record.
+        """Return the record of a source; create a missing record.
 
         Raises MessageRefused for more than `MAX_INCARNATIONS` incarnations of one observer.
         """
@@ -230,10 +230,10 @@ class Replica:
         """Return a digest of all held observations, limited to the size of a message."""
         held = [(source, record) for source, record in sorted(self._records.items()) if record.latest]
         gaps = sum(bool(record.ahead) for _, record in held)
-        return tuple(record.have(MAX_BEYOND // max(gaps, 1)) for _, record in held)
+        return tuple(record.digest_entry(MAX_BEYOND // max(gaps, 1)) for _, record in held)
 
     def missing(self, have: Iterable[HeldObservations]) -> Iterator[bytes]:
-        """Yield the frames that are missing in a digest; a checkpoint comes first if it saves frames."""
+        """Yield the frames missing in a digest; first a checkpoint, if the checkpoint saves frames."""
         digest: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in have}
         for source in sorted(self._records):
             record = self._records[source]

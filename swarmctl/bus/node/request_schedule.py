@@ -14,12 +14,12 @@ ANSWER_WITHIN_S = 2.0
 
 
 class RequestSchedule:
-    """The schedule of one UAV. With `sync_every_s` = 0 no request is ever due."""
+    """The schedule of one UAV; empty if `sync_every_s` is 0."""
 
     def __init__(self, options: NodeOptions, rng: np.random.Generator) -> None:
         self._options = options
         self._due: dict[int, float] = {}
-        """peer -> earliest time of the next request to it"""
+        """peer -> earliest time of the next request to this peer [s]"""
         self._pending: tuple[int, float] | None = None
         """receiver of the last request, and the time-out of the answer"""
         self._next_sync_s = math.inf
@@ -36,7 +36,10 @@ class RequestSchedule:
             self._due.setdefault(peer, max(now_s + self._options.round_trip_s / 2.0, not_before_s))
 
     def due(self, now_s: float) -> Iterator[int]:
-        """Yield the peers with a due request, until `asked`: the answer may make other requests needless."""
+        """Yield the peers whose requests are due, until a call of `asked`.
+
+        The answer to one request may make the other requests needless.
+        """
         while self._due and not self._is_waiting():
             peer = next((peer for peer, at_s in self._due.items() if at_s <= now_s), None)
             if peer is None:
@@ -51,12 +54,12 @@ class RequestSchedule:
         self._pending = peer, now_s + self._options.round_trip_s + ANSWER_WITHIN_S
 
     def answered(self, peer: int) -> None:
-        """Record the last part of an answer."""
+        """Record the arrival of an answer's last part."""
         if self._pending is not None and self._pending[0] == peer:
             self._pending = None
 
     def tick(self, now_s: float) -> bool:
-        """Return whether the periodic request is due; it needs no known gap."""
+        """Return whether the periodic request is due; end the wait for an answer after its time-out."""
         if self._pending is not None and now_s >= self._pending[1]:
             self._pending = None
         if now_s < self._next_sync_s:

@@ -29,7 +29,7 @@ class Sender:
         return OutgoingMessage(to, act, data)
 
     def frame(self, content: Content, unix_s: float) -> bytes:
-        """Return the next signed frame without a receiver."""
+        """Return the next numbered and signed frame, which is not counted as sent."""
         self._n += 1
         has_own_position = isinstance(content, StateShared)
         lat_deg, lon_deg = (None, None) if has_own_position or self.position is None else self.position

@@ -1,11 +1,11 @@
 """Zenoh access control of the swarm's participants, from the swarm's name and system ids. No I/O.
 
 The rules only allow; everything else is denied. A deny rule would not stop a put on a wildcard key. For the
-same reason rules list each receiver: no rule includes a key such as `uav/*/inform/state/3`. (A rule includes
-`uav/1/*/*/3`, but only UAV 1 receives such a put, and refuses it.)
+same reason rules list each receiver: no rule includes a key such as `uav/*/inform/state/3`. A rule includes
+`uav/1/*/*/3`, but only UAV 1 receives such a put, and UAV 1 refuses wildcards.
 
-A subject is a certificate's common name: `uav3` (the vehicle's companion, and a payload on it), `operator`
-(ground station and operators' commands), `router`. Without certificates every process has the rights of all
+A subject is a certificate's common name: `uav3` (a vehicle's companion and payloads), `operator` (ground
+station and operators' commands), or `router`. Without certificates every process has the rights of all
 subjects.
 """
 
@@ -20,7 +20,7 @@ from swarmctl.bus import keys
 OPERATOR = "operator"
 ROUTER = "router"
 IN, OUT = "ingress", "egress"
-"""direction as seen from the process with the list: received from a link, sent over it"""
+"""direction, as seen from the process with the rules: received over a link, sent over a link"""
 
 
 def name_of(uav: int) -> str:
@@ -38,9 +38,9 @@ class Rule:
 
 
 def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
-    """Return the rules of a process with the whole swarm: other processes may query and put under these keys.
+    """Return the rules of a process with the whole swarm: others may query and put under these keys.
 
-    Outgoing messages are answers only.
+    The process sends nothing but answers.
     """
     rules = [
         Rule((IN,), ("query",), tuple(ask_keys)),

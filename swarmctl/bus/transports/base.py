@@ -12,12 +12,12 @@ Reply = Callable[[bytes], None]
 Serve = Callable[[str, bytes | None, Reply], None]
 """(key, payload, reply), called on the event loop's thread; payload None: above the size limit"""
 Failure = Callable[[str, Exception], None]
-"""(key, exception of the `Receive` or `Serve` called for the key)"""
+"""(key, exception of the `Receive` or `Serve` function of this key)"""
 
 MAX_MESSAGE_BYTES = 65_536
-"""Limit on a put payload; a longer payload is neither sent nor delivered."""
-MAX_QUESTION_BYTES = 16_384
-"""Limit on a query's payload; a command with 254 vehicle names takes less than 10 000 bytes."""
+"""limit on the payload of a put; a longer payload is neither sent nor delivered"""
+MAX_QUERY_BYTES = 16_384
+"""limit on the payload of a query; a command with 254 vehicle names takes less than 10 000 bytes"""
 
 
 class BusError(Exception):
@@ -52,7 +52,7 @@ class Transport(Protocol):
     def serve(self, key: str, serve: Serve) -> None:
         """Answer queries under `key`. `serve` gets the query's key, which may be a wildcard.
 
-        `serve` gets None instead of a payload above `MAX_QUESTION_BYTES`.
+        `serve` gets None instead of a payload above `MAX_QUERY_BYTES`.
         """
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:

@@ -15,8 +15,7 @@ from swarmctl.bus.transports.base import Failure
 Delivery = Callable[[], None]
 
 TURN_S = 0.02
-"""Longest work in one turn of the event loop, shared by the queues. Further work waits for the next turn, so
-that links and timers are not delayed."""
+"""longest work in one turn of the event loop, shared by the queues, so that links and timers are not late"""
 
 
 class Inbox:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Failure, Receive, Serve
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES, Failure, Receive, Serve
 from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 
 
@@ -44,7 +44,7 @@ class MemoryBus:
 
         def served() -> None:
             try:
-                self._served[key](key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
+                self._served[key](key, payload if len(payload) <= MAX_QUERY_BYTES else None, reply)
             except Exception as error:  # noqa: BLE001 - a bug in one receiver does not affect the others
                 self._report_failure(key, error)
 

@@ -1,7 +1,7 @@
 """Process exit while a thread is blocked inside Zenoh, for seconds or for ever.
 
 Such a thread is a daemon, so the thread does not keep the process alive. But if the thread returns from Zenoh
-during the interpreter's shutdown, Python ends it inside native code, and the process dies of SIGABRT.
+during the interpreter's shutdown, Python ends the thread inside native code, and the process dies of SIGABRT.
 """
 
 from __future__ import annotations

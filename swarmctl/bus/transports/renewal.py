@@ -19,7 +19,7 @@ Subscribe = Callable[[str], Callable[[], None]]
 LOST_AFTER_S = 3.0
 """Time without any link after which a patient session is replaced. After a cut, Zenoh may need 10 s to close
 a TLS link with a full send buffer, and makes no new link in that time."""
-EARLIEST_S, LATEST_S = 2.0, 4.0
+MIN_ROUTE_WAIT_S, MAX_ROUTE_WAIT_S = 2.0, 4.0
 """limits of the wait for the routes of a link; routes mostly arrive within milliseconds"""
 MAX_DOUBLINGS = 4
 """largest number of doublings of the wait. Each renewal doubles it, so a permanent fault disturbs less."""
@@ -46,7 +46,7 @@ class LinkSet:
         return len(self._known)
 
     def changed(self, ends: LinkEnds, *, has_come: bool) -> bool:
-        """Record an event; return whether it is new."""
+        """Record the start (`has_come`) or end of a link; return whether this event is new."""
         if not has_come:
             return self._known.pop(ends, None) is not None
         token = object()
@@ -63,7 +63,7 @@ class LinkSet:
         self._missing_once = missing
 
     def are_lost(self, now_s: float) -> bool:
-        """Return whether there was no link for `LOST_AFTER_S`, counted from the first call without any."""
+        """Return whether no link existed for `LOST_AFTER_S`, counted from the first call without a link."""
         if self._known or self._alone_since_s is None:
             self._alone_since_s = now_s
         return now_s - self._alone_since_s >= LOST_AFTER_S
@@ -73,46 +73,47 @@ class Renewal:
     """Renewals of one mesh node, over all its sessions. A node's id is the id of its session."""
 
     def __init__(self) -> None:
-        self._since_s: dict[str, float] = {}
+        self._missing_since_s: dict[str, float] = {}
         self._tried: set[str] = set()
         self._n_renewals = 0
-        self._whole_since_s: float | None = None
+        self._complete_since_s: float | None = None
 
     def is_due(self, own_id: str, routed: Mapping[str, bool], now_s: float, *, is_missed: bool) -> bool:
         """Return whether to renew the session now.
 
-        `own_id`: hexadecimal. `routed`: True for each linked neighbour with routes, else False. `is_missed`:
-        a neighbour has renewed its session without success, and requests a renewal from this node. `now_s`:
-        monotonic time.
+        own_id: id of this node, hexadecimal
+        routed: for each linked neighbour, True if this node has routes to the neighbour
+        now_s: monotonic time [s]
+        is_missed: True if a neighbour renewed its session without success, and requests a renewal here
         """
-        self._reset_if_whole(now_s, is_whole=bool(routed) and all(routed.values()) and not is_missed)
+        self._reset_if_complete(now_s, is_complete=bool(routed) and all(routed.values()) and not is_missed)
         waiting = {node for node, is_routed in routed.items() if not is_routed and node not in self._tried}
         if is_missed:
             waiting.add(MISSED)
-        self._since_s = {node: self._since_s.get(node, now_s) for node in waiting}
+        self._missing_since_s = {node: self._missing_since_s.get(node, now_s) for node in waiting}
         until_s = now_s - route_wait_s(own_id) * 2 ** min(self._n_renewals, MAX_DOUBLINGS)
-        if all(since_s > until_s for since_s in self._since_s.values()):
+        if all(since_s > until_s for since_s in self._missing_since_s.values()):
             return False
         self._tried |= waiting - {MISSED}
         self._n_renewals += 1
-        self._since_s.clear()
+        self._missing_since_s.clear()
         return True
 
     def without_success(self, routed: Mapping[str, bool]) -> set[str]:
-        """Return the neighbours without routes after a renewal; these have to renew their own sessions."""
+        """Return the neighbours without routes after a renewal; these have to renew their sessions."""
         return {node for node, is_routed in routed.items() if not is_routed and node in self._tried}
 
-    def _reset_if_whole(self, now_s: float, *, is_whole: bool) -> None:
-        if not is_whole or self._whole_since_s is None:
-            self._whole_since_s = now_s if is_whole else None
-        elif now_s - self._whole_since_s >= RESET_AFTER_S:
+    def _reset_if_complete(self, now_s: float, *, is_complete: bool) -> None:
+        if not is_complete or self._complete_since_s is None:
+            self._complete_since_s = now_s if is_complete else None
+        elif now_s - self._complete_since_s >= RESET_AFTER_S:
             self._n_renewals = 0
             self._tried.clear()
 
 
 def route_wait_s(own_id: str) -> float:
-    """Return the wait for routes [s], from the random id, so that two nodes rarely renew together."""
-    return EARLIEST_S + (LATEST_S - EARLIEST_S) * int(own_id[:4], 16) / 0xFFFF
+    """Return the wait for routes [s]; it depends on the random id, so that nodes rarely renew together."""
+    return MIN_ROUTE_WAIT_S + (MAX_ROUTE_WAIT_S - MIN_ROUTE_WAIT_S) * int(own_id[:4], 16) / 0xFFFF
 
 
 class MeshNeighbours:
@@ -134,7 +135,7 @@ class MeshNeighbours:
         subscribe(f"{nodes}/{own_id}")
 
     def has_to_renew(self, renewal: Renewal, linked: Collection[str], now_s: float) -> bool:
-        """Return whether this node has to renew its session, and update its requests to neighbours.
+        """Update the requests to neighbours; return whether this node has to renew its session.
 
         `linked` are the ids of the nodes with a link.
         """

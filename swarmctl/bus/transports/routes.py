@@ -54,7 +54,7 @@ def report_to_loop(key: str, error: Exception) -> None:
 
 
 class ReportOnce:
-    """`Failure` for flights, which shows a receiver's exception in one line, each text once."""
+    """A `Failure` callback for flights: shows a receiver's exception in one line, each text once."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -65,7 +65,10 @@ class ReportOnce:
             return
         *_, frame = traceback.extract_tb(error.__traceback__) or [None]
         where = "" if frame is None else f" in {frame.name}, {Path(frame.filename).name}:{frame.lineno}"
-        text = f"a bug in handling a message of the bus{where}: {type(error).__name__}: {error}"
+        text = (
+            f"a bug in handling a message of the bus{where}; the message is ignored: "
+            f"{type(error).__name__}: {error}"
+        )
         # The text may quote the sender, and is shown in a terminal.
         text = printable(text[:400])
         if text not in self._said:

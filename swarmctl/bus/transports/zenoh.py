@@ -20,7 +20,7 @@ from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import process_exit, zenoh_config
 from swarmctl.bus.transports.base import (
     MAX_MESSAGE_BYTES,
-    MAX_QUESTION_BYTES,
+    MAX_QUERY_BYTES,
     BusError,
     Failure,
     Receive,
@@ -31,20 +31,21 @@ from swarmctl.bus.transports.renewal import LinkSet, MeshNeighbours, Renewal
 from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
 
-QUESTIONS = 32
+MAX_PENDING_QUERIES = 32
 """largest number of pending queries; a flood of queries does not displace messages between UAVs"""
-QUESTION_QUEUE, MESSAGE_QUEUE, OWN_QUEUE = range(3)
+QUERY_QUEUE, MESSAGE_QUEUE, OWN_QUEUE = range(3)
 """queues for queries, messages of other processes, and messages of this process to itself"""
-QUEUE_SIZES = (QUESTIONS, 4096, 65_536)
+QUEUE_SIZES = (MAX_PENDING_QUERIES, 4096, 65_536)
 RETRY_S = 0.5
 """pause between attempts to open a session, if an attempt fails at once"""
 CHECK_EVERY_S = 0.2
-AWAY_S = 1.0
+"""period of the checks whether a session has to be replaced"""
+RENEWAL_PAUSE_S = 1.0
 """pause between two sessions of a mesh node"""
 CLOSE_S = 2.0
-"""limit on closing: a link to a frozen process with a full queue can block Zenoh for ever"""
-MARGIN_S = 3.0
-"""difference of Zenoh's time-out and the caller's: Zenoh reports its own time-out like an answer"""
+"""time limit of closing: a link to a frozen process with a full queue can block Zenoh for ever"""
+TIMEOUT_MARGIN_S = 3.0
+"""lead of the caller's time-out over Zenoh's time-out, because Zenoh reports its time-out like an answer"""
 ADMIN_TIMEOUT_S = 2.0
 MAX_ANSWERS = 64
 """largest number of kept answers to one query"""
@@ -182,7 +183,7 @@ class ZenohBus:
 
             asked_key = str(query.key_expr)
             delivery = partial(serve, asked_key, _question_payload(query.payload), reply)
-            if not self._inbox.take(QUESTION_QUEUE, asked_key, delivery):
+            if not self._inbox.take(QUERY_QUEUE, asked_key, delivery):
                 # zenoh-python types drop() and close() as untyped.
                 query.drop()  # type: ignore[no-untyped-call]
 
@@ -211,7 +212,7 @@ class ZenohBus:
                 key,
                 Callback(arrived, over, indirect=False),
                 payload=payload,
-                timeout=timeout_s + MARGIN_S,
+                timeout=timeout_s + TIMEOUT_MARGIN_S,
                 congestion_control=zenoh.CongestionControl.DROP,
                 # Return the answers of all processes that serve the key. By default Zenoh keeps one answer,
                 # and asks no other process if one claims to be complete.
@@ -260,7 +261,7 @@ class ZenohBus:
                 self._configuration = replace(configuration, values=found)
 
     def _run_sessions(self) -> None:
-        """Open a session, and a new one after each loss, until the bus is closed; runs on a thread."""
+        """Open a session, and a new session after each loss, until the bus is closed; runs on a thread."""
         while not self._closed.is_set():
             session = self._session or self._try_to_open()
             if session is None:
@@ -275,7 +276,7 @@ class ZenohBus:
             if self._configuration.nodes:
                 # A node that returns before other nodes have removed it may never get routes.
                 closing.join(CLOSE_S)
-                self._closed.wait(AWAY_S)
+                self._closed.wait(RENEWAL_PAUSE_S)
 
     def _try_to_open(self) -> zenoh.Session | None:
         self._is_opening = True
@@ -335,7 +336,7 @@ class ZenohBus:
                 declare(self._session)
 
     def _link_changed(self, links: LinkSet, event: zenoh.LinkEvent) -> None:
-        # Several threads call this at once, perhaps for a session that has been replaced.
+        # Several threads may call this function at once, also for a session that has been replaced.
         has_come = event.kind == zenoh.SampleKind.PUT
         is_change = links.changed((event.link.src, event.link.dst), has_come=has_come)
         if is_change and self._on_link is not None:
@@ -365,7 +366,7 @@ def _start_closing(session: zenoh.Session) -> threading.Thread:
     """Close a session on a new thread, without a time limit; return the thread."""
 
     def close() -> None:
-        # Zenoh raises after 10 s without success; no other action is possible.
+        # Zenoh raises after 10 s without success; nothing more can be done then.
         with contextlib.suppress(zenoh.ZError):
             session.close()  # type: ignore[no-untyped-call]
 
@@ -398,7 +399,7 @@ def _question_payload(payload: zenoh.ZBytes | None) -> bytes | None:
     """Return a query's payload; None above the size limit, without a copy."""
     if payload is None:
         return b""
-    return bytes(payload) if len(payload) <= MAX_QUESTION_BYTES else None
+    return bytes(payload) if len(payload) <= MAX_QUERY_BYTES else None
 
 
 def _zenoh_config(configuration: Configuration) -> zenoh.Config:

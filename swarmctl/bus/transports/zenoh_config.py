@@ -30,17 +30,17 @@ LEASE_MS = 2_000
 RETRY_MS = (100, 300)
 """first and longest pause between attempts to connect"""
 HANDSHAKE_MS = 2_000
-"""Limit on one attempt, with TCP's handshake. A kernel repeats a lost SYN after 1 s, then at growing
+"""Time limit of one attempt, with TCP's handshake. A kernel repeats a lost SYN after 1 s, then at growing
 intervals. Longer attempts find a restarted router late; shorter attempts fail on slow radio links."""
 JOIN_MS = 3_000
 """time limit for the connection of a visitor"""
 OPENING_MS = 4_000
-"""time of one attempt of a client; an attempt cannot be interrupted"""
+"""time limit of a client's attempt to open a session; an attempt cannot be interrupted"""
 DROP_AFTER_US = 1_000
 """longest wait of a put for room in a full queue; without a wait bursts would lose messages"""
 KEY_AND_HEADER_BYTES = 1_024
 GIVE_UP_AFTER_US = 1_000_000
-"""longest wait of declarations and answers, which are never dropped; then the link is closed"""
+"""longest wait of declarations and answers before the link is closed; they are never dropped"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,11 @@ class Configuration:
     listen: BusEndpoint | None = None
     connect: tuple[BusEndpoint, ...] = ()
     is_patient: bool = False
-    """True if the session may open at any later time"""
+    """True if the session may open later"""
     has_others: bool = False
     """True if other processes receive this process's messages"""
     nodes: str = ""
-    """in a mesh: prefix of the keys by which neighbours check their routes to a node"""
+    """prefix of the keys by which a mesh's nodes check their routes; empty outside a mesh"""
 
     def as_json5(self) -> str:
         """Return the configuration for a `zenohd` of the same version, with the credentials' paths."""
@@ -107,7 +107,10 @@ class Configuration:
 def standalone(
     listen: BusEndpoint | None = None, ask_keys: Sequence[str] = (), put_keys: Sequence[str] = ()
 ) -> Configuration:
-    """Return a process that connects to no other; at `listen` others may query and put under these keys."""
+    """Return the configuration of a process that connects to no other process.
+
+    At `listen` other processes may query and put under these keys.
+    """
     values = _common("peer", listen=listen)
     if listen is not None:
         values["access_control"] = access.operator_endpoint_rules(ask_keys, put_keys)
@@ -115,14 +118,14 @@ def standalone(
 
 
 def visitor(endpoint: BusEndpoint, credentials: Credentials | None = None) -> Configuration:
-    """Return a client that connects within `JOIN_MS`, or fails."""
+    """Return the configuration of a client that connects within `JOIN_MS`, or fails."""
     values = _common("client", connect=(endpoint,), credentials=credentials)
     values |= {"connect/timeout_ms": JOIN_MS, "connect/exit_on_failure": True}
     return Configuration(values, connect=(endpoint,), has_others=True)
 
 
 def client(router: BusEndpoint, credentials: Credentials | None = None) -> Configuration:
-    """Return a client of a router that may be absent; the session opens at the router's first answer."""
+    """Return the configuration of a client whose session opens at the router's first answer."""
     values = _common("client", connect=(router,), credentials=credentials)
     # Zenoh cannot open a client without a router, even with exit_on_failure False.
     values |= {"connect/timeout_ms": OPENING_MS, "connect/exit_on_failure": True}
@@ -132,7 +135,7 @@ def client(router: BusEndpoint, credentials: Credentials | None = None) -> Confi
 def router(
     listen: BusEndpoint, swarm: str, uavs: Sequence[int], credentials: Credentials | None = None
 ) -> Configuration:
-    """Return the router of a swarm's clients."""
+    """Return the configuration of the router of a swarm's clients."""
     values = _common("router", listen=listen, credentials=credentials)
     values["access_control"] = access.router_rules(swarm, uavs, certified=credentials is not None)
     return Configuration(values, listen=listen, has_others=True)
@@ -145,11 +148,11 @@ def mesh_node(
     uavs: Sequence[int],
     credentials: Credentials | None = None,
 ) -> Configuration:
-    """Return a mesh node, which relays for its neighbours. Neighbours may be absent, even at the start.
+    """Return the configuration of a mesh node, which relays for its neighbours, present or not.
 
-    Of two neighbours only one should have the other among its `neighbours`. If both connect, two links make
-    one transport. After a cut one end may consider the transport closed and the other end not. Then messages
-    are lost in one direction, and no table of Zenoh (1.10) shows this.
+    Only one node of each pair should connect to the other node. If both connect, the pair has two links and
+    one transport. After a cut only one end may close the transport. Then messages are lost in one direction,
+    and no table of Zenoh (1.10) shows this.
     """
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # No time-out: Zenoh tries in the background.
@@ -176,8 +179,7 @@ def _common(
         "connect/retry": {"period_init_ms": first, "period_max_ms": most, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        # Wait for scouting before a router opens.
-        "scouting/delay": 0,
+        "scouting/delay": 0,  # wait for scouting before a router opens [ms]
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": HANDSHAKE_MS,
         "transport/unicast/accept_timeout": HANDSHAKE_MS,
@@ -189,7 +191,7 @@ def _common(
             "max_wait_before_drop_fragments": DROP_AFTER_US,
         },
         "transport/link/tx/queue/congestion_control/block": {"wait_before_close": GIVE_UP_AFTER_US},
-        # Applies to messages in fragments, longer than a batch; shorter messages are checked on arrival.
+        # Zenoh checks only messages in fragments, longer than a batch; `ZenohBus` checks shorter messages.
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + KEY_AND_HEADER_BYTES,
     }
     if listen is not None and listen.port == 0:
