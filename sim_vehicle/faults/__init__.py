@@ -1,4 +1,4 @@
-"""The faults, one file and one registry line each; a fault imports only the channel and injected faults."""
+"""The registry of faults. Each module defines one fault on the channel or the injected faults."""
 
 from sim_vehicle.faults import (
     absent_ack,

@@ -1,4 +1,4 @@
-"""The interface of a fault: its parameters, and its functions for the beginning and the end."""
+"""The interface of a fault: parameters, begin function and end function."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class FaultTarget:
     injected_faults: effects on the vehicle itself.
     generator: returns a random generator for the fault.
     reboot: restarts the autopilot at a time [s] with a silence [s].
-    every_tick: registers a function of the time [s] for each tick; returns a function that removes it.
+    every_tick: registers a callback for each tick (time [s]); returns a function that removes the callback.
     """
 
     channel: Callable[[], Channel]
@@ -61,12 +61,12 @@ class FaultTarget:
         return self.injected_faults.begin(effect, now)
 
 
-BeginFault = Callable[[FaultTarget, Any, float], EndFault]
+BeginFault = Callable[[FaultTarget, Any, float], EndFault]  # target, parameters, time [s] -> end function
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One kind of fault; `begin(target, params, now)` begins it at `now` [s] and returns the end function."""
+    """One kind of fault."""
 
     name: str
     summary: str  # one line

@@ -47,14 +47,14 @@ class Params(FaultParams):
         return (self.rate - self.good_loss) / (self.bad_loss - self.good_loss)
 
     @property
-    def leave_bad(self) -> float:
+    def end_probability(self) -> float:
         """Return the probability at each frame that a bad spell ends."""
         return 1.0 / self.burst_frames
 
     @property
-    def enter_bad(self) -> float:
+    def begin_probability(self) -> float:
         """Return the probability at each frame that a bad spell begins, for the stationary `bad_share`."""
-        return self.leave_bad * self.bad_share / (1.0 - self.bad_share)
+        return self.end_probability * self.bad_share / (1.0 - self.bad_share)
 
 
 class BurstLoss:
@@ -64,13 +64,13 @@ class BurstLoss:
 
     def __init__(self, params: Params, rng: np.random.Generator) -> None:
         self._rng = rng
-        self._loss = (params.good_loss, params.bad_loss)
-        self._switch = (params.enter_bad, params.leave_bad)
+        self._loss_share = (params.good_loss, params.bad_loss)
+        self._switch_probability = (params.begin_probability, params.end_probability)
         self._bad = bool(rng.random() < params.bad_share)
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
-        lost = self._rng.random() < self._loss[self._bad]
-        if self._rng.random() < self._switch[self._bad]:
+        lost = self._rng.random() < self._loss_share[self._bad]
+        if self._rng.random() < self._switch_probability[self._bad]:
             self._bad = not self._bad
         return [] if lost else [(frame, due_s)]
 

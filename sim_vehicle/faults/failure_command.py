@@ -19,12 +19,10 @@ SLOW = int(mavlink.FAILURE_TYPE_SLOW)
 DELAYED = int(mavlink.FAILURE_TYPE_DELAYED)
 INTERMITTENT = int(mavlink.FAILURE_TYPE_INTERMITTENT)
 MOTOR = int(mavlink.FAILURE_UNIT_SYSTEM_MOTOR)
-MOTORS = 4
-EMPTY = 0.04  # share of the charge: below every threshold, but enough to land
-# The link fault begins after the acknowledgement. Over a dead link no ground station can end the fault, so
-# the fault has a duration.
-LINK_OFF_S = 30.0
-LINK_OFF_AFTER_S = 0.3
+N_MOTORS = 4
+EMPTY_CHARGE = 0.04  # share of the full charge: below every failsafe threshold, but enough to land
+LINK_OFF_S = 30.0  # duration of a dead link, because no command can end this fault
+LINK_OFF_AFTER_S = 0.3  # time from the command to the dead link, for the acknowledgement
 
 
 def _unhealthy(sensor: str, *kinds: int) -> dict[int, FaultSpec]:
@@ -43,7 +41,7 @@ _FAULTS: dict[int, dict[int, FaultSpec]] = {
         WRONG: FaultSpec(fault="gps_glitch", params={"east_m": 100.0}),
     },
     mavlink.FAILURE_UNIT_SYSTEM_BATTERY: {
-        OFF: FaultSpec(fault="battery_sag", params={"sag_v": 0.0, "at_most": EMPTY})
+        OFF: FaultSpec(fault="battery_sag", params={"sag_v": 0.0, "at_most": EMPTY_CHARGE})
     },
     MOTOR: {OFF: FaultSpec(fault="motor_loss")},
     mavlink.FAILURE_UNIT_SYSTEM_RC_SIGNAL: {OFF: FaultSpec(fault="rc_loss")},
@@ -67,7 +65,7 @@ def inject_failure(unit: float, kind: float, instance: float, replace: Replace, 
         unit, kind, instance = round(unit), round(kind), round(instance)
     except (ValueError, OverflowError):  # NaN or infinity
         return UNSUPPORTED
-    count = MOTORS if unit == MOTOR else 1
+    count = N_MOTORS if unit == MOTOR else 1
     if unit not in _FAULTS or not 0 <= instance <= count:
         return UNSUPPORTED
     instances = range(1, count + 1) if instance == 0 else [instance]

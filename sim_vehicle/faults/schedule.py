@@ -18,12 +18,12 @@ from sim_vehicle.ranges import ranges
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel
 
-SPAWN_KEY = 0xFA17  # separates the faults' randomness from the vehicles' randomness
+SPAWN_KEY = 0xFA17  # separates the random generators of faults from the generators of vehicles
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleAccess:
-    """Access to one vehicle of the fleet: channel (created on demand), injected faults, reboot."""
+    """Access of the schedule to one vehicle; `FaultTarget` describes the fields."""
 
     channel: Callable[[], Channel]
     injected_faults: InjectedFaults
@@ -51,11 +51,11 @@ class _PlannedFault:
 
 
 class Schedule:
-    """The faults of a fleet.
+    """The faults of a fleet; raise FaultError if a fault names an unknown vehicle.
 
     Parameters
     ----------
-    specs: planned faults; FaultError for an unknown vehicle.
+    specs: planned faults.
     sysids: system ids by vehicle index; a system id can occur on several links.
     access: returns the access to a vehicle by its index.
     seed: the scenario's seed.
@@ -80,7 +80,7 @@ class Schedule:
 
     @property
     def next_due_s(self) -> float:
-        """Return the time of the next change [s]; inf without a change."""
+        """Return the time of the next change [s]: inf if none is planned, -inf if the next tick has one."""
         if self._tickers:
             return -math.inf
         return self._events[0][0] if self._events else math.inf
@@ -90,16 +90,16 @@ class Schedule:
         while self._events and self._events[0][0] <= now + EPSILON_S:
             due_s, _, action = heapq.heappop(self._events)
             action(due_s)
-        for grow in tuple(self._tickers.values()):
-            grow(now)
+        for callback in tuple(self._tickers.values()):
+            callback(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault `at_s` after `now` [s]; FaultError for an unknown vehicle."""
+        """Plan a fault at `now + at_s` [s]; raise FaultError if the vehicle is unknown."""
         self._plan(spec, self._indices(spec), now + spec.at_s)
         self.tick(now)
 
     def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
-        """End the faults of one vehicle under this key, and begin the given faults instead."""
+        """End the faults that the last call with this vehicle and key began, and begin the given faults."""
         for fault in self._replaceable.pop((index, key), ()):
             fault.end(now)
         if specs:
@@ -117,9 +117,9 @@ class Schedule:
             return list(range(len(self._sysids)))
         missing = sorted(set(spec.vehicles) - set(self._sysids))
         if missing:
-            here = ranges(self._sysids)
+            known = ranges(self._sysids)
             raise FaultError(
-                f"fault {spec.fault}: unknown vehicle {missing[0]}; system ids: {here} [fault-vehicle]"
+                f"fault {spec.fault}: unknown vehicle {missing[0]}; system ids: {known} [fault-vehicle]"
             )
         return [index for index, sysid in enumerate(self._sysids) if sysid in spec.vehicles]
 
@@ -159,9 +159,9 @@ class Schedule:
             np.random.SeedSequence(entropy=self._seed, spawn_key=(SPAWN_KEY, index, count))
         )
 
-    def _every_tick(self, grow: Callable[[float], None]) -> Callable[[], None]:
+    def _every_tick(self, callback: Callable[[float], None]) -> Callable[[], None]:
         key = next(self._order)
-        self._tickers[key] = grow
+        self._tickers[key] = callback
 
         def stop() -> None:
             self._tickers.pop(key, None)

@@ -1,8 +1,7 @@
 """A bad pair of SiK radios: one slow frequency for both directions, bursts of loss, RADIO_STATUS.
 
-At each transmitted heartbeat a radio sends a RADIO_STATUS to its own side, as system '3', component 'D'. The
-two radios transmit in turns. A frame is delayed by the wait for a turn, by earlier frames, and by its own
-transmission.
+A radio answers each heartbeat with RADIO_STATUS to the sender, from system '3', component 'D'. The two radios
+transmit in turns. The delay of a frame is the wait for a turn and for earlier frames, and the transmission.
 """
 
 from collections import deque
@@ -20,7 +19,7 @@ from sim_vehicle.wire.channel import Channel, Direction, TimedFrames
 
 RADIO_SYSTEM, RADIO_COMPONENT = ord("3"), ord("D")
 PACKET_OVERHEAD_BYTES = 16  # preamble, synchronisation, header, trailer and checksum in the air
-SIGNAL_SPREAD = 4.0  # standard deviation of the reported signal strength
+SIGNAL_SPREAD = 4.0  # standard deviation of the reported signal strength and noise, raw
 
 
 class Params(FaultParams):

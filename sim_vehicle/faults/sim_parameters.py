@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 
 from sim_vehicle.faults.spec import FaultSpec
 
-Read = Callable[[str], float]
+Read = Callable[[str], float]  # name of a parameter -> present value
 METRES_PER_DEGREE = 111_319.5
-FARTHEST_M = 1e6
-MOTORS = 4
+MAX_OFFSET_M = 1e6  # limit of gps_glitch
+N_MOTORS = 4
 
 
 def _gps(read: Read) -> list[FaultSpec]:
@@ -19,7 +19,7 @@ def _gps(read: Read) -> list[FaultSpec]:
 
 
 def _glitch(read: Read) -> list[FaultSpec]:
-    """Return the GPS glitch; X and Y are degrees of latitude and longitude (111 320 m each), Z is metres."""
+    """Return the GPS glitch: X and Y are degrees (of latitude and of longitude), Z is metres."""
     offsets = {
         "north_m": read("SIM_GPS_GLITCH_X") * METRES_PER_DEGREE,
         "east_m": read("SIM_GPS_GLITCH_Y") * METRES_PER_DEGREE,
@@ -27,16 +27,16 @@ def _glitch(read: Read) -> list[FaultSpec]:
     }
     if not any(offsets.values()):
         return []
-    params = {name: min(max(offset, -FARTHEST_M), FARTHEST_M) for name, offset in offsets.items()}
+    params = {name: min(max(offset, -MAX_OFFSET_M), MAX_OFFSET_M) for name, offset in offsets.items()}
     return [FaultSpec(fault="gps_glitch", params=params)]
 
 
 def _engine(read: Read) -> list[FaultSpec]:
-    """Return the motor loss for a mask of motors; a motor with at most half of its thrust counts as lost."""
+    """Return the motor loss for a mask of motors; a motor is lost if its thrust is at most one half."""
     mask = read("SIM_ENGINE_FAIL")
     if not math.isfinite(mask) or read("SIM_ENGINE_MUL") > 0.5:
         return []
-    motors = (int(mask) & (2**MOTORS - 1)).bit_count()
+    motors = (int(mask) & (2**N_MOTORS - 1)).bit_count()
     return [FaultSpec(fault="motor_loss", params={"motors": motors})] if motors else []
 
 
@@ -51,9 +51,9 @@ _GROUPS: dict[str, Callable[[Read], list[FaultSpec]]] = {
 
 
 def faults_of(name: str, read: Read) -> tuple[str, Sequence[FaultSpec]] | None:
-    """Return the key and the faults of a changed parameter; None for a parameter that causes no failure.
+    """Return a key and the faults for a changed parameter, or None if the parameter causes no fault.
 
-    `read` returns the present value of a parameter.
+    Parameters with a common fault have the same key, see `Schedule.replace`.
     """
     faults = _GROUPS.get(name)
     return None if faults is None else (faults.__name__, faults(read))

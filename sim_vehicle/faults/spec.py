@@ -12,14 +12,14 @@ from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import FaultParams
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
-RESERVED = {
+COMMON_KEYS = {
     "at": "start [s]",
     "for": "duration [s]",
     "sysid": "system ids: 3, or 1+4, or 2-6; all by default",
 }
 SIMILARITY = 0.7  # lowest similarity of a suggestion; a lower limit would suggest `at` for `rate`
-RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
-# The longest suffixes first: `_bytes_s` ends in `_s` too.
+COMMON_RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
+# The longest suffixes come first, because `_bytes_s` also ends in `_s`.
 UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
 
 
@@ -30,8 +30,10 @@ class FaultError(ValueError):
 class FaultSpec(BaseModel):
     """One fault of a scenario.
 
-    params: parameters of the fault. vehicles: system ids, None for all. at_s: start [s], from the start of
-    the simulation or from the injection. for_s: duration [s], None for no end.
+    params: parameters of the fault.
+    vehicles: system ids; None for all vehicles.
+    at_s: start [s] after the start of the simulation, or after the injection.
+    for_s: duration [s]; None for a fault without an end.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -65,7 +67,10 @@ class FaultSpec(BaseModel):
 
 
 def parse_fault(text: str) -> FaultSpec:
-    """Parse `NAME[:key=value,...]`, with `RESERVED` keys of every fault; FaultError for invalid text."""
+    """Return the fault of the text `NAME[:key=value,...]`; raise FaultError if the text is invalid.
+
+    Every fault accepts the keys of `COMMON_KEYS`.
+    """
     name, _, rest = text.strip().partition(":")
     _check_name(name)
     given: dict[str, str] = {}
@@ -78,14 +83,14 @@ def parse_fault(text: str) -> FaultSpec:
         if key in given:
             raise FaultError(f"fault {name}: {key} is given twice; keep one [fault-syntax]")
         given[key] = value
-    reserved = {key: given.pop(key, None) for key in RESERVED}
+    common = {key: given.pop(key, None) for key in COMMON_KEYS}
     try:
         return FaultSpec(
             fault=name,
             params=given,
-            vehicles=None if reserved["sysid"] is None else _sysids(name, reserved["sysid"]),
-            at_s=_seconds(name, "at", reserved["at"] or "0"),
-            for_s=None if reserved["for"] is None else _seconds(name, "for", reserved["for"]),
+            vehicles=None if common["sysid"] is None else _sysids(name, common["sysid"]),
+            at_s=_seconds(name, "at", common["at"] or "0"),
+            for_s=None if common["for"] is None else _seconds(name, "for", common["for"]),
         )
     except ValidationError as error:
         raise FaultError(_first_finding(name, error)) from error
@@ -104,7 +109,7 @@ class ParameterHelp:
 
 @dataclass(frozen=True, slots=True)
 class FaultHelp:
-    """One fault: name, summary, parameters."""
+    """The help of one fault."""
 
     name: str
     summary: str
@@ -112,7 +117,7 @@ class FaultHelp:
 
 
 def describe() -> list[FaultHelp]:
-    """Return all faults in the registry's order."""
+    """Return the help of all faults, in the registry's order."""
     return [
         FaultHelp(fault.name, fault.summary, tuple(_parameter_help(fault.params)))
         for fault in FAULTS.values()
@@ -122,7 +127,7 @@ def describe() -> list[FaultHelp]:
 def help_text() -> str:
     """Return the text of `--fault help`."""
     lines = ["--fault NAME[:key=value,...], once for each fault; keys of every fault:"]
-    lines += [f"    {key:<14} {meaning}" for key, meaning in RESERVED.items()]
+    lines += [f"    {key:<14} {meaning}" for key, meaning in COMMON_KEYS.items()]
     for fault in describe():
         lines.append(f"{fault.name}: {fault.summary}")
         for p in fault.parameters:
@@ -136,7 +141,7 @@ def _parameters(name: str, params: dict[str, Any]) -> FaultParams:
     model = FAULTS[name].params
     unknown = [key for key in params if key not in model.model_fields]
     if unknown:
-        near = _suggestion(unknown[0], [*model.model_fields, *RESERVED])
+        near = _suggestion(unknown[0], [*model.model_fields, *COMMON_KEYS])
         raise FaultError(
             f"fault {name}: unknown key {unknown[0]!r}{near}; allowed: {_allowed(name)} [fault-key]"
         )
@@ -168,7 +173,7 @@ def _first_finding(name: str, error: ValidationError) -> str:
         return f"fault {name}: {text} [fault-value]"
     names = {"at_s": "at", "for_s": "for", "vehicles": "sysid"}
     key = names.get(str(finding["loc"][0]), str(finding["loc"][0]))
-    expected = RANGES.get(key) or next(
+    expected = COMMON_RANGES.get(key) or next(
         (p.allowed for p in _parameter_help(FAULTS[name].params) if p.name == key), ""
     )
     value = _text(finding["input"])
@@ -177,7 +182,7 @@ def _first_finding(name: str, error: ValidationError) -> str:
 
 def _allowed(name: str) -> str:
     own = [f"{p.name} ({p.allowed}, default {p.default})" for p in _parameter_help(FAULTS[name].params)]
-    return ", ".join([*own, *RESERVED])
+    return ", ".join([*own, *COMMON_KEYS])
 
 
 def _seconds(name: str, key: str, text: str) -> float:
@@ -197,7 +202,7 @@ def _sysids(name: str, text: str) -> list[int]:
             low, high = int(first), int(last if dash else first)
         except ValueError as error:
             raise FaultError(
-                f"fault {name}: sysid={text}: expected {RESERVED['sysid']} [fault-value]"
+                f"fault {name}: sysid={text}: expected {COMMON_KEYS['sysid']} [fault-value]"
             ) from error
         if not 1 <= low <= high <= 255:
             raise FaultError(

@@ -1,7 +1,7 @@
 """Component metadata: the files, and the messages with their URIs.
 
-The protocol has a general file, which lists the URI and checksum of the parameter file, and the parameter
-file. Both files are xz with a CRC-32, which small decoders support.
+The general file has the URI and checksum of the parameter file. Both are xz files with a CRC-32, which small
+decoders support.
 """
 
 import json
@@ -22,7 +22,8 @@ COMPONENT_INFORMATION = 395
 COMPONENT_INFORMATION_BASIC = 396
 COMPONENT_METADATA = 397
 
-# Id -> name, and fields in wire order; pymavlink's dialects lack these messages.
+# Message id -> name, and fields in wire order as (type, name, length of an array or 0). pymavlink's dialects
+# lack these messages.
 _MESSAGES: Mapping[int, tuple[str, tuple[tuple[str, str, int], ...]]] = {
     COMPONENT_INFORMATION: (
         "COMPONENT_INFORMATION",
@@ -92,11 +93,11 @@ class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 @dataclass(frozen=True, slots=True)
 class ParameterMeta:
-    """The metadata of one parameter, an integer if its default is an int."""
+    """The metadata of one parameter."""
 
     name: str
-    default: float | int
-    short: str = ""
+    default: float | int  # an int makes an integer parameter
+    short: str = ""  # short description
     units: str = ""
     group: str = ""
     read_only: bool = False
@@ -105,16 +106,16 @@ class ParameterMeta:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """The identity of a component; versions are `major.minor.patch`."""
+    """The identity of a component."""
 
     vendor: str
     model: str
-    version: str
+    version: str  # `major.minor.patch`
     capabilities: int = 0
 
 
 class ComponentMetadata:
-    """The metadata files and messages of one kind of vehicle, shared by all its vehicles; immutable."""
+    """The metadata files and messages that all vehicles of one kind share; immutable."""
 
     def __init__(
         self, component: Component, parameters: Iterable[ParameterMeta], *, directory: str = "/etc/extras"
@@ -144,7 +145,7 @@ class ComponentMetadata:
         }
 
     def message(self, message_id: int, time_boot_ms: int) -> ComponentMessage | None:
-        """Return the message with this id; None for a message without component metadata."""
+        """Return the message with this id, or None if the id has no component metadata."""
         uri = f"mftp://{self._general_path}"
         crc = checksum(self.files[self._general_path.lstrip("/")])
         component = self._component

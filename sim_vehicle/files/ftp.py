@@ -1,7 +1,7 @@
 """The server of the MAVLink file transfer protocol, a state machine without I/O.
 
-Both autopilots serve one open file at a time. `FtpRules` has the differences between autopilots. Bursts are
-paced: each tick sends a part.
+Both autopilots serve one open file at a time. `FtpRules` has the differences between autopilots. Each tick
+sends a part of a burst.
 """
 
 import errno
@@ -15,12 +15,12 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.filesystem import DirectoryEntry, FileError, FileSystem
-from sim_vehicle.files.ftp_rules import OPENING, FtpError, FtpRules, Opcode
-from sim_vehicle.files.pacing import BYTES_S, MOST_BYTES_AT_ONCE, Pacer
+from sim_vehicle.files.ftp_rules import OPENING_OPCODES, FtpError, FtpRules, Opcode
+from sim_vehicle.files.pacing import BYTES_S, MAX_BYTES_AT_ONCE, Pacer
 
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request's opcode, burst complete, offset
 SIZE = struct.Struct("<I")
-MOST_DATA = 239  # bytes of data in one message
+MAX_DATA_BYTES = 239  # bytes of data in one message
 FRAME_BYTES = 277  # bytes of one message on the link
 
 
@@ -46,7 +46,7 @@ class _OpenFile:
     session: int
     path: str
     content: bytes | None  # None: open for writing
-    used_s: float
+    used_s: float  # time of the last use [s]
 
 
 @dataclass
@@ -54,18 +54,18 @@ class _Burst:
     request: _Request
     offset: int
     seq: int
-    left: int  # remaining messages before the next request of the client
+    remaining: int  # number of messages before the next request of the client
 
 
 class FtpServer:
-    """The answers of one vehicle to FILE_TRANSFER_PROTOCOL.
+    """The FTP server of one vehicle.
 
     Parameters
     ----------
     files: the served files.
     rules: the behaviour of the autopilot.
     send: called with each outgoing message.
-    bytes_s, most_bytes_at_once: pace of bursts on the link.
+    bytes_s, max_bytes_at_once: rate of bursts [bytes/s] and their largest part at once [bytes].
     """
 
     def __init__(
@@ -75,10 +75,10 @@ class FtpServer:
         *,
         send: Callable[[Any], None],
         bytes_s: float = BYTES_S,
-        most_bytes_at_once: float = MOST_BYTES_AT_ONCE,
+        max_bytes_at_once: float = MAX_BYTES_AT_ONCE,
     ) -> None:
         self._files, self._rules, self._send = files, rules, send
-        self._pacer = Pacer(bytes_s, most_bytes_at_once)
+        self._pacer = Pacer(bytes_s, max_bytes_at_once)
         self._open: _OpenFile | None = None
         self._burst: _Burst | None = None
         self._last: tuple[_Request, bytes] | None = None  # the latest request and its answer
@@ -103,7 +103,7 @@ class FtpServer:
 
     @property
     def busy(self) -> bool:
-        """Return True during a burst, which needs `tick`."""
+        """Return True during a burst; each call of `tick` continues the burst."""
         return self._burst is not None
 
     def receive(self, message: Any, now: float) -> None:
@@ -135,13 +135,13 @@ class FtpServer:
             self._abandon()
 
     def reset(self) -> None:
-        """Close open files after a reboot; written files stay."""
+        """Close open files after a reboot; written files remain."""
         self._open = self._burst = self._last = None
 
     # -- answering ---------------------------------------------------------------------------------------
 
     def _answer(self, request: _Request, now: float) -> None:
-        if request.size > MOST_DATA:
+        if request.size > MAX_DATA_BYTES:
             raise _Nak(FtpError.INVALID_DATA_SIZE)
         self._check_session(request, now)
         if request.opcode == Opcode.BURST_READ_FILE:
@@ -158,7 +158,7 @@ class FtpServer:
         self._reply(request, Opcode.ACK, data, offset)
 
     def _reply(self, request: _Request, opcode: Opcode, data: bytes, offset: int) -> None:
-        opens = opcode is Opcode.ACK and request.opcode in OPENING
+        opens = opcode is Opcode.ACK and request.opcode in OPENING_OPCODES
         session = 0 if opens and not self._rules.client_names_session else request.session
         seq = (request.seq + 1) & 0xFFFF
         head = HEADER.pack(seq, session, opcode, len(data), request.opcode, 0, offset)
@@ -169,13 +169,13 @@ class FtpServer:
         self._reply(request, Opcode.NAK, _nak_data(nak), request.offset)
 
     def _transmit(self, peer: tuple[int, int], payload: bytes) -> None:
-        padded = payload.ljust(HEADER.size + MOST_DATA, b"\0")
+        padded = payload.ljust(HEADER.size + MAX_DATA_BYTES, b"\0")
         self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *peer, padded))
 
     # -- sessions ----------------------------------------------------------------------------------------
 
     def _check_session(self, request: _Request, now: float) -> None:
-        """Check the session: another session may replace an idle file, but not use or replace a busy file."""
+        """Raise _Nak if a busy file belongs to another session; close an idle file of another session."""
         opened, opcode = self._open, request.opcode
         if not self._rules.client_names_session:
             if opcode == Opcode.READ_FILE and request.session != 0:
@@ -209,12 +209,12 @@ class FtpServer:
             self._files.close(opened.path)
 
     def _abandon(self) -> None:
-        """Close an abandoned file, without an answer to errors."""
+        """Close an idle file and ignore errors."""
         with suppress(FileError):
             self._close()
 
     def _new_session(self, request: _Request, now: float) -> int:
-        """Return the session of the next opened file; _Nak while another file is open."""
+        """Return the session of the next opened file; raise _Nak while another file is open."""
         opened = self._open
         if opened is not None and now - opened.used_s > self._rules.idle_s:
             self._abandon()
@@ -245,7 +245,7 @@ class FtpServer:
         return self._open.content
 
     def _read(self, request: _Request, _now: float) -> tuple[bytes, int]:
-        size = request.size if self._rules.obeys_read_size else MOST_DATA
+        size = request.size if self._rules.obeys_read_size else MAX_DATA_BYTES
         data = self._content()[request.offset : request.offset + size]
         if not data:
             raise _Nak(FtpError.END_OF_FILE)
@@ -258,11 +258,11 @@ class FtpServer:
             return
         request, rules = burst.request, self._rules
         opened.used_s = now
-        size = (request.size or MOST_DATA) if rules.obeys_read_size else MOST_DATA
+        size = (request.size or MAX_DATA_BYTES) if rules.obeys_read_size else MAX_DATA_BYTES
         data = opened.content[burst.offset : burst.offset + size]
-        burst.left -= 1
+        burst.remaining -= 1
         if data:
-            opcode, complete = Opcode.ACK, burst.left == 0
+            opcode, complete = Opcode.ACK, burst.remaining == 0
         else:
             opcode, complete, data = Opcode.NAK, rules.obeys_read_size, bytes([FtpError.END_OF_FILE])
         session = request.session if rules.client_names_session else 0
@@ -314,10 +314,10 @@ class FtpServer:
     def _list(self, request: _Request, _now: float) -> tuple[bytes, int]:
         lines = [b"S\0", b"S\0"] if self._rules.lists_dots else []
         lines += [_line(entry) for entry in self._files.entries(_path(request.data))]
-        lines = [line for line in lines if len(line) <= MOST_DATA]
+        lines = [line for line in lines if len(line) <= MAX_DATA_BYTES]
         listed = b""
         for line in lines[request.offset :]:
-            if len(listed) + len(line) > MOST_DATA:
+            if len(listed) + len(line) > MAX_DATA_BYTES:
                 break
             listed += line
         if not listed:

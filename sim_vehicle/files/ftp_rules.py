@@ -42,23 +42,23 @@ class FtpError(IntEnum):
     FILE_NOT_FOUND = 10
 
 
-OPENING = frozenset({Opcode.OPEN_FILE_RO, Opcode.CREATE_FILE, Opcode.OPEN_FILE_WO})
+OPENING_OPCODES = frozenset({Opcode.OPEN_FILE_RO, Opcode.CREATE_FILE, Opcode.OPEN_FILE_WO})
 
 
 @dataclass(frozen=True, slots=True)
 class FtpRules:
-    """The differences between autopilots."""
+    """The FTP behaviour of one autopilot."""
 
     client_names_session: bool  # False: every file is opened in session 0
     another_session: FtpError  # answer to a request outside of the open session
     second_open: FtpError  # answer to an open request while a file is open
     nothing_open: FtpError  # answer to a read or write without an open file
-    terminate_needs_open: bool
+    terminate_needs_open: bool  # True: TERMINATE_SESSION without an open file is an error
     obeys_read_size: bool  # False: data messages are always full
-    reports_sizes: bool  # in answers to create, open-for-writing and write
-    unknown_command: FtpError
-    truncates: bool
-    lists_dots: bool  # `.` and `..` are listed as entries to skip
+    reports_sizes: bool  # True: answers to CREATE_FILE, OPEN_FILE_WO and WRITE_FILE have a size
+    unknown_command: FtpError  # answer to an unsupported opcode
+    truncates: bool  # True: TRUNCATE_FILE is supported
+    lists_dots: bool  # True: `.` and `..` are listed as entries to skip
     idle_s: float  # idle time [s] after which a session may be replaced (ArduPilot) or is closed (PX4)
     burst_messages: int  # messages of a burst before the next request
 

@@ -1,7 +1,7 @@
 """Listing, download and erasure of flight logs over MAVLink, a state machine without I/O.
 
-LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time and refuses others; PX4
-serves all ground stations.
+LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time and refuses further
+requests. PX4 serves all ground stations.
 """
 
 from collections.abc import Callable
@@ -11,20 +11,20 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.logs.recorder import StoredLog
-from sim_vehicle.files.pacing import BYTES_S, MOST_BYTES_AT_ONCE, Pacer
+from sim_vehicle.files.pacing import BYTES_S, MAX_BYTES_AT_ONCE, Pacer
 
-CHUNK_BYTES = 90
-FRAME_BYTES = 109  # a LOG_DATA on the link
-MOST_STATIONS = 8
+CHUNK_BYTES = 90  # log data in one LOG_DATA
+FRAME_BYTES = 109  # size of LOG_DATA on the link
+MAX_STATIONS = 8  # stored list requests
 
 
 @dataclass(frozen=True, slots=True)
 class LogRules:
-    """The differences between autopilots."""
+    """The log transfer of one autopilot."""
 
-    first_id: int
+    first_id: int  # id of the oldest log
     one_at_a_time: bool  # True: a transfer must end before the next transfer
-    refused_armed: str  # STATUSTEXT while armed; "": logs are served in flight
+    refused_armed: str  # STATUSTEXT of a refusal while armed; "": logs are served in flight
     list_first: bool  # True: data requires a list request since the last LOG_REQUEST_END
 
 
@@ -36,16 +36,16 @@ PX4 = LogRules(first_id=0, one_at_a_time=False, refused_armed="", list_first=Tru
 
 @dataclass
 class _Transfer:
-    """A transfer to one ground station: entries (`log` is None) or the bytes of a log."""
+    """A transfer to one ground station: a list of logs (`log` is None) or the bytes of a log."""
 
-    next: int
-    last: int  # last id of entries, or the end of the bytes
+    next: int  # next id of the list, or next offset [bytes]
+    last: int  # last id of the list, or end of the requested part [bytes]
     log: StoredLog | None = None
     log_id: int = 0
 
 
 class LogTransfer:
-    """The answers of one vehicle to log messages.
+    """The log server of one vehicle.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class LogTransfer:
     rules: the behaviour of the autopilot.
     send, send_text: called with each outgoing message and STATUSTEXT (severity, text).
     armed: returns True while the vehicle is armed.
-    bytes_s, most_bytes_at_once: pace on the link.
+    bytes_s, max_bytes_at_once: rate on the link [bytes/s] and the largest part at once [bytes].
     """
 
     def __init__(
@@ -67,11 +67,11 @@ class LogTransfer:
         send_text: Callable[[int, str], None],
         armed: Callable[[], bool],
         bytes_s: float = BYTES_S,
-        most_bytes_at_once: float = MOST_BYTES_AT_ONCE,
+        max_bytes_at_once: float = MAX_BYTES_AT_ONCE,
     ) -> None:
         self._logs, self._erase, self._rules = logs, erase, rules
         self._send, self._send_text, self._armed = send, send_text, armed
-        self._pacer = Pacer(bytes_s, most_bytes_at_once)
+        self._pacer = Pacer(bytes_s, max_bytes_at_once)
         self._transfers: dict[tuple[int, int], _Transfer] = {}
         self._listed: dict[tuple[int, int], None] = {}  # stations with a list request, in order
         self._warned = False
@@ -84,7 +84,7 @@ class LogTransfer:
 
     @property
     def busy(self) -> bool:
-        """Return True during a transfer, which needs `tick`."""
+        """Return True during a transfer; each call of `tick` continues the transfer."""
         return bool(self._transfers)
 
     def handles(self, message_type: str) -> bool:
@@ -103,7 +103,7 @@ class LogTransfer:
         self.tick(now)
 
     def tick(self, now: float) -> None:
-        """Send the messages due by `now` [s], in turns for each ground station."""
+        """Send the messages due by `now` [s], one to each ground station in rotation."""
         if self._rules.refused_armed and self._armed():
             return
         while self._transfers:
@@ -114,7 +114,7 @@ class LogTransfer:
                     del self._transfers[peer]
 
     def reset(self) -> None:
-        """End the transfers after a reboot; the logs stay."""
+        """End the transfers after a reboot; the logs remain."""
         self._transfers.clear()
         self._listed.clear()
         self._warned = False
@@ -166,7 +166,7 @@ class LogTransfer:
 
     def _note_list_request(self, peer: tuple[int, int]) -> None:
         self._listed.pop(peer, None)
-        if len(self._listed) >= MOST_STATIONS:
+        if len(self._listed) >= MAX_STATIONS:
             forgotten = next(iter(self._listed))
             del self._listed[forgotten]
             self._transfers.pop(forgotten, None)

@@ -1,25 +1,25 @@
-"""The pace of long answers, so that a slow link is not flooded."""
+"""The rate limit of long answers, for slow links."""
 
 import math
 
-BYTES_S = 200_000
-MOST_BYTES_AT_ONCE = 40_000
+BYTES_S = 200_000  # default rate [bytes/s]
+MAX_BYTES_AT_ONCE = 40_000
 
 
 class Pacer:
-    """A token bucket that fills at `bytes_s` [bytes/s] up to `most_bytes`; full at the start."""
+    """A token bucket, full at the start: fills at `bytes_s` [bytes/s] up to `max_bytes`."""
 
-    def __init__(self, bytes_s: float = BYTES_S, most_bytes: float = MOST_BYTES_AT_ONCE) -> None:
-        self._bytes_s, self._most = bytes_s, most_bytes
-        self._bytes = most_bytes
+    def __init__(self, bytes_s: float = BYTES_S, max_bytes: float = MAX_BYTES_AT_ONCE) -> None:
+        self._bytes_s, self._max_bytes = bytes_s, max_bytes
+        self._bytes = max_bytes
         self._filled_s = -math.inf
 
     def take(self, size: int, now: float) -> bool:
         """Take `size` bytes at `now` [s]; return False if the bytes must wait."""
         if now > self._filled_s:
-            self._bytes = min(self._bytes + (now - self._filled_s) * self._bytes_s, self._most)
+            self._bytes = min(self._bytes + (now - self._filled_s) * self._bytes_s, self._max_bytes)
             self._filled_s = now
-        if self._bytes < min(size, self._most):
+        if self._bytes < min(size, self._max_bytes):
             return False
         self._bytes -= size
         return True

@@ -13,12 +13,12 @@ PARAMETERS_MAGIC = 0x671B
 PARAMETERS_WITH_DEFAULTS_MAGIC = 0x671C
 PARAMETERS_HEADER = struct.Struct("<HHH")  # magic, parameters in this file, parameters of the vehicle
 MISSION_MAGIC = 0x763D
-MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, index of the first, items
+MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, first index, number of items
 NO_CLEAR = 1  # option: uploaded items replace and extend the old items
-MOST_NAME = 16
+MAX_NAME_BYTES = 16
 
 _FLOAT = 4
-_INTEGERS = {8: 1, 16: 2, 32: 3}  # by number of bits
+_INTEGERS = {8: 1, 16: 2, 32: 3}  # number of bits -> type of the value
 _VALUES = {1: struct.Struct("<b"), 2: struct.Struct("<h"), 3: struct.Struct("<i"), 4: struct.Struct("<f")}
 _ITEM = mavlink.MAVLink_mission_item_int_message
 
@@ -33,10 +33,10 @@ class Parameter(NamedTuple):
 
 
 def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
-    """Return `param.pck` for a query (`start=`, `count=`, `withdefaults=`); FileError for a bad query.
+    """Return `param.pck` for a query (`start=`, `count=`, `withdefaults=`); raise FileError if invalid.
 
-    A name omits its common beginning with the previous name. The content is fixed when the file is opened, so
-    later reads need no padding.
+    A name omits the characters that it shares with the start of the previous name. The content does not
+    change while the file is open, so reads need no padding.
     """
     wanted = _query(query)
     start, count, defaults = wanted["start"], wanted["count"], bool(wanted["withdefaults"])
@@ -49,7 +49,7 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
     for name, value, default, bits in chosen:
         kind = _INTEGERS[bits] if isinstance(value, int) else _FLOAT
         differs = defaults and default != value
-        encoded = name.encode("ascii")[:MOST_NAME]
+        encoded = name.encode("ascii")[:MAX_NAME_BYTES]
         common = min(_common_length(last, encoded), len(encoded) - 1)
         packed += bytes([kind | differs << 4, common | (len(encoded) - common - 1) << 4])
         packed += encoded[common:] + _value(kind, value)
@@ -60,7 +60,10 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
 
 
 def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
-    """Return the values in an uploaded `param.pck`; None if malformed. The header has the file's length."""
+    """Return the values in an uploaded `param.pck`, or None if malformed.
+
+    The third header field of an upload is the size of the file [bytes].
+    """
     if len(content) < PARAMETERS_HEADER.size:
         return None
     magic, count, length = PARAMETERS_HEADER.unpack_from(content)
@@ -77,7 +80,7 @@ def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
         if (
             form is None
             or common > len(last)
-            or common + more > MOST_NAME
+            or common + more > MAX_NAME_BYTES
             or offset + more + form.size > length
         ):
             return None
@@ -100,7 +103,7 @@ def pack_mission(mission_type: int, items: Iterable[Any]) -> bytes:
 
 
 class UploadedMission(NamedTuple):
-    """An uploaded mission file; its items replace the stored items from index `start` on."""
+    """An uploaded mission file, with items for the indices from `start` on."""
 
     start: int
     clear: bool  # True: all stored items are removed first
@@ -108,7 +111,7 @@ class UploadedMission(NamedTuple):
 
 
 def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
-    """Return the mission in an uploaded file; None if malformed, of another type or incomplete."""
+    """Return the mission in an uploaded file, or None if malformed, incomplete or of another type."""
     if len(content) < MISSION_HEADER.size:
         return None
     magic, kind, options, start, count = MISSION_HEADER.unpack_from(content)

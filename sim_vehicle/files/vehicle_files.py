@@ -44,7 +44,7 @@ def ardupilot_files(
     set_parameter: called for each parameter of an upload.
     banner: sends the texts of a parameter download.
     items: returns the stored MISSION_ITEM_INT of a mission type.
-    set_items: stores an uploaded mission of a type; returns False for unusable items.
+    set_items: stores an uploaded mission of a type; returns False if the items are unusable.
     recorder: the recorder of the logs.
     system: functions that return the texts under `@SYS`, by name.
     """

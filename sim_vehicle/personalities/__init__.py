@@ -1,4 +1,4 @@
-"""Personalities: the differences between autopilots, one package each, as data if possible.
+"""Personalities: the differences between autopilots, one package for each autopilot.
 
 A new personality is a module or a package, and an entry in `PERSONALITIES`.
 """
@@ -13,7 +13,10 @@ PERSONALITIES: dict[str, Mapping[str, Personality]] = {"ardupilot": ARDUPILOT, "
 
 
 def personality_of(name: str, kind: str) -> Personality:
-    """Return the personality of an autopilot for an airframe (`copter`, `plane`); KeyError if unknown."""
+    """Return the personality of an autopilot for an airframe (`copter`, `plane`).
+
+    Raise KeyError if the autopilot or the airframe is unknown.
+    """
     return PERSONALITIES[name][kind]
 
 

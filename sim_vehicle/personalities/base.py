@@ -164,8 +164,8 @@ class Personality:
     system_id_parameter: str
     flight_parameters: Callable[[Parameters], FlightParameters]
     commands: Mapping[int, CommandHandler]  # handlers that replace or extend the common ones
-    arm_refused: int  # MAV_RESULT
-    disarm_refused: int  # MAV_RESULT in flight
+    arm_refused: int  # MAV_RESULT of a refused arming
+    disarm_refused: int  # MAV_RESULT of a refused disarming in flight
     # (own system id, message to that system or to all) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
     acknowledges_set_mode: bool  # the SET_MODE message
@@ -196,12 +196,12 @@ class Personality:
     force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
     # reasons against a forced arming
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
-    landing_disarms: bool = True  # disarms at once; else after FlightParameters.disarm_landed_s
+    landing_disarms: bool = True  # disarms at touchdown; False: after FlightParameters.disarm_landed_s
     stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
     disarm_restores_mode: bool = False  # disarming restores the last armable mode
     answers_ping: bool = False  # answers PING without a target
-    home_is_local: bool = False  # HOME_POSITION has local coordinates, too
+    home_is_local: bool = False  # HOME_POSITION also has local coordinates
     home_with_position: bool = False  # home is set with the position estimate, not before
     origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; False: only sets a missing origin
     flight_counter: str | None = None  # name of the parameter that counts flights
@@ -213,20 +213,20 @@ class Personality:
     # Items of the mission flown in a return, and the altitude to climb to first [m above mean sea
     # level]; None: return to home or a rally point.
     return_by_mission: Callable[[Vehicle], tuple[Sequence[Item], float] | None] = lambda _vehicle: None
-    battery_latches: bool = False  # checks the battery while armed only; a level stays until a reboot
+    battery_latches: bool = False  # checks the battery only while armed; a failsafe lasts until a reboot
     body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
     gps_present_in_use: bool = False  # SYS_STATUS reports GPS present only while the estimator uses it
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
-        """Return the mode that the vehicle enters by itself for a behaviour; KeyError without one."""
+        """Return the mode for an automatic change to a behaviour; raise KeyError if no mode fits."""
         mode = self.find_mode(behaviour)
         if mode is None:
             raise KeyError(behaviour)
         return mode
 
     def find_mode(self, behaviour: Behaviour) -> Mode | None:
-        """Return the mode that the vehicle enters by itself for a behaviour; None without one."""
+        """Return the mode for an automatic change to a behaviour, or None if no mode fits."""
         for mode in self.modes.values():
             restricted = mode.setpoints_only or mode.needs_pilot or not mode.selectable
             if mode.behaviour is behaviour and not restricted:

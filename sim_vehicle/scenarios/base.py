@@ -6,19 +6,19 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import CoreSchema, core_schema
 
-Latitude = Annotated[float, Field(strict=True, ge=-90, le=90)]
-Longitude = Annotated[float, Field(strict=True, ge=-180, le=180)]
-Altitude = Annotated[float, Field(strict=True, ge=-500, le=9000)]
+Latitude = Annotated[float, Field(strict=True, ge=-90, le=90)]  # deg
+Longitude = Annotated[float, Field(strict=True, ge=-180, le=180)]  # deg
+Altitude = Annotated[float, Field(strict=True, ge=-500, le=9000)]  # m above mean sea level
 Probability = Annotated[float, Field(strict=True, ge=0, le=1)]
-Metres = Annotated[float, Field(strict=True, ge=-100_000, le=100_000)]
-Length = Annotated[float, Field(strict=True, gt=0, le=100_000)]
+Metres = Annotated[float, Field(strict=True, ge=-100_000, le=100_000)]  # coordinate
+Length = Annotated[float, Field(strict=True, gt=0, le=100_000)]  # m
 Seconds = Annotated[float, Field(strict=True, ge=0, le=1e6)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 SystemId = Annotated[int, Field(strict=True, ge=1, le=250)]
 
 
 class NameIn:
-    """An annotation that restricts a text to the names of a registry, like a Literal."""
+    """An annotation that restricts a text to the names of a registry, as Literal does."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = list(names)
@@ -38,9 +38,9 @@ class NoSettings(Section):
 
 
 class OneOf(Section):
-    """A section with exactly one of its optional fields, apart from the fields in `common`.
+    """A section with exactly one choice; the fields in `common` may accompany the choice.
 
-    A word alone has empty settings: `rtl` is `rtl: {}`.
+    A bare name has empty settings: `rtl` means `rtl: {}`.
     """
 
     @classmethod

@@ -25,7 +25,7 @@ class CheckFailure:
 
 
 class RunningCheck:
-    """One check, evaluated at every step, with at most one failure for each vehicle."""
+    """One check during a run, with at most one failure for each vehicle."""
 
     def __init__(self, spec: CheckSpec, scenario: Scenario) -> None:
         self.spec = spec
@@ -86,7 +86,7 @@ class RunningCheck:
         if self._closed:
             return []
         if self.spec.when == "always":
-            # A check without an evaluation fails: the run ended before its time, or had no step at that time.
+            # A check fails if the run ended before `from_s`, or if no step was between the check's times.
             unseen = ["no evaluation of the check [not-evaluated]"] * len(self._selected)
             return [] if self._evaluated else self._fail(self._open.copy(), view, unseen)
         if self.spec.when == "end":
@@ -106,25 +106,25 @@ class RunningCheck:
             self._nearest_m[nearer], self._nearest_s[nearer] = away_m[nearer], view.now
 
     def _at_closest_approach(self, found: Measured) -> Measured:
-        """Report the smallest distance to an expected event instead of the final state."""
+        """Return the smallest distance to an expected event as a text; `found` if there is no such event."""
         if self.spec.when != "eventually":
             return found
         return [
             f"{away_m:.4g} m away at the closest approach, at {self._nearest_s[i]:.2f} s"
             if np.isfinite(away_m)
-            else self._number(found, i)
+            else self._found_text(found, i)
             for i, away_m in enumerate(self._nearest_m)
         ]
 
     def _fail(self, failed: np.ndarray, view: RunView, found: Measured) -> list[CheckFailure]:
         self._open &= ~failed
         added = [
-            CheckFailure(self.description, *self._vehicles[i], view.now, self._number(found, i))
+            CheckFailure(self.description, *self._vehicles[i], view.now, self._found_text(found, i))
             for i in np.flatnonzero(failed).tolist()
         ]
         self.failures += added
         return added
 
-    def _number(self, found: Measured, index: int) -> str:
+    def _found_text(self, found: Measured, index: int) -> str:
         value = found[index]
         return value if isinstance(value, str) else f"{float(value):.4g} {self._check.unit}".strip()

@@ -110,7 +110,7 @@ class Check:
     needs: Need | None
     least: float  # lower bound of a meaningful argument
     most: float  # upper bound of a meaningful argument
-    away_m: AwayFunction | None  # returns the distance to the expected event; inf if it is not expected yet
+    away_m: AwayFunction | None  # returns the distance to the event [m]; inf while no event is expected
 
     @property
     def bounds(self) -> str:
@@ -204,7 +204,7 @@ def no_fence_breach(view: RunView, margin_m: float) -> tuple[Bools, Measured]:
 
 @check("always", "share", unit="of the charge", least=0, most=1)
 def battery_above(view: RunView, share: float) -> tuple[Bools, Measured]:
-    """More than this share of the charge is left."""
+    """The battery has more than this share of the full charge."""
     return view.truth.battery_remaining > share, view.truth.battery_remaining
 
 
@@ -222,7 +222,7 @@ def strikes_at_most(view: RunView, count: float) -> tuple[Bools, Measured]:
 
 @check("always", "silence_s", default=3.0, unit="s silent", least=0)
 def alive(view: RunView, silence_s: float) -> tuple[Bools, Measured]:
-    """The ground station receives a heartbeat of the vehicle at least this often."""
+    """The time since the vehicle's last heartbeat is at most this long."""
     return view.silent_s <= silence_s, view.silent_s
 
 
@@ -242,7 +242,7 @@ def heard_text(view: RunView, words: str) -> tuple[Bools, Measured]:
 
 @check("eventually", "mode", text=True)
 def mode_is(view: RunView, mode: str) -> tuple[Bools, Measured]:
-    """The vehicle is in this mode, or in one of several (`RTL|Return`)."""
+    """The vehicle is in this mode, or in one of several modes (`RTL|Return`)."""
     wanted = mode.casefold().split("|")
     return np.array([now.casefold() in wanted for now in view.truth.mode]), view.truth.mode
 
@@ -279,7 +279,7 @@ def landed(view: RunView, _: None) -> tuple[Bools, Measured]:
 
 @check("end", "metres", least=0)
 def lands_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """The vehicle has flown and stands, undamaged, within this distance of its start."""
+    """The vehicle has flown and is on the ground, undamaged, within this distance of its start."""
     return _down(view) & (view.from_start_m <= metres), [
         f"{far:.4g} m from its start{', crashed' if view.truth.crashed[i] else ''}"
         f"{', in the air' if view.truth.airborne[i] else ''}{'' if view.flown[i] else ', not flown yet'}"
@@ -297,7 +297,7 @@ def _to_goal_m(view: RunView) -> Floats:
 
 @check("eventually", "within_m", default=5.0, needs="goal", least=0, away_m=_to_goal_m)
 def reached_goal(view: RunView, within_m: float) -> tuple[Bools, Measured]:
-    """The vehicle has flown and is this near to `goal`, or to its mission's last place while bound for it."""
+    """The vehicle has flown and is within this distance of `goal`, or of its mission's last position."""
     reached = view.flown & view.bound_for_goal & (view.from_goal_m <= within_m)
     short = np.where(view.bound_for_goal, "", ", not bound for the goal yet")
     short = np.where(view.flown, short, ", not flown yet")
@@ -306,13 +306,13 @@ def reached_goal(view: RunView, within_m: float) -> tuple[Bools, Measured]:
 
 @check("eventually", needs="mission")
 def mission_complete(view: RunView, _: None) -> tuple[Bools, Measured]:
-    """The vehicle has flown and reports its mission complete; PX4: it has reached the last item."""
+    """The vehicle has flown and its mission is complete (PX4: the last item is reached)."""
     complete = view.flown & view.mission_done
     return complete, ["complete" if done else "not complete" for done in complete]
 
 
 def settings_of(data: Any) -> Any:
-    """Return the fields of a CheckSpec from a check in a scenario file; ValueError for a mistake.
+    """Return the fields of a CheckSpec from a check in a scenario file; raise ValueError if invalid.
 
     Forms: `no_crash`, `min_separation_m: 5`, `landed: {by_s: 300, vehicles: [2]}`.
     """
@@ -358,7 +358,7 @@ def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _fits(known: Check, value: Any) -> bool:
-    """Return True for a meaningful argument; False for empty text and NaN."""
+    """Return True if the argument is a non-empty text, or a number within the bounds."""
     if known.text:
         return isinstance(value, str) and bool(value.strip())
     number = isinstance(value, int | float) and not isinstance(value, bool)

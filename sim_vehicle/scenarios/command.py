@@ -1,4 +1,4 @@
-"""`python -m sim_vehicle run`: fly and check scenarios, exit with the verdict."""
+"""`python -m sim_vehicle run`: fly and check scenarios; the exit code is the verdict."""
 
 import difflib
 import json
@@ -21,8 +21,8 @@ from sim_vehicle.serving.tlog import tlogs
 
 FOLDER = Path(__file__).parent
 
-FAILED, UNUSABLE = 1, 2
-LAG_REPORTED_S = 0.5
+FAILED, UNUSABLE = 1, 2  # exit codes
+LAG_REPORTED_S = 0.5  # smallest reported lag behind the wall clock
 
 
 def run(
@@ -34,7 +34,7 @@ def run(
         Path,
         typer.Option(help="Folder for results; each scenario gets a folder with tlogs and verdict.json."),
     ] = Path("runs"),
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed, instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed; replaces the scenario's seed.")] = None,
     speedup: Annotated[
         float | None,
         typer.Option(min=0.1, max=1000, help="Simulated seconds per second; default: unlimited."),
@@ -42,12 +42,12 @@ def run(
     list_scenarios: Annotated[bool, typer.Option("--list", help="Show the shipped scenarios.")] = False,
     list_checks: Annotated[bool, typer.Option("--list-checks", help="Show the checks.")] = False,
     show_scenario: Annotated[
-        str | None, typer.Option("--show", metavar="NAME", help="Print a shipped scenario as a start.")
+        str | None, typer.Option("--show", metavar="NAME", help="Print a shipped scenario as a template.")
     ] = None,
 ) -> None:
     """Fly scenarios on the virtual clock and check them.
 
-    Exit codes: 0 every check of every scenario passed; 1 a check failed; 2 a scenario is unusable; 130
+    Exit codes: 0 every step and check passed; 1 a step or a check failed; 2 a scenario is unusable; 130
     interrupted, without a verdict of the running scenario.
     """
     console = Console(highlight=False)
@@ -115,7 +115,7 @@ def _fly(
     if wall_clock.lost_s > LAG_REPORTED_S:
         typer.echo(
             f"sim_vehicle: the machine is too slow for {wall_clock.speedup:g}x; "
-            f"{wall_clock.lost_s:.1f} s were lost",
+            f"the run took {wall_clock.lost_s:.1f} s longer; use a lower --speedup",
             err=True,
         )
     if not verdict.passed:
@@ -125,11 +125,11 @@ def _fly(
 
 
 class _WallClock:
-    """The wall clock, which limits the simulation to `speedup` times real time; None: unlimited."""
+    """The limit of the simulation to `speedup` times real time; None: unlimited."""
 
     def __init__(self, speedup: float | None) -> None:
         self.speedup = speedup
-        self.lost_s = 0.0
+        self.lost_s = 0.0  # lag that the run does not recover
         self._began_s = time.monotonic()
 
     def took_s(self) -> float:
@@ -175,7 +175,7 @@ def shipped() -> list[ShippedScenario]:
 
 
 def find_scenario(text: str) -> Path:
-    """Return the path of a scenario from a path or a shipped name; ScenarioError for an unknown scenario."""
+    """Return the path of a scenario from a path or a shipped name; raise ScenarioError if unknown."""
     path = Path(text)
     if path.exists():
         return path

@@ -1,4 +1,4 @@
-"""The reader of scenario files, which expands short forms and reports every problem with its line."""
+"""The reader of scenario files. It expands short forms and reports every problem with a line number."""
 
 import difflib
 import inspect
@@ -15,9 +15,9 @@ from sim_vehicle.scenarios.model import Finding, InconsistentScenarioError, Scen
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.scenarios.yaml_lines import Document, FileSyntaxError, KeyPath, parse
 
-SPACING_M = 5.0  # eastward distance between counted vehicles
-PER_LINK = 250
-PLACE = ("lat_deg", "lon_deg", "alt_amsl_m")
+SPACING_M = 5.0  # default eastward distance between the vehicles of one entry
+VEHICLES_PER_LINK = 250
+POSITION_KEYS = ("lat_deg", "lon_deg", "alt_amsl_m")
 Model = TypeVar("Model", bound=BaseModel)
 SHORT_FORMS = ("count", "spacing_m", "east_m", "north_m")
 SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
@@ -25,7 +25,7 @@ SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
 EXPECTED = {
     **dict.fromkeys(SECTION_TYPES, "must be a section with keys"),
     **dict.fromkeys(
-        ("list_type", "tuple_type"), "must be a list: `[one, another]`, or one line `- one` each"
+        ("list_type", "tuple_type"), "must be a list: `[first, second]`, or a line `- entry` for each entry"
     ),
     **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
@@ -44,7 +44,7 @@ EXPECTED = {
 
 
 class ScenarioError(ValueError):
-    """The scenario is unusable; the text has one line for each problem."""
+    """An invalid scenario; the text has one line for each problem."""
 
 
 class Home(Section):
@@ -68,9 +68,9 @@ class Shorthand(BaseModel):
 
 
 def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
-    """Read and check a scenario file, YAML or JSON; ScenarioError lists every problem.
+    """Return the checked scenario of a YAML or JSON file; raise ScenarioError with all problems.
 
-    `flown`: True for a scenario that is run alone and therefore needs a script or checks.
+    `flown`: True if there is no other ground station, which makes a script or checks necessary.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -82,7 +82,7 @@ def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
 
 
 def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool = False) -> Scenario:
-    """Check the text of a scenario file; `where` starts each line of a ScenarioError."""
+    """Return the checked scenario of a file's text; `where` starts each line of a ScenarioError."""
     try:
         document = parse(text, as_json=where.endswith(".json"))
     except FileSyntaxError as error:
@@ -102,7 +102,7 @@ def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool
 
 
 def parse_data(data: dict[str, Any]) -> Scenario:
-    """Return the scenario of data without short forms; ScenarioError lists every problem."""
+    """Return the scenario of data without short forms; raise ScenarioError with all problems."""
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
@@ -111,8 +111,8 @@ def parse_data(data: dict[str, Any]) -> Scenario:
 
 
 def read_step(action: str, value: Any) -> ScriptStep:
-    """Return one step of a script from its name and value; ScenarioError for a mistake."""
-    actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # no action with one vehicle
+    """Return one step of a script from its name and value; raise ScenarioError if the step is invalid."""
+    actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # concerns all vehicles
     if action not in actions:
         near = difflib.get_close_matches(str(action), actions, n=1)
         cure = f"did you mean {near[0]!r}?" if near else f"the actions are {', '.join(actions)}"
@@ -127,7 +127,7 @@ def read_step(action: str, value: Any) -> ScriptStep:
 def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
     """Expand `home`, `count` and metres; return findings, data, and each vehicle's index in the file.
 
-    A wrong short form is replaced by a default, so that later problems are found as well.
+    A default replaces an invalid short form, so that the check can continue.
     """
     findings: list[Finding] = []
     rest = {key: value for key, value in data.items() if key not in ("home", "count")}
@@ -168,7 +168,7 @@ def _vehicles(
             )
         if short.count == 1 and "sysid" in entry:
             return [rest]
-        home = _checked(Home, {key: entry[key] for key in PLACE if key in entry}, where, findings)
+        home = _checked(Home, {key: entry[key] for key in POSITION_KEYS if key in entry}, where, findings)
     elif home is None:
         findings.append(
             (where, "the position is missing; add lat_deg and lon_deg, or `home` to the scenario")
@@ -183,7 +183,7 @@ def _vehicles(
             **number,
             **dict(
                 zip(
-                    PLACE,
+                    POSITION_KEYS,
                     frame.point_to_geodetic(short.east_m + i * short.spacing_m, short.north_m),
                     strict=False,
                 )
@@ -194,7 +194,7 @@ def _vehicles(
 
 
 def _allocate_sysids(entry: dict[Any, Any], count: int, used: dict[int, int]) -> list[dict[str, Any]]:
-    """Return system ids and links for `count` vehicles, from `sysid` on or from the next free id on."""
+    """Return system ids and links for `count` vehicles, starting at `sysid` or at the next free id."""
     link, first = entry.get("link", 0), entry.get("sysid")
     if not isinstance(link, int) or not isinstance(first, int | None):
         return [{"sysid": first or 1}]  # the model reports the mistake
@@ -203,7 +203,10 @@ def _allocate_sysids(entry: dict[Any, Any], count: int, used: dict[int, int]) ->
         return [{"sysid": first + i} for i in range(count)]
     begin = used.get(link, 0)
     used[link] = begin + count
-    return [{"sysid": n % PER_LINK + 1, "link": link + n // PER_LINK} for n in range(begin, begin + count)]
+    return [
+        {"sysid": n % VEHICLES_PER_LINK + 1, "link": link + n // VEHICLES_PER_LINK}
+        for n in range(begin, begin + count)
+    ]
 
 
 def _checked(model: type[Model], data: Any, where: KeyPath, findings: list[Finding]) -> Model | None:
@@ -245,7 +248,7 @@ def _describe(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
             f"; did you mean `{near[0]}`?" if near else f"; the keys are {', '.join(allowed)}"
         )
     if detail["type"] == "missing":
-        return "is missing; add it"
+        return "is missing; add this key"
     if detail["type"] == "value_error":
         return str(detail["msg"].removeprefix("Value error, "))
     found = detail["input"]
@@ -302,12 +305,14 @@ def default_scenario(
     seed: int = 0,
     personality: str = "ardupilot",
     kind: str = "copter",
-    per_link: int = PER_LINK,
+    per_link: int = VEHICLES_PER_LINK,
 ) -> Scenario:
     """Return a scenario of `count` vehicles in a row, eastward from home.
 
-    home: latitude, longitude [deg], altitude [m]. per_link: number of vehicles on each link; on each link
-    system ids start at `first_sysid`. The personality "mixed" alternates between all personalities.
+    home: latitude [deg], longitude [deg], altitude [m above mean sea level].
+    first_sysid: lowest system id on each link.
+    personality: a name in PERSONALITIES, or "mixed" for all personalities in alternation.
+    per_link: number of vehicles on each link.
     """
     lat_deg, lon_deg, alt_amsl_m = home
     frame = LocalFrame(lat_deg, lon_deg)

@@ -35,13 +35,13 @@ from sim_vehicle.scenarios.plan import FenceShape, Leg, StartOffset, jump_proble
 from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep
 from sim_vehicle.scenarios.yaml_lines import KeyPath
 
-FARTHEST_M = 50_000.0
+MAX_DISTANCE_M = 50_000.0
 
 Finding = tuple[KeyPath, str]
 
 
 class InconsistentScenarioError(ValueError):
-    """The scenario has contradictions; `findings` has path and text of each contradiction."""
+    """A contradiction in the scenario; `findings` has path and text of each contradiction."""
 
     def __init__(self, findings: list[Finding]) -> None:
         super().__init__("\n".join(text for _, text in findings))
@@ -86,28 +86,28 @@ class VehicleSpec(Section):
         return self
 
     def goal_m(self) -> tuple[float, float] | None:
-        """Return the goal [m east and north of the start]: `goal`, or the mission's last place."""
+        """Return the goal [m east and north of the start]: `goal`, or the last position of the mission."""
         if self.goal is not None:
             return self.goal.east_m, self.goal.north_m
-        leg = self._last_place()
+        leg = self._last_placed_leg()
         return None if leg is None else self.mission[leg].place()
 
     def goal_item(self) -> int | None:
-        """Return the mission item of the goal; None if the goal is no item."""
-        leg = self._last_place()
+        """Return the number of the goal's mission item, or None if the goal is not an item."""
+        leg = self._last_placed_leg()
         return None if self.goal is not None or leg is None else self.item_of(leg)
 
     def item_of(self, leg: int) -> int:
         """Return the MAVLink sequence number of a mission entry; on some autopilots item 0 is home."""
         return leg + int(personality_of(self.personality, self.kind).home_item)
 
-    def _last_place(self) -> int | None:
+    def _last_placed_leg(self) -> int | None:
         legs = range(len(self.mission))
         return next((leg for leg in reversed(legs) if self.mission[leg].place()), None)
 
 
 def _fault(value: Any) -> Any:
-    """Return the parsed fault of a command-line form; other values unchanged."""
+    """Return a fault in its command-line form as a FaultSpec, and other values unchanged."""
     return parse_fault(value) if isinstance(value, str) else value
 
 
@@ -130,14 +130,14 @@ class Wind(Section):
 
 
 class Gps(Section):
-    """The standard deviations of the GPS receiver's noise and slow drift; None: as of a good receiver."""
+    """The standard deviations of the GPS receiver's noise and slow drift; None: values of a good receiver."""
 
     noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
     drift_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
 
 
-def _folder(name: str) -> str:
-    """Check and return the name, which is also the name of the run's folder."""
+def _folder_name(name: str) -> str:
+    """Return the name; raise ValueError if the name cannot be the name of the run's folder."""
     if name in (".", "..") or not name.isprintable() or set(name) & set("/\\"):
         raise ValueError(f"must be a folder's name, without / and \\; found {name!r:.60}")
     return name
@@ -146,7 +146,7 @@ def _folder(name: str) -> str:
 class Scenario(Section):
     """The start of a fleet, and the script and checks of a run."""
 
-    name: Annotated[str, AfterValidator(_folder)] = ""
+    name: Annotated[str, AfterValidator(_folder_name)] = ""
     about: str = ""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = None  # None: the autopilot's time
@@ -177,7 +177,7 @@ class Scenario(Section):
             *self._late_steps_and_checks(),
         ]
         findings += self._distant_vehicles()
-        # Late faults are no problem for a served fleet, because it has no end.
+        # A served fleet flies without an end, so late faults are errors only in a scenario file.
         if info.context and info.context.get("whole"):
             findings += self._late_faults()
         if info.context and info.context.get("flown"):
@@ -202,9 +202,10 @@ class Scenario(Section):
         findings: list[Finding] = []
         for index, vehicle in enumerate(self.vehicles):
             away_m = math.hypot(*frame.point_to_local(vehicle.lat_deg, vehicle.lon_deg))
-            if away_m > FARTHEST_M:
+            if away_m > MAX_DISTANCE_M:
                 origin = "the area's origin" if area else "the first vehicle"
-                text = f"starts {away_m / 1000:.0f} km from {origin}; the limit is {FARTHEST_M / 1000:.0f} km"
+                limit = f"{MAX_DISTANCE_M / 1000:.0f} km"
+                text = f"starts {away_m / 1000:.0f} km from {origin}; the limit is {limit}"
                 findings.append((("vehicles", index), text))
         return findings
 
@@ -229,7 +230,7 @@ class Scenario(Section):
             return findings
         where: KeyPath = ("hostiles",)
         if self.area is None or self.firing_strength is None:
-            return [*findings, (where, "needs `area` and `firing_strength` as well")]
+            return [*findings, (where, "needs `area` and `firing_strength`; add the missing section")]
         rows, cols = self.area.rows, self.area.cols
         outside = [cell for cell in self.hostiles if not (0 <= cell[0] < rows and 0 <= cell[1] < cols)]
         if outside:
@@ -291,15 +292,15 @@ class Scenario(Section):
 
     def _mode_problems(self) -> list[Finding]:
         """Return findings on modes in steps and checks that the selected vehicles lack."""
-        asked: list[tuple[KeyPath, str, str, Collection[int] | None]] = []
+        requested: list[tuple[KeyPath, str, str, Collection[int] | None]] = []
         for index, step in enumerate(self.script):
             if step.mode is not None:
-                asked.append((("script", index), "mode", step.mode, step.vehicles))
+                requested.append((("script", index), "mode", step.mode, step.vehicles))
         for index, check in enumerate(self.checks):
             if CHECKS[check.name].argument == "mode":
-                asked.append((("checks", index), check.name, str(check.value), check.vehicles))
+                requested.append((("checks", index), check.name, str(check.value), check.vehicles))
         findings: list[Finding] = []
-        for where, what, words, sysids in asked:
+        for where, what, words, sysids in requested:
             kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.selected(sysids)}
             available = {kind: _mode_names(*kind, selectable=what == "mode") for kind in sorted(kinds)}
             text = _mode_problem(words, available)
@@ -345,7 +346,7 @@ class Scenario(Section):
 
     @staticmethod
     def step_problem(step: ScriptStep, vehicle: VehicleSpec) -> str:
-        """Return the reason against this step on this vehicle; empty if it is possible."""
+        """Return the reason against this step on this vehicle, or an empty text."""
         if step.mode is not None:
             names = _mode_names(vehicle.personality, vehicle.kind, selectable=True)
             known = {name.casefold() for name in names}
@@ -360,7 +361,7 @@ class Scenario(Section):
         )
 
     def selected(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
-        """Return the vehicles with these system ids, on any link; all for None."""
+        """Return the vehicles with these system ids, on any link; None selects all vehicles."""
         return [v for v in self.vehicles if sysids is None or v.sysid in sysids]
 
 
@@ -374,7 +375,7 @@ def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:
 
 
 def _mode_problem(words: str, available: Mapping[tuple[str, str], Sequence[str]]) -> str:
-    """Return the problem with alternatives like `RTL|Return`; empty if each mode and each vehicle fits."""
+    """Return the problem with a mode or with alternatives (`RTL|Return`), or an empty text."""
     wanted = words.split("|")
     known = {name.casefold(): name for names in available.values() for name in names}
     for word in wanted:

@@ -15,8 +15,8 @@ Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
 LANDINGS = frozenset(
     {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
 )
-NARROWEST_M = 0.02  # narrowest polygon; MAVLink's unit of 1e-7 degrees is 1.1 cm
-MOST_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # largest number of the MAVLink field
+MIN_WIDTH_M = 0.02  # width of the narrowest polygon; MAVLink's unit of 1e-7 degrees is 1.1 cm
+MAX_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # largest number of the MAVLink field
 
 
 class StartOffset(Section):
@@ -77,7 +77,7 @@ class Jump(Section):
 
 
 class RawItem(Section):
-    """Any mission command, with a position [m] from the start and z in the frame's meaning."""
+    """Any mission command, with a position [m] from the start; the frame gives the meaning of z."""
 
     command: str | int
     frame: str | int = "GLOBAL_RELATIVE_ALT"
@@ -135,7 +135,7 @@ class Leg(OneOf):
 
     def place(self) -> tuple[float, float] | None:
         """Return the position of this leg, east and north [m], or None."""
-        if not self.flown:  # a region of interest has a position too
+        if not self.flown:  # a region of interest also has a position
             return None
         for where in (self.takeoff, self.waypoint, self.loiter, self.land, self.item):
             if where is not None and where.east_m is not None and where.north_m is not None:
@@ -144,7 +144,7 @@ class Leg(OneOf):
 
 
 def jump_problem(legs: Sequence[Leg], index: int) -> str:
-    """Return the problem with a jump of a mission; empty without one."""
+    """Return the problem with the leg at `index` if the leg is a jump; else an empty text."""
     jump = legs[index].jump
     if jump is None:
         return ""
@@ -174,7 +174,7 @@ class FenceShape(OneOf):
     @model_validator(mode="after")
     def _has_an_inside(self) -> Self:
         corners = self.keep_in or self.keep_out
-        if corners is not None and _width_m(corners) < NARROWEST_M:
+        if corners is not None and _width_m(corners) < MIN_WIDTH_M:
             raise ValueError("all corners of this polygon are on one line; move one of them")
         return self
 
@@ -195,11 +195,14 @@ def _width_m(corners: Sequence[tuple[float, float]]) -> float:
 
 
 def number(prefix: str, value: str | int) -> int:
-    """Return the number of a MAVLink enumeration's member, from its number or name."""
+    """Return a MAVLink number from a number or a name; raise ValueError if unknown.
+
+    `prefix` is the start of the names, such as `MAV_CMD_`.
+    """
     if isinstance(value, int):
-        if not 0 <= value <= MOST_NUMBER[prefix]:
+        if not 0 <= value <= MAX_NUMBER[prefix]:
             raise ValueError(
-                f"{prefix}* must be a number from 0 to {MOST_NUMBER[prefix]}, found {value!r:.60}"
+                f"{prefix}* must be a number from 0 to {MAX_NUMBER[prefix]}, found {value!r:.60}"
             )
         return value
     members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}

@@ -10,22 +10,22 @@ from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import Leg
 from sim_vehicle.vehicle.behaviour import Behaviour
 
-MOST_STEPS = 200_000  # limit of the simulated mission entries; a longer mission counts as endless
-REPEATED_S = 1.0  # an equal frame number within this time is a duplicate of the frame
+MAX_STEPS = 200_000  # limit of the simulated mission entries; a longer mission counts as endless
+DUPLICATE_WITHIN_S = 1.0  # an equal frame number within this time is a duplicate of the frame
 
 
 class MissionProgress:
     """The completion of one vehicle's mission.
 
     - An autopilot with a mission state reports the completion.
-    - Otherwise MISSION_ITEM_REACHED of the last item, in every round of the jumps, completes the mission.
-    - A last item that returns is never reported (PX4); the mission is complete when this item is current.
+    - Otherwise MISSION_ITEM_REACHED of the last item completes the mission, after all rounds of the jumps.
+    - PX4 never reports a last item that returns; the mission is complete when this item is current.
     """
 
     def __init__(self, spec: VehicleSpec) -> None:
         personality = personality_of(spec.personality, spec.kind)
         flown = [i for i, leg in enumerate(spec.mission) if leg.flown]
-        self._last = spec.item_of(flown[-1]) if flown else -1
+        self._last_item = spec.item_of(flown[-1]) if flown else -1
         self._returns = bool(flown) and spec.mission[flown[-1]].returns
         self._lands_before = any(spec.mission[i].lands for i in flown[:-1])
         self._reports_state = personality.reports_mission_state
@@ -42,16 +42,16 @@ class MissionProgress:
         if kind == "HEARTBEAT":
             armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
             self._flown = self._flown or bool(armed and message.custom_mode == self._mode)
-        elif kind == "MISSION_ITEM_REACHED" and message.seq == self._last:
+        elif kind == "MISSION_ITEM_REACHED" and message.seq == self._last_item:
             self._last_seen = True
             self._note_arrival(message.get_seq(), now)
         elif kind == "MISSION_CURRENT":
-            self._last_seen = self._last_seen or message.seq == self._last
+            self._last_seen = self._last_seen or message.seq == self._last_item
             self.done = self.done or self._reported_complete(message)
 
     def _reported_complete(self, message: Any) -> bool:
         if not self._reports_state:
-            return self._returns and self._flown and bool(message.seq == self._last)
+            return self._returns and self._flown and bool(message.seq == self._last_item)
         # A landing before the last item also ends the mission, although later items are not flown.
         whole = self._last_seen or not self._lands_before
         return whole and getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
@@ -60,7 +60,7 @@ class MissionProgress:
         repeated = (
             self._last_arrival is not None
             and self._last_arrival[0] == frame
-            and now - self._last_arrival[1] < REPEATED_S
+            and now - self._last_arrival[1] < DUPLICATE_WITHIN_S
         )
         self._last_arrival = frame, now
         self._n_arrivals += not repeated
@@ -68,10 +68,10 @@ class MissionProgress:
 
 
 def _arrivals(legs: Sequence[Leg], last: int) -> int:
-    """Return the number of arrivals at entry `last` until the mission ends; 0 for an endless mission."""
+    """Return the number of arrivals at entry `last` before the mission ends; 0 for an endless mission."""
     taken = [0] * len(legs)
     index = arrivals = 0
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         if not 0 <= index < len(legs):
             return arrivals
         arrivals += index == last

@@ -12,8 +12,8 @@ from rich.text import Text
 from sim_vehicle.scenarios.runner import FinalVehicleState, Verdict
 from sim_vehicle.serving.columns import Column, table
 
-SHOWN_FAILURES, SHOWN_VEHICLES = 3, 40
-TEXT_LEAST = 20  # minimum width of the cut column [characters]
+MAX_SHOWN_FAILURES, MAX_SHOWN_VEHICLES = 3, 40
+MIN_TEXT_WIDTH = 20  # minimum width of the cut column [characters]
 INDENT = " " * 8
 DECIMALS = 6
 
@@ -34,13 +34,15 @@ def _rounded(value: Any) -> Any:
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
-    """Print checks, failed steps and final states; only lines to a terminal are wrapped and cut."""
+    """Print checks, failed steps and final states; wrap and cut lines only on a terminal."""
     width = console.width if console.is_terminal else None
     lines = fold(Text(f"{verdict.scenario}, seed {verdict.seed}"), width, "  ")
     lines[0].stylize("bold")
     for check in verdict.checks:
         lines += _verdict_lines(check.check, width, passed=check.passed)
-        found = [f"vehicle {f.sysid} at {f.t_s:.2f} s: {f.found}" for f in check.failures[:SHOWN_FAILURES]]
+        found = [
+            f"vehicle {f.sysid} at {f.t_s:.2f} s: {f.found}" for f in check.failures[:MAX_SHOWN_FAILURES]
+        ]
         more = len(check.failures) - len(found)
         for text in [*found, *([f"and {more} more"] if more else [])]:
             lines += fold(Text(f"{INDENT}{text}"), width, INDENT + "  ")
@@ -48,9 +50,9 @@ def print_verdict(console: Console, verdict: Verdict) -> None:
         lines += _verdict_lines(f"step {failed.index + 1}: {failed.action}", width, passed=False)
         text = f"vehicle {failed.sysid} at {failed.t_s:.2f} s: {failed.text}"
         lines += fold(Text(f"{INDENT}{text}"), width, INDENT + "  ")
-    lines += [Text(), *table(_columns(verdict.vehicles[:SHOWN_VEHICLES]), width)]
-    if len(verdict.vehicles) > SHOWN_VEHICLES:
-        lines.append(Text(f"and {len(verdict.vehicles) - SHOWN_VEHICLES} more vehicles, in verdict.json"))
+    lines += [Text(), *table(_columns(verdict.vehicles[:MAX_SHOWN_VEHICLES]), width)]
+    if len(verdict.vehicles) > MAX_SHOWN_VEHICLES:
+        lines.append(Text(f"and {len(verdict.vehicles) - MAX_SHOWN_VEHICLES} more vehicles, in verdict.json"))
     for line in lines:
         console.print(line, soft_wrap=True)
 
@@ -63,7 +65,7 @@ def _verdict_lines(about: str, width: int | None, *, passed: bool) -> list[Text]
 
 
 def fold(text: Text, width: int | None, indent: str) -> list[Text]:
-    """Wrap a text to `width`, with an indent from the second line on; one line for None."""
+    """Return a text as lines of at most `width` characters, indented after the first; one line for None."""
     if width is None:
         return [text]
     parts = textwrap.wrap(text.plain, width, subsequent_indent=indent, break_on_hyphens=False)
@@ -71,8 +73,6 @@ def fold(text: Text, width: int | None, indent: str) -> list[Text]:
 
 
 def _columns(vehicles: Sequence[FinalVehicleState]) -> list[Column]:
-    """Return the columns of final states."""
-
     def column(heading: str, cells: Iterable[str], priority: int, **options: Any) -> Column:
         return Column(heading, [Text(cell) for cell in cells], priority, **options)
 
@@ -87,5 +87,5 @@ def _columns(vehicles: Sequence[FinalVehicleState]) -> list[Column]:
         column("flown [m]", (f"{v.flown_m:.0f}" for v in vehicles), 3, right=True),
         column("charge", (f"{v.battery_remaining:.0%}" for v in vehicles), 9, right=True),
         column("hit", (str(v.strikes) for v in vehicles), 2, right=True),
-        column("last text", (v.last_text for v in vehicles), 1, cut=TEXT_LEAST),
+        column("last text", (v.last_text for v in vehicles), 1, cut=MIN_TEXT_WIDTH),
     ]

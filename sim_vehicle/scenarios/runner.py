@@ -20,7 +20,7 @@ from sim_vehicle.truth import Truth
 Corner = tuple[float, float]
 
 STEP_S = 0.05
-SETTLE_S = 2.0  # simulated time after the end, so that the logs have the last messages
+SETTLE_S = 2.0  # simulated time after the end, which brings the last messages into the logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class FinalVehicleState:
     height_m: float
     from_start_m: float
     flown_m: float
-    battery_remaining: float
+    battery_remaining: float  # share of the full charge
     strikes: int
-    messages: int
+    messages: int  # number of received messages
     last_text: str
 
 
@@ -77,7 +77,7 @@ class Run:
     Parameters
     ----------
     on_frame: called with vehicle index, frame and time for every message, in both directions.
-    on_failure: called with a line about each new failure.
+    on_failure: called with a line of text about each new failure.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Run:
         self._goal_item = [v.goal_item() for v in scenario.vehicles]
         self._flown = np.zeros(len(scenario.vehicles), dtype=bool)
         self._flown_m = np.zeros(len(scenario.vehicles))
-        self._before_m = self._start_m
+        self._previous_m = self._start_m
         self._last_fault_s = max(
             (fault.at_s + (fault.for_s or 0.0) for fault in scenario.faults), default=0.0
         )
@@ -184,9 +184,9 @@ class Run:
     def _view(self) -> RunView:
         truth: Truth = self.fleet.truth()
         position_m = self._local(truth.lat_deg, truth.lon_deg, truth.alt_amsl_m)
-        moved = position_m - self._before_m
+        moved = position_m - self._previous_m
         self._flown_m += np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        self._before_m = position_m
+        self._previous_m = position_m
         self._flown |= truth.airborne
         contacts, area = self.station.contacts, self.scenario.area
         from_start = position_m - self._start_m
@@ -237,7 +237,7 @@ class Run:
 
 
 def outside_m(shapes: Sequence[FenceShape], east_m: float, north_m: float) -> float:
-    """Return the distance beyond the most violated shape [m], 0 inside all; independent of the simulator."""
+    """Return the distance beyond the most violated shape [m], or 0; independent of the simulated fence."""
     return max((_beyond_m(shape, east_m, north_m) for shape in shapes), default=0.0)
 
 

@@ -39,7 +39,7 @@ def file_schema() -> Schema:
 
 
 def _one_of(model: type[OneOf], found: Schema) -> Schema:
-    """Return the schema of a word alone or a mapping with one choice."""
+    """Return the schema of a bare name or a mapping with one choice."""
     bare = [name for name in model.choices() if _needs_nothing(model, name)]
     properties = {
         name: value if name in bare else _without_null(value) for name, value in found["properties"].items()

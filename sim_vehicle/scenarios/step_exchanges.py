@@ -19,7 +19,7 @@ from sim_vehicle.station.exchanges import (
 from sim_vehicle.vehicle.behaviour import Behaviour
 
 NAN = float("nan")
-READY_SHARE = 0.5  # longest wait for readiness, as a share of the step's time
+READY_WAIT_SHARE = 0.5  # longest wait for readiness, as a share of the step's time
 
 
 class StepExchanges:
@@ -29,11 +29,11 @@ class StepExchanges:
         self._spec, self._send = spec, send
         self._personality: Personality = personality_of(spec.personality, spec.kind)
         # PX4's altitudes in commands are above mean sea level in every frame.
-        self._amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
+        self._altitudes_amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
         self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
 
     def exchanges(self, step: ScriptStep) -> list[Exchange]:
-        """Return the exchanges of a step in order; each begins after the success of the previous exchange."""
+        """Return the exchanges of a step. An exchange begins after the success of the previous exchange."""
         chosen = step.chosen
         if chosen == "fly_mission":
             return [self._mission(), *self._start(step.timeout_s)]
@@ -50,7 +50,7 @@ class StepExchanges:
             return [self._mode(self.mode_number(step.mode))]
         if step.goto is not None:
             place = self._writer.place(step.goto.east_m, step.goto.north_m)
-            if self._amsl:
+            if self._altitudes_amsl:
                 where = (*place, self._spec.alt_amsl_m + step.goto.height_m)
                 return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL, *where)]
             where = (*place, step.goto.height_m)
@@ -81,7 +81,7 @@ class StepExchanges:
         return LongCommand(self._spec.sysid, self._send, command, params)
 
     def _mode(self, custom_mode: int) -> Exchange:
-        """Return the change to a mode; a number with a main mode is sent as main and sub mode (PX4)."""
+        """Return the change to a mode. PX4 needs main mode and sub mode as separate parameters."""
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
         params = (custom, main, sub) if main else (custom, float(custom_mode))
@@ -97,7 +97,7 @@ class StepExchanges:
 
     def _wait_and_arm(self, timeout_s: float) -> list[Exchange]:
         arm = self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        return [WaitUntilReady(self._spec.sysid, self._send, READY_SHARE * timeout_s), arm]
+        return [WaitUntilReady(self._spec.sysid, self._send, READY_WAIT_SHARE * timeout_s), arm]
 
     def _start(self, timeout_s: float) -> list[Exchange]:
         arm = self._wait_and_arm(timeout_s)
@@ -108,7 +108,7 @@ class StepExchanges:
 
     def _takeoff(self, height_m: float, timeout_s: float) -> list[Exchange]:
         arm = self._wait_and_arm(timeout_s)
-        if self._amsl:
+        if self._altitudes_amsl:
             up_m = self._spec.alt_amsl_m + height_m
             return [*arm, self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
         if self._personality.plane:

@@ -33,8 +33,8 @@ class RawCommand(Section):
 class ScriptStep(OneOf):
     """One action of the ground station with each selected vehicle.
 
-    A step begins at `at_s` [s], but not before the end of the vehicle's previous step. Without an answer or
-    after a refusal the step is repeated for up to `timeout_s` [s].
+    A step begins at `at_s` [s], but not before the end of the vehicle's previous step. The ground station
+    repeats an unanswered or refused step for up to `timeout_s` [s].
     """
 
     at_s: Seconds = 0.0
@@ -70,10 +70,11 @@ class ScriptStep(OneOf):
 
 
 class CheckSpec(Section):
-    """One check: its name in the registry, its argument, its vehicles and its times.
+    """One check: name in the registry, argument (`value`), vehicles and times.
 
-    when: `always` is true at every step from `from_s` to `until_s` [s]; `eventually` is true at one step by
-    `by_s` [s] or the end of the run; `end` is true at the end of the run.
+    - `when: always`: the condition holds at every step from `from_s` to `until_s` [s].
+    - `when: eventually`: the condition holds at one step from `from_s` to `by_s` [s] or the end of the run.
+    - `when: end`: the condition holds at the end of the run.
     """
 
     name: str

@@ -33,9 +33,9 @@ class Document:
 
 
 def parse(text: str, *, as_json: bool = False) -> Document:
-    """Parse one YAML or JSON document; FileSyntaxError has the line of an error.
+    """Return the content of a YAML or JSON document; raise FileSyntaxError with the line of an error.
 
-    The lines of a JSON document come from the YAML parser, because JSON without tabs is YAML.
+    The YAML parser finds the lines of a JSON document, because JSON without tabs is YAML.
     """
     if not as_json:
         return _parse_yaml(text)

@@ -23,7 +23,7 @@ FILES = {"etc/motd": b"hello", "etc/big.bin": TEXT, "etc/empty": b""}
 
 def files(**more: GeneratedFile) -> FileSystem:
     sources = {name: constant(content) for name, content in FILES.items()} | more
-    return FileSystem(lambda: sources, writable=("disk",), most_bytes=10_000)
+    return FileSystem(lambda: sources, writable=("disk",), max_bytes=10_000)
 
 
 def client(rules: FtpRules, **pace: float) -> FtpClient:
@@ -100,7 +100,7 @@ def test_a_burst_is_the_rest_of_the_file_in_order(
 @BOTH
 def test_a_burst_is_paced_and_pauses_for_a_new_request(rules: FtpRules) -> None:
     big = bytes(400_000)
-    c = FtpClient(FileSystem(lambda: {"a": constant(big)}), rules, bytes_s=20_000, most_bytes_at_once=5_000)
+    c = FtpClient(FileSystem(lambda: {"a": constant(big)}), rules, bytes_s=20_000, max_bytes_at_once=5_000)
     session = opened(c, b"a")
     at_once = c.request(Opcode.BURST_READ_FILE, session=session, size=239)
     assert sum(len(reply.data) + 38 for reply in at_once) <= 5_000
@@ -114,7 +114,7 @@ def test_a_burst_is_paced_and_pauses_for_a_new_request(rules: FtpRules) -> None:
 
 @BOTH
 def test_terminating_ends_a_burst(rules: FtpRules) -> None:
-    c = FtpClient(FileSystem(lambda: {"a": constant(TEXT)}), rules, bytes_s=1_000, most_bytes_at_once=300)
+    c = FtpClient(FileSystem(lambda: {"a": constant(TEXT)}), rules, bytes_s=1_000, max_bytes_at_once=300)
     session = opened(c, b"a")
     c.request(Opcode.BURST_READ_FILE, session=session, size=239)
     assert c.one(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK

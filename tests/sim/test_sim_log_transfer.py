@@ -108,7 +108,7 @@ def test_a_download_returns_the_requested_part_of_the_log(
 @BOTH
 def test_a_download_is_paced(rules: LogRules) -> None:
     content = bytes(range(250)) * 400
-    vehicle = Vehicle(rules, content, bytes_s=50_000, most_bytes_at_once=5_000)
+    vehicle = Vehicle(rules, content, bytes_s=50_000, max_bytes_at_once=5_000)
     vehicle.listing()
     at_once = vehicle.ask(rules.first_id, 0, 2**32 - 1)
     assert 0 < len(at_once) * 109 <= 5_000
@@ -121,7 +121,7 @@ def test_a_download_is_paced(rules: LogRules) -> None:
 
 @BOTH
 def test_an_end_request_stops_a_download(rules: LogRules) -> None:
-    vehicle = Vehicle(rules, bytes(50_000), bytes_s=10_000, most_bytes_at_once=1_000)
+    vehicle = Vehicle(rules, bytes(50_000), bytes_s=10_000, max_bytes_at_once=1_000)
     vehicle.listing()
     vehicle.ask(rules.first_id, 0, 2**32 - 1)
     vehicle.receive(mavlink.MAVLink_log_request_end_message(1, 1))
@@ -129,7 +129,7 @@ def test_an_end_request_stops_a_download(rules: LogRules) -> None:
 
 
 def test_ardupilot_refuses_while_armed_with_one_text() -> None:
-    vehicle = Vehicle(log_transfer.ARDUPILOT, bytes(50_000), bytes_s=10_000, most_bytes_at_once=1_000)
+    vehicle = Vehicle(log_transfer.ARDUPILOT, bytes(50_000), bytes_s=10_000, max_bytes_at_once=1_000)
     vehicle.ask(1, 0, 2**32 - 1)
     vehicle.armed = True
     assert vehicle.wait(1.0) == []
@@ -152,7 +152,7 @@ def test_px4_serves_logs_in_flight_after_a_list_request() -> None:
 
 
 def test_ardupilot_serves_one_station_at_a_time() -> None:
-    vehicle = Vehicle(log_transfer.ARDUPILOT, b"y" * 20_000, bytes_s=10_000, most_bytes_at_once=1_000)
+    vehicle = Vehicle(log_transfer.ARDUPILOT, b"y" * 20_000, bytes_s=10_000, max_bytes_at_once=1_000)
     other = MessageCodec(sysid=254)
     first = vehicle.ask(1, 0, 2**32 - 1)
     assert vehicle.ask(1, 90, 90) == []
@@ -164,7 +164,7 @@ def test_ardupilot_serves_one_station_at_a_time() -> None:
 
 
 def test_px4_serves_stations_in_turns() -> None:
-    vehicle = Vehicle(log_transfer.PX4, b"a" * 9_000, b"b" * 9_000, bytes_s=10_000, most_bytes_at_once=1_000)
+    vehicle = Vehicle(log_transfer.PX4, b"a" * 9_000, b"b" * 9_000, bytes_s=10_000, max_bytes_at_once=1_000)
     other = MessageCodec(sysid=254)
     sent: list[Any] = []
     vehicle.listing()
@@ -198,7 +198,7 @@ STEPS = st.one_of(
 @settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(steps=st.lists(STEPS, max_size=25))
 def test_any_requests_leave_the_vehicle_working(rules: LogRules, steps: list[Any]) -> None:
-    vehicle = Vehicle(rules, bytes(3_000), bytes(100), b"", bytes_s=5_000, most_bytes_at_once=500)
+    vehicle = Vehicle(rules, bytes(3_000), bytes(100), b"", bytes_s=5_000, max_bytes_at_once=500)
     for kind, *values in steps:
         if kind == "list":
             vehicle.listing(values[0], values[1], MessageCodec(sysid=values[2]))

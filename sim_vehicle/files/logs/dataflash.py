@@ -89,7 +89,7 @@ _I32 = 2**31 - 1
 
 
 def _definitions() -> bytes:
-    """Return the formats, units and multipliers, which are equal in every log."""
+    """Return the messages for formats, units and multipliers, equal in every log."""
     made = bytearray()
 
     def add(name: str, *values: Any) -> None:

@@ -71,9 +71,9 @@ class Sample:
 
 
 class FlightLog(Protocol):
-    """A log during recording; `content` is the file so far, which is always readable.
+    """A log during recording; `content` is a readable file at every moment.
 
-    `now`: simulated time [s]. Modes are custom_mode, severities MAV_SEVERITY.
+    `now` is the simulated time [s], a mode is custom_mode, a severity is MAV_SEVERITY.
     """
 
     content: bytearray

@@ -1,4 +1,4 @@
-"""The logs of one vehicle, one a flight; above the limit the oldest log is erased."""
+"""The logs of one vehicle. A new log above the limit erases the oldest log."""
 
 import math
 from collections.abc import Callable
@@ -8,39 +8,39 @@ from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.files.logs.record import FlightLog, LogStart, Sample
 
 FLEET_BYTES = 256 << 20  # total size of the logs of all vehicles
-MOST_LOG_BYTES = 8 << 20
-MOST_LOGS, FEWEST_LOGS = 10, 2
-FULL_RATE_HZ = 10.0
+MAX_LOG_BYTES = 8 << 20
+MAX_LOGS, MIN_LOGS = 10, 2
+FULL_RATE_HZ = 10.0  # highest sampling rate; small logs have a lower rate
 SAMPLE_BYTES = 258  # size of a sample in the larger format
-FLIGHT_S = 600.0  # shortest flight that must fit into a log, at a reduced rate
-RESERVE = 0.05  # share of a log reserved for events after the last sample
+MIN_LOG_DURATION_S = 600.0  # duration of samples that every log can store
+RESERVED_SHARE = 0.05  # share of a log reserved for events after the last sample
 
 
 @dataclass(frozen=True, slots=True)
 class LogLimits:
     """The limits of one vehicle's logs."""
 
-    rate_hz: float = FULL_RATE_HZ
-    log_bytes: int = MOST_LOG_BYTES
-    logs: int = MOST_LOGS
+    rate_hz: float = FULL_RATE_HZ  # sampling rate
+    log_bytes: int = MAX_LOG_BYTES  # largest size of one log
+    logs: int = MAX_LOGS  # largest number of logs
 
 
 def limits_for(fleet_size: int) -> LogLimits:
-    """Return limits for 256 MB of logs in the whole fleet; a larger fleet has fewer, shorter logs."""
+    """Return one vehicle's limits, so that the logs of the whole fleet need at most FLEET_BYTES."""
     share = FLEET_BYTES // max(fleet_size, 1)
-    needed = int(FLIGHT_S * FULL_RATE_HZ * SAMPLE_BYTES / (1 - RESERVE))
-    logs = min(max(share // needed, FEWEST_LOGS), MOST_LOGS)
-    log_bytes = min(share // logs, MOST_LOG_BYTES)
+    needed = int(MIN_LOG_DURATION_S * FULL_RATE_HZ * SAMPLE_BYTES / (1 - RESERVED_SHARE))
+    logs = min(max(share // needed, MIN_LOGS), MAX_LOGS)
+    log_bytes = min(share // logs, MAX_LOG_BYTES)
     return LogLimits(rate_hz=min(log_bytes / needed, 1.0) * FULL_RATE_HZ, log_bytes=log_bytes, logs=logs)
 
 
 @dataclass(slots=True, eq=False)
 class StoredLog:
-    """One log file: a number from 1 since the last erasure, the UNIX times of first and last write [s]."""
+    """One log file."""
 
-    number: int
-    begun_utc_s: float
-    utc_s: float
+    number: int  # from 1, since the last erasure of all logs
+    begun_utc_s: float  # UNIX time of the first write
+    utc_s: float  # UNIX time of the last write
     content: bytearray
 
 
@@ -64,7 +64,7 @@ class FlightRecorder:
 
     @property
     def enabled(self) -> bool:
-        """Return True if the limits allow any log."""
+        """Return True if the limits allow at least one log."""
         return self._limits.logs > 0
 
     @property
@@ -91,7 +91,7 @@ class FlightRecorder:
         self._log, self._due_s = None, math.inf
 
     def erase(self) -> None:
-        """Erase all logs, including the current one."""
+        """Erase all logs, also the current log."""
         self._log, self._due_s = None, math.inf
         self.logs.clear()
         self._last_number = 0
@@ -107,12 +107,12 @@ class FlightRecorder:
         return now + EPSILON_S >= self._due_s
 
     def sample(self, now: float, sample: Sample) -> None:
-        """Record a sample, unless `now` [s] is before the next due time."""
+        """Record a sample at `now` [s] if a sample is due."""
         log = self._log
         if log is None or now + EPSILON_S < self._due_s:
             return
         self._due_s = max(self._due_s + 1.0 / self._limits.rate_hz, now)
-        if len(log.content) < self._limits.log_bytes * (1 - RESERVE):
+        if len(log.content) < self._limits.log_bytes * (1 - RESERVED_SHARE):
             log.sample(now, sample)
         elif not self._full:
             self._full = True
@@ -120,7 +120,7 @@ class FlightRecorder:
         self.logs[-1].utc_s = self.logs[-1].begun_utc_s + now - self._begun_s
 
     def event(self, now: float) -> FlightLog | None:
-        """Return the current log for an event at `now` [s]; None without a log or if the log is full."""
+        """Return the current log for an event at `now` [s], or None if no log is open or the log is full."""
         if self._log is None or len(self._log.content) >= self._limits.log_bytes:
             return None
         self._touch(now)

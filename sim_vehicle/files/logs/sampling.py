@@ -1,4 +1,4 @@
-"""Samples for flight logs, taken from the fleet's columns for all due vehicles at once."""
+"""Samples for flight logs, read from the fleet's arrays for all due vehicles together."""
 
 import numpy as np
 

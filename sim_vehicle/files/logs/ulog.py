@@ -70,7 +70,7 @@ _STRUCTS = {name: struct.Struct("<" + _body(name)) for name in _TOPICS}
 _SIZES = {name: form.size - _HEAD.size for name, form in _STRUCTS.items()}
 _SAMPLE = struct.Struct("<" + "".join(_body(name) for name in _SAMPLED))
 _ATTITUDE, _LOCAL, _GLOBAL, _GPS, _BATTERY = (_SIZES[name] for name in _SAMPLED)
-_D = ord("D")
+_D = ord("D")  # message type of logged data
 
 
 def _message(kind: str, body: bytes) -> bytes:

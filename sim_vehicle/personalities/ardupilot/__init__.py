@@ -167,7 +167,7 @@ _UNHEALTHY = {
 
 
 def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """Return the reasons against arming a copter, forced or not."""
+    """Return the reasons that prevent even a forced arming of a copter."""
     flight_parameters = vehicle.flight_parameters
     if vehicle.position_known(now):
         return []
@@ -178,7 +178,7 @@ def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """Return the reasons against arming now, apart from the armability of the mode."""
+    """Return the reasons against arming now. The caller checks that the mode is armable."""
     mandatory_refusals = vehicle.personality.mandatory_refusals(vehicle, now)
     if mandatory_refusals:
         return mandatory_refusals
@@ -218,7 +218,7 @@ def _battery_refusals(vehicle: Vehicle) -> list[str]:
     return [text for violated, text in limits if violated][:1]
 
 
-# A plane reports its mode after a failsafe has acted.
+# A plane names its mode after a failsafe action.
 _PLANE_TEXTS = {
     "rc_short_acted": (_WARNING, "RC Short Failsafe: switched to {mode}"),
     "rc_short_stays": (_WARNING, "RC Short Failsafe On"),

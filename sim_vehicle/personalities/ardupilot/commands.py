@@ -38,7 +38,7 @@ def land_start(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def takeoff(_vehicle: Vehicle, _command: Command, _now: float) -> int:
-    """Refuse the take-off command of quadplanes; other planes take off in mode TAKEOFF or by mission."""
+    """Refuse NAV_TAKEOFF, a command for quadplanes. Other planes take off in TAKEOFF or AUTO."""
     return FAILED
 
 

@@ -9,9 +9,9 @@ from sim_vehicle.vehicle.params import Parameters
 
 MIN_SPEED_M_S, MAX_SPEED_M_S = 0.1, 50.0
 MIN_RETURN_HEIGHT_M, MIN_CONE_SLOPE = 0.3, 0.5
-FENCE_GIVE_UP_M = 100.0
+FENCE_GIVE_UP_M = 100.0  # distance beyond a fence limit at which a copter lands
 STALL_M_S = 8.0  # for a plane with AIRSPEED_STALL 0
-FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
+FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8  # bits of FENCE_TYPE
 # In all tables: no simulated vehicle has SmartRTL, so "SmartRTL or X" means X.
 _BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
@@ -69,14 +69,13 @@ _PLANE_FENCE_ACTIONS = {
     8: FailsafeAction.RETURN,  # "AUTOLAND or RTL", here and below
 }
 _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
-EKF_LANDS_EVERYWHERE = 3
-# Modes of a plane by number. With FS_LONG_ACTN 0, AUTO and GUIDED continue after a long link loss; the plane
-# returns from the modes in _LONG_RETURNS. A short loss has no action in the modes of _SHORT_NEVER.
+EKF_LANDS_EVERYWHERE = 3  # FS_EKF_ACTION
+# Modes of a plane by number. With FS_LONG_ACTN 0, AUTO and GUIDED continue after a long link loss.
 FBWA, FBWB = 5, 6
 _PILOTED = (0, 2, FBWA, FBWB, 7)
 _CIRCLE, _RTL, _AUTO, _LOITER, _TAKEOFF, _GUIDED = 1, 11, 10, 12, 13, 15
-_LONG_RETURNS = (*_PILOTED, _CIRCLE, _LOITER, _TAKEOFF)
-_SHORT_NEVER = (_CIRCLE, _TAKEOFF, _RTL)
+_MODES_RETURNING_AFTER_LONG_LOSS = (*_PILOTED, _CIRCLE, _LOITER, _TAKEOFF)
+_MODES_WITHOUT_SHORT_ACTION = (_CIRCLE, _TAKEOFF, _RTL)
 _PLANE_LONG_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.RETURN,
@@ -99,7 +98,7 @@ RC_AUTO, GCS_AUTO, RC_GUIDED, GCS_PILOTED = 1, 2, 4, 16
 
 
 def _m_s(params: Parameters, *names: str) -> float:
-    """Return the first nonzero value [cm/s] in m/s, limited to the abilities of the airframe."""
+    """Return the first nonzero value [cm/s] in m/s, from MIN_SPEED_M_S to MAX_SPEED_M_S."""
     value = next((params[name] for name in names if params[name] != 0), 0.0)
     return min(max(value / 100, MIN_SPEED_M_S), MAX_SPEED_M_S)
 
@@ -217,7 +216,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
 
 
 def _fence_return_m(params: Parameters) -> float:
-    """Return the height at the return point: FENCE_RET_ALT, else midway between the limits with margins."""
+    """Return the height at the return point [m]: FENCE_RET_ALT, or midway between the fence altitudes."""
     if params["FENCE_RET_ALT"] > 0:
         return params["FENCE_RET_ALT"]
     lowest_m = params["FENCE_ALT_MIN"] + params["FENCE_MARGIN"]
@@ -231,9 +230,15 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
     watched = params["FS_GCS_ENABL"] != 0
     delay_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
     long_action = _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.WARN)
-    long_returns = dict.fromkeys(_LONG_RETURNS, FailsafeAction.RETURN) if params["FS_LONG_ACTN"] == 0 else {}
+    long_action_in = (
+        dict.fromkeys(_MODES_RETURNING_AFTER_LONG_LOSS, FailsafeAction.RETURN)
+        if params["FS_LONG_ACTN"] == 0
+        else {}
+    )
     short = int(params["FS_SHORT_ACTN"])
-    short_never = (*_SHORT_NEVER, _AUTO, _GUIDED, _LOITER) if short == 0 else _SHORT_NEVER
+    without_short_action = (
+        (*_MODES_WITHOUT_SHORT_ACTION, _AUTO, _GUIDED, _LOITER) if short == 0 else _MODES_WITHOUT_SHORT_ACTION
+    )
     return FlightParameters(
         speed_m_s=params["AIRSPEED_CRUISE"],
         climb_m_s=max(params["TECS_CLMB_MAX"], MIN_SPEED_M_S),
@@ -264,7 +269,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         gcs_only=params["SYSID_ENFORCE"] == 1,
         gcs_timeout_s=params["FS_LONG_TIMEOUT"] if watched else math.inf,
         gcs_action=long_action if watched else FailsafeAction.NOTHING,
-        gcs_action_in=long_returns,
+        gcs_action_in=long_action_in,
         battery_low_v=params["BATT_LOW_VOLT"],
         battery_low_share=_share(params, "BATT_LOW_MAH"),
         battery_low_action=_PLANE_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
@@ -277,9 +282,9 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         rc_required=params["SIM_RC_FAIL"] == 1,
         rc_watched=params["THR_FAILSAFE"] == 1,
         rc_action=long_action,
-        rc_action_in=long_returns,
+        rc_action_in=long_action_in,
         rc_short_action=_PLANE_SHORT_ACTIONS.get(short, FailsafeAction.HOLD),
-        rc_short_action_in=dict.fromkeys(short_never, FailsafeAction.NOTHING),
+        rc_short_action_in=dict.fromkeys(without_short_action, FailsafeAction.NOTHING),
         rc_timeout_s=params["RC_FS_TIMEOUT"],
         rc_long_s=params["FS_LONG_TIMEOUT"],
         setpoint_timeout_s=3.0,

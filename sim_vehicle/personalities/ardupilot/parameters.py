@@ -1,7 +1,7 @@
 """Parameters of ArduCopter and ArduPlane 4.6, with their names, units and defaults.
 
-Parameters marked "to be read" have no effect here; ground stations read them. The integer parameters are
-those of the firmware; ArduPilot sends their values as floats.
+Parameters marked "no effect" exist for ground stations that read them. The firmware has the same integer
+parameters. ArduPilot sends all values as floats.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -16,14 +16,14 @@ _COMMON: dict[str, float | int] = {
     "BATT_LOW_MAH": 0.0,  # remaining mAh, 0: not watched
     "BATT_LOW_TIMER": 10,  # s of low voltage before the failsafe
     "BATT_LOW_VOLT": 10.5,  # V, 0: not watched
-    "BATT_MONITOR": 4,  # to be read
+    "BATT_MONITOR": 4,  # no effect
     "FENCE_ALT_MAX": 100.0,  # m above home
     "FENCE_ALT_MIN": -10.0,  # m above home
     "FENCE_ENABLE": 0,
     "FENCE_MARGIN": 2.0,  # m
     "FENCE_RADIUS": 300.0,  # m around home
     "FENCE_TOTAL": 0,  # stored points
-    "FORMAT_VERSION": 120,  # to be read
+    "FORMAT_VERSION": 120,  # no effect
     "LOG_BACKEND_TYPE": 1,
     "LOG_DISARMED": 0,
     "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
@@ -51,13 +51,13 @@ COPTER: dict[str, float | int] = _COMMON | {
     "DISARM_DELAY": 10,  # s, 0 never
     "FENCE_ACTION": 1,  # 0 report, 1 RTL or land, 2 land, 3 as 1, 4 brake or land, 5 as 1
     "FENCE_TYPE": 7,  # bits: 0 maximum altitude, 1 circle, 2 polygons, 3 minimum altitude
-    "FRAME_CLASS": 1,  # to be read
-    "FRAME_TYPE": 0,  # to be read
+    "FRAME_CLASS": 1,  # no effect
+    "FRAME_TYPE": 0,  # no effect
     "FS_EKF_ACTION": 1,  # 0 report, 1 land, 2 altitude hold, 3 land even in stabilize
-    "FS_EKF_THRESH": 0.8,  # of the variances, 0: not watched
+    "FS_EKF_THRESH": 0.8,  # limit of the variances, 0: not watched
     "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 and 3 as 1, 4 and 5 land, 6 as 1, 7 brake or land
     "FS_GCS_TIMEOUT": 5.0,  # s
-    # modes that continue, by bit; without RC: 0 AUTO, 2 GUIDED; without a GCS: 1 AUTO, 4 pilot's modes
+    # bits of modes that continue; RC lost: 0 AUTO, 2 GUIDED; GCS lost: 1 AUTO, 4 pilot's modes
     "FS_OPTIONS": 16,
     "FS_THR_ENABLE": 1,  # 0 nothing, 1 RTL, 2 as 1, 3 land, 4 as 1, 5 land, 6 as 1, 7 brake or land
     "GUID_TIMEOUT": 3.0,  # s after which a set-point of velocity or attitude ends
@@ -97,9 +97,9 @@ PLANE: dict[str, float | int] = _COMMON | {
     "FS_LONG_TIMEOUT": 5.0,  # s
     # 0 AUTO, GUIDED and LOITER continue, other modes CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB
     "FS_SHORT_ACTN": 0,
-    "LAND_FLARE_SEC": 2.0,  # s, to be read
+    "LAND_FLARE_SEC": 2.0,  # s, no effect
     "LAND_DISARMDELAY": 20,  # s, 0 never
-    "Q_ENABLE": 0,  # to be read: no simulated plane hovers
+    "Q_ENABLE": 0,  # no effect: no simulated plane hovers
     "RALLY_INCL_HOME": 0,  # 0: home only if no rally point is in range
     "RALLY_LIMIT_KM": 5.0,  # km, 0: no limit
     "ROLL_LIMIT_DEG": 45.0,  # deg
@@ -111,7 +111,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "THR_FAILSAFE": 1,
     "TKOFF_ALT": 50.0,  # m
     "WP_LOITER_RAD": 60,  # m, negative: counter-clockwise
-    "WP_MAX_RADIUS": 0,  # m, to be read: a plane passes a waypoint without circling
+    "WP_MAX_RADIUS": 0,  # m, no effect: a plane passes a waypoint without circling
     "WP_RADIUS": 90,  # m
 }
 

@@ -1,7 +1,7 @@
-"""Commands of PX4 1.15 that differ from the common ones.
+"""Command handlers of PX4 1.15 that replace or extend `vehicle.commands`.
 
-Most commands change the mode. A disarmed vehicle accepts every selectable mode. An armed vehicle answers
-TEMPORARILY_REJECTED and a text for a mode that cannot run.
+Most commands change the mode. A disarmed vehicle accepts every selectable mode. An armed vehicle rejects a
+mode that cannot run, with TEMPORARILY_REJECTED and a text.
 """
 
 import math
@@ -27,8 +27,8 @@ CUSTOM, AUTO = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mavlink.MAV_MODE_FLAG_
 STICKS, GUIDED = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
 STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
 ORBIT_RADIUS_M, ORBIT_SPEED_M_S = 10.0, 3.0
-CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # by parameter
-NEED_TURNING = frozenset({"mag", "accel"})
+CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # sensors of param1 to param5
+NEED_ROTATION = frozenset({"mag", "accel"})
 
 
 def _change(vehicle: Vehicle, number: int, now: float) -> int:
@@ -73,7 +73,7 @@ def set_standard_mode(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Arm or disarm; force skips the check of disarming only."""
+    """Arm or disarm; `force` skips only the check before disarming."""
     action = round(command.param1) if math.isfinite(command.param1) else -1
     if action == 1:
         return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
@@ -84,7 +84,7 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Take off to param7 [m above mean sea level]; for NaN or a low value to MIS_TAKEOFF_ALT above home."""
+    """Take off to altitude param7 [m above mean sea level], at least to MIS_TAKEOFF_ALT above home."""
     if not vehicle.modes.set(modes.TAKEOFF, now):
         return TEMPORARILY_REJECTED
     target_m = command.z if math.isfinite(command.z) else None
@@ -136,7 +136,10 @@ def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Fly to a position in Hold; the altitude is above mean sea level in every frame. NaN: present value."""
+    """Fly to a position in mode Hold.
+
+    The altitude is above mean sea level in every frame. NaN keeps the present value.
+    """
     if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):
@@ -181,7 +184,7 @@ def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Circle around a point, a plane in Hold.
+    """Circle around a point: a multicopter in mode Orbit, a plane in mode Hold.
 
     param1: radius [m], counter-clockwise if negative; param2: speed [m/s].
     """
@@ -250,13 +253,13 @@ def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
         chosen.append("level")
     for name in chosen[:1]:
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
-        done = "failed: timeout" if name in NEED_TURNING else f"done: {name}"
-        vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {done}")
+        outcome = "failed: timeout" if name in NEED_ROTATION else f"done: {name}"
+        vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {outcome}")
     return ACCEPTED
 
 
 def storage(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept 0 (load) and 1 (save) without effect; 2 and 4 restore the defaults."""
+    """Restore the default parameters for param1 2 or 4; 0, 1 and 3 have no effect."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
     action = whole(command.param1)

@@ -58,7 +58,7 @@ _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.A
 
 
 def _offboard_lost(params: Parameters) -> FailsafeAction:
-    """Return the action of a lost offboard link; a return replaces pilot modes without stick input."""
+    """Return the action after a lost offboard link; pilot modes become hold, or return without a pilot."""
     without_pilot = FailsafeAction.RETURN if _pilot_missing(params) else FailsafeAction.HOLD
     return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
 
@@ -77,7 +77,7 @@ def _positive_or_inf(value: float) -> float:
     return value if value > 0 else math.inf
 
 
-def _at_least(value: float) -> float:
+def _positive(value: float) -> float:
     return max(value, MIN_SPEED_M_S)
 
 
@@ -85,7 +85,7 @@ def _common(params: Parameters) -> dict[str, object]:
     """Return the flight parameters independent of the airframe."""
     capacity_mah = params["BAT1_CAPACITY"]
     cells = max(int(params["BAT1_N_CELLS"]), 1)
-    act = int(params["COM_LOW_BAT_ACT"])
+    low_battery_action = int(params["COM_LOW_BAT_ACT"])
     gcs = _LINK_ACTIONS.get(int(params["NAV_DLL_ACT"]), FailsafeAction.NOTHING)
     fence = _FENCE_ACTIONS.get(int(params["GF_ACTION"]), FailsafeAction.WARN)
     delay_s = params["COM_FAIL_ACT_T"]
@@ -112,10 +112,10 @@ def _common(params: Parameters) -> dict[str, object]:
         "battery_warning_share": params["BAT_LOW_THR"],
         "battery_low_v": 0.0,
         "battery_low_share": params["BAT_CRIT_THR"],
-        "battery_low_action": _CRITICAL_ACTIONS.get(act, FailsafeAction.WARN),
+        "battery_low_action": _CRITICAL_ACTIONS.get(low_battery_action, FailsafeAction.WARN),
         "battery_critical_v": 0.0,
         "battery_critical_share": params["BAT_EMERGEN_THR"],
-        "battery_critical_action": _EMERGENCY_ACTIONS.get(act, FailsafeAction.WARN),
+        "battery_critical_action": _EMERGENCY_ACTIONS.get(low_battery_action, FailsafeAction.WARN),
         "battery_delay_s": 0.0,
         "rc_required": False,
         "rc_lost_unarmed_counts": False,
@@ -141,10 +141,10 @@ def _common(params: Parameters) -> dict[str, object]:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float] | None:
-    """Return the function for the height of a return (`FlightParameters.return_height_at`), None for no cone.
+    """Return the height function of a return (`FlightParameters.return_height_at`), or None without a cone.
 
-    The height is RTL_RETURN_ALT, limited near home by a cone, without a climb at home. Outside the acceptance
-    radius the height is at least twice that radius, so that a vehicle in level flight stays off the ground.
+    The height is RTL_RETURN_ALT. Near home a cone limits the height, and at home the vehicle does not climb.
+    Outside the acceptance radius the height is at least twice that radius, which keeps the vehicle airborne.
     """
     full_m, cone_deg, radius_m = params["RTL_RETURN_ALT"], params["RTL_CONE_ANG"], params["NAV_ACC_RAD"]
     near_m = params["RTL_MIN_DIST"]
@@ -160,24 +160,24 @@ def _return_height(params: Parameters) -> Callable[[float, float], float] | None
 
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert the multicopter's parameters."""
-    cruise_m_s = _at_least(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
-    descent_m_s = _at_least(min(params["MPC_Z_V_AUTO_DN"], params["MPC_Z_VEL_MAX_DN"]))
+    cruise_m_s = _positive(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
+    descent_m_s = _positive(min(params["MPC_Z_V_AUTO_DN"], params["MPC_Z_VEL_MAX_DN"]))
     return FlightParameters(
         **_common(params),  # type: ignore[arg-type]
         speed_m_s=cruise_m_s,
-        climb_m_s=_at_least(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
+        climb_m_s=_positive(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
         descent_m_s=descent_m_s,
-        acceleration_m_s2=_at_least(params["MPC_ACC_HOR"]),
-        vertical_acceleration_m_s2=_at_least(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
-        takeoff_speed_m_s=_at_least(params["MPC_TKO_SPEED"]),
+        acceleration_m_s2=_positive(params["MPC_ACC_HOR"]),
+        vertical_acceleration_m_s2=_positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
+        takeoff_speed_m_s=_positive(params["MPC_TKO_SPEED"]),
         return_speed_m_s=cruise_m_s,
-        yaw_rate_deg_s=_at_least(params["MPC_YAWRAUTO_MAX"]),
+        yaw_rate_deg_s=_positive(params["MPC_YAWRAUTO_MAX"]),
         return_height_at=_return_height(params),
-        landing_speed_m_s=_at_least(params["MPC_LAND_SPEED"]),
+        landing_speed_m_s=_positive(params["MPC_LAND_SPEED"]),
         landing_slow_below_m=params["MPC_LAND_ALT2"],
         landing_slowing_below_m=params["MPC_LAND_ALT1"],
         landing_speed_high_m_s=descent_m_s,
-        pilot_descent_m_s=_at_least(params["MPC_Z_VEL_MAX_DN"]),
+        pilot_descent_m_s=_positive(params["MPC_Z_VEL_MAX_DN"]),
     )
 
 
@@ -189,27 +189,27 @@ def _switch_distance_m(params: Parameters) -> float:
 
 def plane_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert the fixed wing's parameters."""
-    sink_m_s = _at_least(params["FW_T_SINK_R_SP"])
+    sink_m_s = _positive(params["FW_T_SINK_R_SP"])
     landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
-    glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
+    glide_m_s = _positive(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
     return FlightParameters(
         **_common(params) | {"waypoint_radius_m": _switch_distance_m(params)},  # type: ignore[arg-type]
         waypoints_set_radius=False,
         waypoint_height_m=params["NAV_FW_ALT_RAD"],
         circles_first=True,
         takeoff_straight=True,
-        speed_m_s=_at_least(params["FW_AIRSPD_TRIM"]),
-        climb_m_s=_at_least(params["FW_T_CLMB_MAX"]),
-        descent_m_s=_at_least(params["FW_T_SINK_MAX"]),
+        speed_m_s=_positive(params["FW_AIRSPD_TRIM"]),
+        climb_m_s=_positive(params["FW_T_CLMB_MAX"]),
+        descent_m_s=_positive(params["FW_T_SINK_MAX"]),
         acceleration_m_s2=3.0,
         vertical_acceleration_m_s2=3.0,
-        return_speed_m_s=_at_least(params["FW_AIRSPD_TRIM"]),
+        return_speed_m_s=_positive(params["FW_AIRSPD_TRIM"]),
         landing_speed_m_s=glide_m_s,
         landing_slow_below_m=10.0,
         landing_speed_high_m_s=sink_m_s,
         pilot_descent_m_s=sink_m_s,
-        airspeed_min_m_s=_at_least(params["FW_AIRSPD_MIN"]),
-        airspeed_max_m_s=_at_least(params["FW_AIRSPD_MAX"]),
+        airspeed_min_m_s=_positive(params["FW_AIRSPD_MIN"]),
+        airspeed_max_m_s=_positive(params["FW_AIRSPD_MAX"]),
         loiter_radius_m=params["NAV_LOITER_RAD"],
         return_loiter_radius_m=params["RTL_LOITER_RAD"],
         bank_limit_deg=params["FW_R_LIM"],

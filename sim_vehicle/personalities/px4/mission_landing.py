@@ -1,7 +1,7 @@
 """Landing sequence of a PX4 1.15 mission, and its use in a return (navigator/rtl.cpp, mission_base.cpp).
 
-The sequence begins at DO_LAND_START and ends at the first landing of the list. A landing before DO_LAND_START
-is a sequence of one item. RTL_TYPE decides if a return uses the sequence.
+The sequence begins at DO_LAND_START and ends at the first landing of the mission. Without a DO_LAND_START
+before the landing, the sequence is the landing alone. RTL_TYPE decides if a return uses the sequence.
 """
 
 import math
@@ -21,7 +21,7 @@ MIN_DISTANCE_THRESHOLD_M = 2.0  # MIN_DIST_THRESHOLD
 
 
 def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
-    """Return the first and last index of the landing sequence; None without one."""
+    """Return the first and last index of the landing sequence, or None for a mission without a landing."""
     last = next((i for i, item in enumerate(items) if item.command in LANDINGS), None)
     if last is None:
         return None
@@ -32,7 +32,7 @@ def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
 def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
     """Return the mission items of a return and the altitude to climb to first [m above mean sea level].
 
-    None: the return does not use the mission.
+    Return None if the return does not use the mission.
     """
     mission, kind = vehicle.mission, int(vehicle.params["RTL_TYPE"])
     landing = mission_landing(mission.items) if mission.flyable else None

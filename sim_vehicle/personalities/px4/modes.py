@@ -1,8 +1,8 @@
 """Flight modes of PX4 1.15: numbers, and behaviour without stick input.
 
 custom_mode on the wire is sub mode << 24 | main mode << 16. A disarmed vehicle accepts a pilot's mode
-(`needs_pilot`). Without manual control, the vehicle does not arm in such a mode, and does not change to such
-a mode while armed.
+(`needs_pilot`). Without manual control, the vehicle does not arm in a pilot's mode. An armed vehicle does not
+change to a pilot's mode.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink

@@ -12,7 +12,9 @@ MIN_RADIUS_M, MAX_RADIUS_M = 1.0, 1000.0
 class Orbit:
     """An endless circle: `update` always returns False.
 
-    centre_m: east, north [m]; up_m: altitude above mean sea level; radius_m: counter-clockwise if negative.
+    centre_m: east and north [m].
+    up_m: altitude [m above mean sea level].
+    radius_m: radius [m], counter-clockwise if negative.
     """
 
     def __init__(
@@ -20,7 +22,7 @@ class Orbit:
     ) -> None:
         self._body, self._centre_m, self._up_m = body, centre_m, up_m
         self._radius_m = min(max(abs(radius_m), MIN_RADIUS_M), MAX_RADIUS_M)
-        self._turns = -1.0 if radius_m < 0 else 1.0
+        self._direction = -1.0 if radius_m < 0 else 1.0
         self._speed_m_s = min(speed_m_s, math.sqrt(CENTRIPETAL_M_S2 * self._radius_m))
 
     def update(self, _now: float) -> bool:
@@ -31,13 +33,12 @@ class Orbit:
         outward_m_s = self._limited((self._radius_m - distance_m) * CORRECTION_PER_S)
         # The tangential speed grows near the circle. Clockwise tangent at (east, north): (north, -east).
         nearness = max(0.0, 1.0 - abs(self._radius_m - distance_m) / self._radius_m)
-        along_m_s = self._turns * self._speed_m_s * nearness
+        along_m_s = self._direction * self._speed_m_s * nearness
         velocity_m_s = (
             outward_m_s * east + along_m_s * north,
             outward_m_s * north - along_m_s * east,
             self._limited((self._up_m - up_m) * CORRECTION_PER_S),
         )
-
         self._body.move(velocity_m_s, yaw_rad=math.atan2(-east, -north))
         return False
 

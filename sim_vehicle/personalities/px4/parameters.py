@@ -4,7 +4,7 @@ An int is an INT32 and a float a REAL32 on the wire. `flight_parameters` convert
 """
 
 # Parameters without an effect here; ground stations read them before a flight.
-_READ: dict[str, float | int] = {
+_NO_EFFECT: dict[str, float | int] = {
     # battery, arming, modes
     "BAT1_V_EMPTY": 3.6,  # V a cell
     "BAT1_SOURCE": 0,
@@ -65,7 +65,7 @@ _READ: dict[str, float | int] = {
     "RC_MAP_THROTTLE": 0,
     "RC_MAP_YAW": 0,
 }
-_READ_COPTER: dict[str, float | int] = {
+_NO_EFFECT_COPTER: dict[str, float | int] = {
     "CA_AIRFRAME": 0,
     "CA_ROTOR_COUNT": 4,
     "MPC_ACC_HOR_MAX": 5.0,  # m/s^2
@@ -78,7 +78,7 @@ _READ_COPTER: dict[str, float | int] = {
     "SYS_AUTOSTART": 4001,
     "SYS_HAS_NUM_ASPD": 0,
 }
-_READ_PLANE: dict[str, float | int] = {
+_NO_EFFECT_PLANE: dict[str, float | int] = {
     "CA_AIRFRAME": 1,
     "COM_POS_FS_EPH": 50.0,
     "FW_GND_SPD_MIN": 5.0,  # m/s
@@ -94,7 +94,7 @@ _READ_PLANE: dict[str, float | int] = {
     "SYS_HAS_NUM_ASPD": 1,
 }
 
-_COMMON: dict[str, float | int] = _READ | {
+_COMMON: dict[str, float | int] = _NO_EFFECT | {
     # battery 1 and its stages, as shares of the capacity
     "BAT1_CAPACITY": 5000.0,  # mAh
     "BAT1_N_CELLS": 4,
@@ -120,7 +120,7 @@ _COMMON: dict[str, float | int] = _READ | {
     "COM_OF_LOSS_T": 1.0,  # s without a set-point
     "COM_RCL_EXCEPT": 0,  # modes that continue without RC, bits: 0 mission, 1 hold and take-off, 2 offboard
     "COM_RC_LOSS_T": 0.5,  # s without a remote control
-    "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input at all
+    "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input
     "NAV_DLL_ACT": 0,  # 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm
     "NAV_RCL_ACT": 2,  # as NAV_DLL_ACT
     # fence
@@ -145,7 +145,7 @@ _COMMON: dict[str, float | int] = _READ | {
 
 COPTER: dict[str, float | int] = (
     _COMMON
-    | _READ_COPTER
+    | _NO_EFFECT_COPTER
     | {
         "MAV_TYPE": 2,
         "MIS_TAKEOFF_ALT": 2.5,  # m above home
@@ -172,7 +172,7 @@ COPTER: dict[str, float | int] = (
 
 PLANE: dict[str, float | int] = (
     _COMMON
-    | _READ_PLANE
+    | _NO_EFFECT_PLANE
     | {
         "COM_DISARM_PRFLT": -1.0,
         "RTL_LOITER_RAD": 80.0,  # m

@@ -36,7 +36,7 @@ _UNHEALTHY = {
 
 
 def refusals(vehicle: Vehicle, now: float) -> list[str]:
-    """Return all reasons against arming in the present mode, in PX4's words."""
+    """Return all reasons against arming in the present mode, as PX4's texts."""
     return [*_position_refusals(vehicle, now), *_mode_refusals(vehicle, now), *_system_refusals(vehicle)]
 
 
@@ -66,7 +66,7 @@ def _mode_refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _battery_refusals(vehicle: Vehicle) -> list[str]:
-    """Return the battery's reason against arming: a charge below COM_ARM_BAT_MIN, else below critical."""
+    """Return the refusal of a charge below COM_ARM_BAT_MIN (if negative: BAT_CRIT_THR)."""
     share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
     minimum_share = vehicle.params["COM_ARM_BAT_MIN"]
     if share >= (minimum_share if minimum_share >= 0 else flight_parameters.battery_low_share):
@@ -88,7 +88,7 @@ def _system_refusals(vehicle: Vehicle) -> list[str]:
 
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
-    """Return True for a mission that PX4 flies; else send the reason as a text."""
+    """Return True if PX4 accepts the mission; send the reason for a refusal as a text."""
     refusal = _distance_refusal(vehicle, items)
     if refusal is None and vehicle.body.plane:
         refusal = _fence_refusal(vehicle, items)
@@ -106,7 +106,7 @@ def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
 
 
 def _distance_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Return the refusal of a first position too far from the vehicle; 0, 0 is a position too."""
+    """Return the refusal of a first position too far from the vehicle; 0, 0 counts as a position."""
     limit_m = vehicle.params["MIS_DIST_1WP"]
     first = next((item for item in items if item.command in _PLACED), None)
     if first is None or limit_m <= 0 or not vehicle.position_known(vehicle.now):
@@ -116,9 +116,9 @@ def _distance_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
 
 def _fence_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
-    """Return the refusal of a position outside the fence, under any fence action.
+    """Return the refusal of a position outside the fence, for every value of GF_ACTION.
 
-    The check applies to fixed wings only: the refusal was not observed for multicopters.
+    The check applies only to fixed wings: PX4 was not observed to refuse such a mission of a multicopter.
     """
     home_m = vehicle.flight.home().alt_amsl_m
     for number, item in enumerate(items, start=1):

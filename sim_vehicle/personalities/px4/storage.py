@@ -40,7 +40,7 @@ def _metadata_of(vehicle: Vehicle) -> ComponentMetadata:
 
 @cache
 def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> ComponentMetadata:
-    """Return the metadata common to all vehicles of a kind, created on the first call."""
+    """Return the metadata shared by all vehicles of one kind, created on the first call."""
     version = ".".join(str(flight_sw_version >> shift & 0xFF) for shift in (24, 16, 8))
     values = parameters.PLANE if plane else parameters.COPTER
     described = [ParameterMeta(name, value) for name, value in sorted(values.items())]

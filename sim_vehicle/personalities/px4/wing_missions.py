@@ -17,7 +17,7 @@ _ABOVE_SEA = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 
 
 def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> str | None:
-    """Return the reason against flying these items, in PX4's words; `steepest_deg` is FW_LND_ANG."""
+    """Return PX4's text of a refusal, or None for a feasible mission; `steepest_deg` is FW_LND_ANG."""
     return _order_error(items) or next(
         (
             text
@@ -31,7 +31,7 @@ def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> s
 
 
 def _order_error(items: Sequence[Item]) -> str | None:
-    """Return the error in the order of the landing items, None without an error."""
+    """Return the error in the order of the landing items, or None."""
     starts = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_DO_LAND_START]
     ends = [i for i, item in enumerate(items) if item.command in LANDINGS]
     if len(starts) > 1:
@@ -47,7 +47,7 @@ def _order_error(items: Sequence[Item]) -> str | None:
 
 
 def _approach_error(before: Item, land: Item, home_amsl_m: float, steepest_deg: float) -> str | None:
-    """Return the error in the approach to a landing, None without an error."""
+    """Return the error in the approach to a landing, or None."""
     down_m = _amsl_m(before, home_amsl_m) - _amsl_m(land, home_amsl_m)
     if down_m < MIN_DESCENT_M:
         return "Mission rejected: the approach waypoint must be above the landing point."
