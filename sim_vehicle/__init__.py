@@ -1,8 +1,8 @@
 """A fleet of simulated vehicles that speak MAVLink 2 on the wire like real autopilots.
 
-Start with `fleet.Fleet`. All modules except `links`, `serving` and the commands are pure: bytes and simulated
-time in, bytes out. So a fleet also runs on a virtual clock. The package imports nothing of `swarmctl`; both
-communicate on the wire only. README.md lists the subpackages.
+Start with `fleet.Fleet`. The fleet does no I/O: bytes and simulated time in, bytes out. It therefore also
+runs on a virtual clock. The package imports nothing of `swarmctl`; the two packages communicate by MAVLink
+only. README.md lists the subpackages.
 """
 
 __version__ = "0.1.0"

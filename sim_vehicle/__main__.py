@@ -44,7 +44,9 @@ def fleet(
     ] = None,
     personality: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="ardupilot (default), px4, mixed (in turn), or ardupilot:3,px4:2."),
+        typer.Option(
+            metavar="NAME", help="ardupilot (default), px4, mixed (alternating), or ardupilot:3,px4:2."
+        ),
     ] = None,
     kind: Annotated[
         str | None,
@@ -253,7 +255,7 @@ def tolerate_lost_output() -> None:
 
     A full disk is reported on standard error; a closed pipe is not reported.
     """
-    if sys.platform == "win32":  # a Windows console is no file
+    if sys.platform == "win32":  # a Windows console is not a file
         return
     sys.stdout = _tolerant(sys.stdout, _report_full_disk)
     sys.stderr = _tolerant(sys.stderr, lambda _: None)
@@ -265,7 +267,7 @@ def _report_full_disk(error: OSError) -> None:
 
 
 def _tolerant(stream: Any, report: Callable[[OSError], None]) -> Any:
-    """Return the stream with failed writes discarded; a closed or replaced stream as is."""
+    """Return a stream that discards failed writes; return a closed or replaced stream unchanged."""
     if stream not in (sys.__stdout__, sys.__stderr__) or not isinstance(stream, io.TextIOWrapper):
         return stream
     return io.TextIOWrapper(

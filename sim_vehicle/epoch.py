@@ -1,6 +1,6 @@
 """Simulated time: its start date and the tolerance for equal times.
 
-Logs and satellites need the date. The date is fixed, so that equal runs write equal files.
+Logs and SYSTEM_TIME contain the date. The date is fixed, so that equal runs write equal files.
 """
 
 EPOCH_US = 1_767_225_600_000_000  # 2026-01-01T00:00:00Z, since 1970

@@ -33,7 +33,7 @@ from sim_vehicle.wire.status import Status
 from sim_vehicle.wire.streams import Streams
 from sim_vehicle.wire.telemetry import View
 
-TICK_S = 0.05
+TICK_S = 0.05  # period of physics and telemetry
 TICKS_PER_DECISION = 2
 
 
@@ -51,7 +51,7 @@ class Fleet:
     """All vehicles of a scenario under one simulated clock that starts at 0.
 
     Physics and telemetry advance in fixed ticks of 0.05 s, independent of the calls of `step`. Equal inputs
-    at equal times give equal bytes of each vehicle. The order among vehicles is equal for equal steps.
+    at equal times give equal bytes of each vehicle. Equal calls of `step` give an equal order of vehicles.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Fleet:
         self._link_layer = LinkLayer(
             [vehicle.signing for vehicle in self.vehicles], self.links, trusted_links
         )
-        self._ready_frames: Frames = []  # frames ready to be returned
+        self._ready_frames: Frames = []  # signed frames for the next result
         self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
         if area is not None and scenario.firing_strength is not None:
@@ -137,10 +137,11 @@ class Fleet:
         link: int = 0,
         reach: Collection[int] | None = None,
     ) -> Frames:
-        """Process bytes of one ground station at `now` [s]; return (vehicle, bytes) to send.
+        """Advance to `now` [s] and process bytes of one ground station; return (vehicle, bytes) to send.
 
-        A message can span several calls. `peer` identifies the stream. `link` selects the vehicles on a link,
-        `reach` a part of these. The simulation first advances to `now`; the result includes its output.
+        peer: stream of the bytes; a message can span several calls.
+        link: only vehicles on this link receive the bytes.
+        reach: indices of the vehicles in reach; None: all.
         """
         self._advance(now)
         self.counters.bytes_in += len(data)
@@ -179,7 +180,7 @@ class Fleet:
             self._link_layer.update_signing(vehicle.index)
 
     def forget_peer(self, peer: Hashable, *, link: int = 0) -> None:
-        """Forget an ended stream with its incomplete message."""
+        """Delete the incomplete message of an ended stream."""
         self._parsers.pop((link, peer), None)
 
     @property
@@ -193,13 +194,13 @@ class Fleet:
         return self._take(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault `spec.at_s` [s] after `now` [s]; FaultError if `spec` names an unknown vehicle."""
+        """Begin a fault `spec.at_s` [s] after `now` [s]; raise FaultError for an unknown vehicle."""
         self._advance(now)
         self._send_pending(now)
         self._schedule.inject(spec, now)
 
     def faults_on(self, index: int) -> tuple[str, ...]:
-        """Return the names of a vehicle's present faults."""
+        """Return the names of a vehicle's active faults."""
         return self._schedule.names(index)
 
     def truth(self) -> Truth:

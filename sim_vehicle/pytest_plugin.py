@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sim_vehicle.testing.served import Link
 
 RIG = pytest.StashKey["Rig"]()
-FOLDERS = pytest.StashKey[Callable[[], Path]]()  # makes a folder for a failing test's tlogs
+FOLDERS = pytest.StashKey[Callable[[], Path]]()  # function that creates a folder for a failing test's tlogs
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -41,7 +41,7 @@ def sim_seed(request: pytest.FixtureRequest) -> int:
     given: int | None = request.config.getoption("--sim-seed")
     if given is not None:
         return given
-    # The path is left out: it depends on the project's folder and on pytest's root.
+    # The folder is left out, because it depends on the machine and on pytest's root.
     name = "::".join([request.node.path.name, *request.node.nodeid.split("::")[1:]])
     return zlib.crc32(name.encode())
 
@@ -72,15 +72,17 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
 
     Parameters
     ----------
-    count, personality, kind: number of vehicles; ardupilot, px4 or mixed; copter or plane.
+    count: number of vehicles.
+    personality: ardupilot, px4 or mixed.
+    kind: copter or plane.
     faults: as for --fault.
     ready_s: time from boot to a position [s]; None: as on the real autopilots.
     params: parameters of all vehicles.
     home: latitude [deg], longitude [deg], altitude [m].
     wind: as in a scenario.
-    scenario: a file or a Scenario to start from, which faults, params and wind extend.
+    scenario: file or Scenario that faults, params and wind extend.
 
-    ScenarioError if an argument is invalid.
+    The function raises ScenarioError if an argument is invalid.
     """
     from sim_vehicle.scenarios import ScenarioError  # noqa: PLC0415
     from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""The true state of a fleet, for tests, checks and displays; no telemetry contains it."""
+"""The true state of a fleet, for tests, checks and displays. No telemetry contains this state."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,7 @@
 """A conformance suite for MAVLink autopilots: named checks of one vehicle at a URL.
 
-`registry` holds the checks and `checks/` defines them, one file a category. `vehicle` is the vehicle under
-test and `traffic` the messages to and from it. `guard` lists the forbidden frames. `dialects` has the known
+`checks/` defines the checks and `registry` lists them. `vehicle` is the vehicle under test, and `traffic` has
+the messages to and from the vehicle. `guard` lists the forbidden frames. `dialects` has the known
 behaviour of each autopilot where the specification allows a choice. `runner` runs the checks, `report` prints
 the results. Only `sockets` does I/O and reads a clock. On the wire of a `Fleet`, the same checks run in
 simulated time.

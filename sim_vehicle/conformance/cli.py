@@ -16,7 +16,7 @@ from sim_vehicle.conformance.traffic import WireError
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.links.url import UrlError, parse_url
 
-FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130  # exit codes
 
 
 def conformance(
@@ -49,7 +49,7 @@ def conformance(
         float, typer.Option(min=0.1, max=1000, help="Vehicle seconds per second, for a simulated vehicle.")
     ] = 1.0,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the results to this file as well.")
+        Path | None, typer.Option("--json", help="Also write the results to this file.")
     ] = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print each result during the run.")
@@ -100,7 +100,7 @@ def _announce_end() -> None:
     # A closed standard error must not stop the restoration of the vehicle.
     with contextlib.suppress(OSError):
         typer.echo(
-            "sim_vehicle conformance: interrupted; the vehicle is landed and restored [restoring]", err=True
+            "sim_vehicle conformance: interrupted; landing and restoring the vehicle [restoring]", err=True
         )
 
 

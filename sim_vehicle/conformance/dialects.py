@@ -20,27 +20,23 @@ def px4_mode(main: int, sub: int = 0) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """The known behaviour of one autopilot; None for unknown behaviour.
-
-    modes: purpose of a mode -> custom_mode. ready_mode: the mode for arming and for commands. hold_mode: a
-    mode that stays in place without stick input. arm_refused, disarm_refused: MAV_RESULT. whole_parameters,
-    real_parameters: (name, value) of parameters that are safe to write, in the order of preference.
-    """
+    """The known behaviour of one autopilot; None for unknown behaviour."""
 
     name: str
-    modes: Mapping[str, int]
-    ready_mode: str | None = None
-    hold_mode: str | None = None
+    modes: Mapping[str, int]  # role of a mode, such as "hold" -> custom_mode
+    ready_mode: str | None = None  # role of the mode for arming and for commands
+    hold_mode: str | None = None  # role of a mode that stays in place without stick input
     byte_wise: bool | None = None  # integer parameters are sent as their bytes
-    sysid_parameters: tuple[str, ...] = ()  # names of the parameter with the system id
+    sysid_parameters: tuple[str, ...] = ()  # possible names of the parameter with the system id
+    # (name, value) of parameters that are safe to write, in the order of preference
     whole_parameters: tuple[tuple[str, int], ...] = ()
     real_parameters: tuple[tuple[str, float], ...] = ()
-    arm_refused: int | None = None
-    disarm_refused: int | None = None
+    arm_refused: int | None = None  # MAV_RESULT of a refused arming
+    disarm_refused: int | None = None  # MAV_RESULT of a refused disarming in flight
     home_item: bool = False  # item 0 of a mission is home
-    streams_by_itself: bool | None = None
-    logs: bool = False  # serves its flight logs
-    battery_parameter: str | None = None  # the capacity's name
+    streams_unrequested: bool | None = None  # telemetry flows without a request
+    logs: bool = False  # flight logs can be downloaded
+    battery_parameter: str | None = None  # name of the parameter with the battery's capacity
 
     @property
     def known(self) -> bool:
@@ -81,7 +77,7 @@ ARDUCOPTER = Dialect(
     arm_refused=mavlink.MAV_RESULT_FAILED,
     disarm_refused=mavlink.MAV_RESULT_FAILED,
     home_item=True,
-    streams_by_itself=False,
+    streams_unrequested=False,
     logs=True,
     battery_parameter="BATT_CAPACITY",
 )
@@ -97,7 +93,7 @@ ARDUPLANE = Dialect(
     arm_refused=mavlink.MAV_RESULT_FAILED,
     disarm_refused=mavlink.MAV_RESULT_FAILED,
     home_item=True,
-    streams_by_itself=False,
+    streams_unrequested=False,
     logs=True,
     battery_parameter="BATT_CAPACITY",
 )
@@ -112,7 +108,7 @@ PX4 = Dialect(
     real_parameters=(("RTL_RETURN_ALT", 61.25), ("MIS_TAKEOFF_ALT", 3.75)),
     arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
     disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    streams_by_itself=True,
+    streams_unrequested=True,
     logs=True,
     battery_parameter="BAT1_CAPACITY",
 )

@@ -10,8 +10,8 @@ from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, result_name
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0
-READY_S, CLIMB_S, DOWN_S = 150.0, 90.0, 240.0
+HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0  # height above home after the take-off
+READY_S, CLIMB_S, DOWN_S = 150.0, 90.0, 240.0  # longest times until ready, at height, landed
 PREARM_BIT = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 HEARTBEAT_LAG_S = 2.5  # longest time until a heartbeat shows a change
 REPOSITION_CHANGES_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
@@ -19,7 +19,7 @@ FLIGHT_RATES_HZ = {"GLOBAL_POSITION_INT": 5.0, "EXTENDED_SYS_STATE": 5.0, "MISSI
 
 
 def mode_number(vehicle: VehicleUnderTest, role: str) -> int:
-    """Return the autopilot's mode number for a role, such as "hold"; Skip for an unknown role."""
+    """Return the autopilot's mode number for a role, such as "hold"; raise Skip for an unknown role."""
     if role not in vehicle.dialect.modes:
         raise Skip(f"this autopilot has no known mode for {role!r}")
     return vehicle.dialect.modes[role]
@@ -48,7 +48,7 @@ def in_mode(vehicle: VehicleUnderTest, role: str) -> Callable[[], bool]:
 
 
 def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
-    """Set a mode; CheckFailed unless the vehicle accepts the mode and shows it in the heartbeat."""
+    """Set a mode and wait for the mode in the heartbeat; raise CheckFailed if the vehicle refuses."""
     number = mode_number(vehicle, role)
     # PX4 refuses its mission mode for a moment after an upload.
     for _ in range(5):
@@ -62,8 +62,8 @@ def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
     )
 
 
-def ready_mode(vehicle: VehicleUnderTest) -> None:
-    """Set the autopilot's mode for arming, if it needs one."""
+def set_ready_mode(vehicle: VehicleUnderTest) -> None:
+    """Set the mode for arming, if the autopilot needs a particular mode."""
     if vehicle.dialect.ready_mode is not None:
         set_mode(vehicle, vehicle.dialect.ready_mode)
 
@@ -82,19 +82,19 @@ def is_ready(vehicle: VehicleUnderTest) -> bool:
 
 def wait_ready(vehicle: VehicleUnderTest) -> float:
     """Wait until the vehicle can be armed; return the time taken [s]."""
-    ready_mode(vehicle)
+    set_ready_mode(vehicle)
     began_s = vehicle.now
     while not is_ready(vehicle):
         if vehicle.now - began_s > READY_S:
             raise CheckFailed(f"expected the vehicle to be ready within {READY_S:g} s; {last_texts(vehicle)}")
-        if "In landing sequence" in last_texts(vehicle):  # an ArduPlane after a landing by mission
+        if "In landing sequence" in last_texts(vehicle):  # ArduPlane, after a landing by mission
             vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, 1))
         vehicle.wait(1.0)
     return vehicle.now - began_s
 
 
 def last_texts(vehicle: VehicleUnderTest, count: int = 3) -> str:
-    """Return the latest STATUSTEXTs of the vehicle, for a failure's message."""
+    """Return the latest STATUSTEXTs of the vehicle, for the message of a failure."""
     texts = [text for _, _, text in vehicle.texts[-count:]]
     return "last texts: " + " | ".join(texts) if texts else "no texts"
 
@@ -207,7 +207,7 @@ def hold(vehicle: VehicleUnderTest) -> None:
         set_mode(vehicle, vehicle.dialect.hold_mode)
         if vehicle.identity.kind == "copter":
             vehicle.wait_until(lambda: speed_m_s(vehicle) < 0.6, "a standstill", 20.0)
-    ready_mode(vehicle)
+    set_ready_mode(vehicle)
 
 
 def ensure_landed(vehicle: VehicleUnderTest) -> None:
@@ -248,7 +248,7 @@ def _land_by_mission(vehicle: VehicleUnderTest) -> None:
 # -- movement to a position ------------------------------------------------------------------------------
 
 
-def base_amsl_m(vehicle: VehicleUnderTest) -> float:
+def home_amsl_m(vehicle: VehicleUnderTest) -> float:
     """Return the altitude of home above sea level [m], from the latest position."""
     message = vehicle.last["GLOBAL_POSITION_INT"].message
     return float(message.alt - message.relative_alt) / 1000
@@ -259,7 +259,7 @@ def reposition(
 ) -> int:
     """Send DO_REPOSITION as COMMAND_INT: height above home [m], speed [m/s]; return the MAV_RESULT."""
     x, y = target
-    amsl_m = base_amsl_m(vehicle) + height  # both autopilots read z above sea level in this frame
+    amsl_m = home_amsl_m(vehicle) + height  # both autopilots read z above sea level in this frame
     command = vehicle.command_int(
         mavlink.MAV_CMD_DO_REPOSITION, speed, REPOSITION_CHANGES_MODE, 0, math.nan, x=x, y=y, z=amsl_m
     )

@@ -13,9 +13,9 @@ TERMINATE, RESET, LIST, OPEN_READ, READ, CALC_CRC, BURST = 1, 2, 3, 4, 5, 14, 15
 ACK, NAK = 128, 129
 FAIL, FAIL_ERRNO, EOF, UNKNOWN_COMMAND, NOT_FOUND = 1, 2, 6, 7, 10
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request opcode, burst complete, offset
-CHUNK = 239
+CHUNK = 239  # bytes of data in a full payload
 REPLY_S, ATTEMPTS = 1.5, 4
-MAX_BYTES = 4_000_000
+MAX_BYTES = 4_000_000  # a longer file is not read to its end
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class Reply:
     seq: int
     session: int
     opcode: int
-    request: int
-    complete: bool
-    offset: int
+    request: int  # opcode of the request
+    complete: bool  # last packet of a burst
+    offset: int  # of the data in the file [bytes]
     data: bytes
 
     @property
@@ -67,7 +67,7 @@ class FtpClient:
         self.vehicle.send(message)
 
     def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
-        """Return the first payload after a mark, and the next mark; None after `within_s`."""
+        """Return the first reply after a mark, and the mark after the reply; None after `within_s`."""
         place = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
         return (
             None
@@ -78,7 +78,10 @@ class FtpClient:
     def ask(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> Reply:
-        """Send a request, repeated with the same number until its answer; return the answer."""
+        """Send a request and return the answer; raise CheckFailed if none arrives.
+
+        An unanswered request is repeated with the same sequence number.
+        """
         mark = self.vehicle.mark()
         self.send(opcode, data, session=session, offset=offset, size=size)
         for _ in range(ATTEMPTS):

@@ -78,7 +78,7 @@ def is_read_only(sent: OutgoingFrame) -> bool:
 
 
 def is_for(sent: OutgoingFrame, vehicle: int) -> bool:
-    """Return True if a frame is for this system alone; False for 0, before the connection."""
+    """Return True if a frame is for this system alone. The system id is 0 before the connection."""
     return vehicle != 0 and sent.target == vehicle
 
 

@@ -7,12 +7,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-CHUNK = 90
-LIST_S = 4.0
+CHUNK = 90  # bytes of data in a full LOG_DATA
+LIST_S = 4.0  # longest wait for the first LOG_ENTRY
 
 
 def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
-    """Return LOG_ENTRY by id; Skip if an unknown autopilot does not answer."""
+    """Return the LOG_ENTRY messages by id; raise Skip if an unknown autopilot does not answer."""
     mark = vehicle.mark()
     for _ in range(3):
         vehicle.send(mavlink.MAVLink_log_request_list_message(*vehicle.target, 0, 0xFFFF))
@@ -32,7 +32,7 @@ def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
 
 
 def newest(vehicle: VehicleUnderTest) -> Any:
-    """Return the LOG_ENTRY of the latest log with content; Skip without such a log."""
+    """Return the LOG_ENTRY of the latest log with content; raise Skip if all logs are empty."""
     found = [entry for entry in entries(vehicle).values() if entry.size > 0]
     if not found:
         raise Skip("the vehicle holds no logs")

@@ -20,7 +20,7 @@ def items(vehicle: VehicleUnderTest, *, landing: bool = True) -> list[PlanItem]:
 
 
 def rewind(vehicle: VehicleUnderTest) -> None:
-    """Make the first item current, because the current item of an earlier mission may persist."""
+    """Make the first item current, because the current item of an earlier mission may remain."""
     first = int(vehicle.dialect.home_item)
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, first))
 
@@ -53,20 +53,20 @@ def first_waypoint(vehicle: VehicleUnderTest) -> int:
     return 2 if vehicle.dialect.home_item else 1
 
 
-def until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 120.0) -> float:
+def wait_until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 120.0) -> float:
     """Wait until item `seq` or a later item is current; return the time taken [s]."""
     return vehicle.wait_until(lambda: current(vehicle) >= seq, f"item {seq} to be current", within_s)
 
 
 def under_way(vehicle: VehicleUnderTest) -> int:
-    """Fly until 10 m past the first waypoint; return the sequence number of the second."""
+    """Fly until 10 m past the first waypoint; return the sequence number of the second waypoint."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(vehicle, items(vehicle, landing=False))
     seq = first_waypoint(vehicle) + 1
     resume(vehicle, seq - 1)
-    until_current(vehicle, seq)
-    passed = plans.offset(place, *CORNERS[0])
+    wait_until_current(vehicle, seq)
+    first = plans.offset(place, *CORNERS[0])
     vehicle.wait_until(
-        lambda: flying.distance_to_m(vehicle, passed) > 10.0, "10 m from the first waypoint", 20.0
+        lambda: flying.distance_to_m(vehicle, first) > 10.0, "10 m from the first waypoint", 20.0
     )
     return seq

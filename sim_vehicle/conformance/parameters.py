@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-LIST_QUIET_S = 1.5  # pause in a parameter list that means a loss
-LIST_S = 120.0
+LIST_QUIET_S = 1.5  # a longer pause in a parameter list means lost entries
+LIST_S = 120.0  # longest time for a parameter list
 UNINDEXED = 65_535  # ArduPilot's index in an answer by name
 _FORMATS = {
     mavlink.MAV_PARAM_TYPE_UINT8: "B",
@@ -78,14 +78,14 @@ def read_message(
 
 
 def read(vehicle: VehicleUnderTest, name: str) -> ParameterValue:
-    """Read a parameter by name; CheckFailed without an answer."""
+    """Read a parameter by name; raise CheckFailed if no answer arrives."""
     return decode(
         vehicle, vehicle.ask(read_message(vehicle, name), "PARAM_VALUE", lambda m: m.param_id == name)
     )
 
 
 def read_index(vehicle: VehicleUnderTest, index: int) -> ParameterValue:
-    """Read a parameter by its index; CheckFailed without an answer."""
+    """Read a parameter by its index; raise CheckFailed if no answer arrives."""
     message = vehicle.ask(
         read_message(vehicle, index=index), "PARAM_VALUE", lambda m: m.param_index in (index, UNINDEXED)
     )
@@ -99,7 +99,7 @@ def write(vehicle: VehicleUnderTest, name: str, value: float, kind: int) -> Para
 
 
 def restore(vehicle: VehicleUnderTest, before: ParameterValue) -> None:
-    """Write back an earlier value; CheckFailed if the vehicle refuses it."""
+    """Write back an earlier value; raise CheckFailed if the vehicle has another value afterwards."""
     seen = write(vehicle, before.name, before.value, before.type).value
     if seen != before.value and not math.isnan(before.value):
         raise CheckFailed(f"{before.name}: expected {before.value:g}, saw {seen:g}")
@@ -107,7 +107,7 @@ def restore(vehicle: VehicleUnderTest, before: ParameterValue) -> None:
 
 @contextmanager
 def restored(vehicle: VehicleUnderTest, name: str) -> Iterator[ParameterValue]:
-    """Yield the value of a parameter and restore it at the end."""
+    """Yield the value of a parameter and restore this value at the end."""
     before = read(vehicle, name)
     with vehicle.restoring(name, lambda: restore(vehicle, before)):
         yield before
@@ -115,7 +115,7 @@ def restored(vehicle: VehicleUnderTest, name: str) -> Iterator[ParameterValue]:
 
 @contextmanager
 def changed(vehicle: VehicleUnderTest, name: str, value: float) -> Iterator[ParameterValue]:
-    """Change a parameter for a while; yield the acknowledgement."""
+    """Change a parameter and yield the acknowledgement; restore the parameter at the end."""
     with restored(vehicle, name) as before:
         yield write(vehicle, name, value, before.type)
 
@@ -144,7 +144,7 @@ def value_or_none(vehicle: VehicleUnderTest, name: str) -> float | None:
 def harmless_change(
     vehicle: VehicleUnderTest, candidates: tuple[tuple[str, float], ...]
 ) -> tuple[str, float]:
-    """Return (name, value) of the vehicle's first candidate; the value differs from the present value."""
+    """Return name and new value of the first candidate that the vehicle has; raise Skip if it has none."""
     for name, value in candidates:
         if has(vehicle, name):
             return name, value if read(vehicle, name).value != value else value + 1
@@ -152,7 +152,7 @@ def harmless_change(
 
 
 def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
-    """Fetch the list by PARAM_REQUEST_LIST, lost entries by index; keep and return the list."""
+    """Fetch, store and return the parameter list; lost entries are requested by index."""
     by_index: dict[int, ParameterValue] = {}
     count, mark, began_s = None, vehicle.mark(), vehicle.now
     vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
@@ -176,5 +176,5 @@ def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
 
 
 def listed(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
-    """Return the parameter list, which is fetched once a run."""
+    """Return the parameter list; fetch the list only once a run."""
     return vehicle.catalogue or fetch_all(vehicle)

@@ -18,7 +18,7 @@ RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 M_PER_DEG = 111_319.5
-POSITION_S = 120.0
+POSITION_S = 120.0  # longest wait for a position
 BACKUP_ATTEMPTS = 3  # in each attempt every item is requested up to three times
 TRANSFER_ENDS_S = 6.0  # PX4 ends a broken transfer after 5 s
 REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
@@ -62,7 +62,7 @@ class UploadResult:
 
 
 def current_position(vehicle: VehicleUnderTest) -> tuple[int, int]:
-    """Wait for a position and return it [1e-7 deg]."""
+    """Wait for a position; return latitude and longitude [1e-7 deg]."""
     end_s = vehicle.now + POSITION_S
     while vehicle.now < end_s:
         found = vehicle.request("GLOBAL_POSITION_INT")
@@ -73,7 +73,7 @@ def current_position(vehicle: VehicleUnderTest) -> tuple[int, int]:
 
 
 def offset(place: tuple[int, int], north_m: float, east_m: float) -> tuple[int, int]:
-    """Return a position offset by metres."""
+    """Return a position [1e-7 deg] that lies `north_m` and `east_m` from `place`."""
     lat, lon = place
     per_deg = M_PER_DEG * math.cos(math.radians(lat / 1e7))
     return lat + round(north_m / M_PER_DEG * 1e7), lon + round(east_m / per_deg * 1e7)
@@ -101,7 +101,7 @@ def land(place: tuple[int, int], north_m: float = 0.0, east_m: float = 0.0) -> P
 
 
 def plan(vehicle: VehicleUnderTest, *items: PlanItem) -> list[PlanItem]:
-    """Return the items for this vehicle: on ArduPilot, a home placeholder comes first."""
+    """Return the items; for ArduPilot, add a placeholder of home as item 0."""
     if not vehicle.dialect.home_item:
         return list(items)
     return [
@@ -149,7 +149,7 @@ def next_request(
     within_s: float = 3.0,
     source: tuple[int, int] = STATION,
 ) -> tuple[str, int]:
-    """Return message name and seq of the next MISSION_REQUEST(_INT); CheckFailed without one."""
+    """Return name and seq of the next MISSION_REQUEST(_INT); raise CheckFailed if none arrives."""
     place = vehicle.seek(REQUESTS, for_station(kind, source), within_s=within_s, mark=mark)
     if place is None:
         raise CheckFailed(f"expected a mission request within {within_s:g} s, saw none")
@@ -167,7 +167,7 @@ def upload(
     as_float: bool = False,
     source: tuple[int, int] = STATION,
 ) -> UploadResult:
-    """Announce and send a plan; return the outcome, also of a refusal."""
+    """Upload a plan; return the outcome, even if the vehicle refuses the plan."""
     began_s, requests = vehicle.now, list[tuple[str, int]]()
     mark = vehicle.mark()
     vehicle.send(count_message(vehicle, len(items), kind), source)
@@ -195,7 +195,7 @@ def upload(
 
 
 def upload_or_fail(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION) -> UploadResult:
-    """Upload a plan; CheckFailed unless it is accepted."""
+    """Upload a plan; raise CheckFailed unless the vehicle accepts the plan."""
     done = upload(vehicle, items, kind)
     if done.result != mavlink.MAV_MISSION_ACCEPTED:
         raise CheckFailed(f"upload of {len(items)} items: expected ACCEPTED, saw {done.result}")
@@ -269,7 +269,7 @@ def cancel_upload(vehicle: VehicleUnderTest) -> None:
 
 
 def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) -> int:
-    """Announce a plan and answer `sent` requests; return the mark after the last."""
+    """Begin an upload and stop after `sent` items; return the mark after the next, unanswered request."""
     mark = vehicle.mark()
     vehicle.send(count_message(vehicle, len(items)))
     for _ in range(sent):
@@ -281,28 +281,25 @@ def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) ->
 
 
 def store_and_read(vehicle: VehicleUnderTest, item: PlanItem) -> Any:
-    """Upload a take-off and one item; return the item as read back."""
+    """Upload a take-off and one item; return the item that the vehicle sends back."""
     upload_or_fail(vehicle, plan(vehicle, takeoff(current_position(vehicle)), item))
     return download(vehicle)[-1]
 
 
 def require_type(vehicle: VehicleUnderTest, kind: int) -> None:
-    """Skip if the vehicle does not claim plans of this type."""
+    """Raise Skip if the vehicle does not claim plans of this type."""
     capability = {FENCE: "MISSION_FENCE", RALLY: "MISSION_RALLY"}.get(kind)
     if capability is not None and not vehicle.identity.claims(capability):
         raise Skip(f"the vehicle does not claim {capability}")
 
 
 class PlanBackup:
-    """Copies of the plans on a vehicle before the checks.
-
-    `Traffic` does not overwrite a plan without a copy. `unsaved`: type of an unreadable plan -> the reason.
-    """
+    """Copies of the plans on a vehicle before the checks; `Traffic` overwrites only copied plans."""
 
     def __init__(self, vehicle: VehicleUnderTest) -> None:
         self._vehicle = vehicle
-        self._kept: dict[int, list[PlanItem]] = {}
-        self.unsaved: dict[int, str] = {}
+        self._copies: dict[int, list[PlanItem]] = {}
+        self.unsaved: dict[int, str] = {}  # type of an unreadable plan -> reason
 
     def save(self) -> None:
         for kind in PLAN_NAMES:
@@ -317,7 +314,7 @@ class PlanBackup:
     def _save(self, kind: int) -> None:
         for attempt in range(BACKUP_ATTEMPTS):
             try:
-                self._kept[kind] = [_item(message) for message in download(self._vehicle, kind)]
+                self._copies[kind] = [_item(message) for message in download(self._vehicle, kind)]
             except (CheckFailed, Skip) as error:
                 self.unsaved[kind] = str(error)
                 if attempt < BACKUP_ATTEMPTS - 1:
@@ -330,7 +327,7 @@ class PlanBackup:
     def restore(self) -> list[str]:
         """Restore the plans; return a text for each failure."""
         trouble = []
-        for kind, items in self._kept.items():
+        for kind, items in self._copies.items():
             try:
                 upload_or_fail(self._vehicle, items, kind)
             except (CheckFailed, Skip) as error:
@@ -341,7 +338,7 @@ class PlanBackup:
 
     def names(self) -> list[str]:
         """Return the names of the saved plans."""
-        return [PLAN_NAMES[kind] for kind in self._kept]
+        return [PLAN_NAMES[kind] for kind in self._copies]
 
 
 def _item(message: Any) -> PlanItem:

@@ -15,7 +15,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CheckFunction = Callable[[VehicleUnderTest], str]
 
-# In the order of the run; checks that could disturb others come late.
+# In the order of the run; checks that could disturb other checks come late.
 CATEGORIES = (
     "heartbeat", "version", "messages", "parameters", "commands", "modes", "home", "time", "telemetry",
     "mission", "fence", "rally", "ftp", "component", "robustness", "arming", "flight", "mission-flight",
@@ -25,23 +25,17 @@ CATEGORIES = (
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check.
-
-    needs: required permissions (`PERMISSIONS`). claims: required MAV_PROTOCOL_CAPABILITY bits, without their
-    prefix. dialects: names of the dialects, empty for all. kind: copter or plane, None for both. airborne:
-    True if the check starts in flight. pins: the verified statement. limit_s: longest duration of the check
-    [s of vehicle time].
-    """
+    """One check."""
 
     name: str
     function: CheckFunction
-    needs: frozenset[str]
-    claims: tuple[str, ...]
-    dialects: frozenset[str]
-    kind: str | None
-    airborne: bool
-    pins: str
-    limit_s: float
+    needs: frozenset[str]  # required permissions (`PERMISSIONS`)
+    claims: tuple[str, ...]  # required MAV_PROTOCOL_CAPABILITY bits, without their prefix
+    dialects: frozenset[str]  # names of the autopilots' dialects; empty: all
+    kind: str | None  # copter or plane; None: both
+    airborne: bool  # the check starts in flight
+    pins: str  # the verified statement: MAVLink, or a line of notes/AUTOPILOTS.md
+    limit_s: float  # longest duration [s of vehicle time]
 
     @property
     def category(self) -> str:
@@ -49,7 +43,7 @@ class Check:
 
     @property
     def summary(self) -> str:
-        """Return the check's statement in one line."""
+        """Return the verified statement in one line."""
         return (self.function.__doc__ or "").strip().partition("\n")[0]
 
 
@@ -106,7 +100,7 @@ def all_checks() -> list[Check]:
 
 
 def select(patterns: Iterable[str]) -> list[Check]:
-    """Return the checks that match a pattern, such as `mission.*` or `fence`; all without a pattern."""
+    """Return the checks that match a pattern, such as `mission.*` or `fence`; no patterns: all checks."""
     wanted = [pattern.strip() for pattern in patterns if pattern.strip()]
     chosen = [
         found

@@ -15,21 +15,20 @@ from sim_vehicle.conformance.registry import Check
 from sim_vehicle.conformance.traffic import is_autopilot
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-SILENCE_S = 5.0  # time without a heartbeat after which a check counts as harmful
-BACK_S = 60.0  # longest wait for a heartbeat before the restoration
-RESTORE_ATTEMPTS = 3  # the restoration is abandoned after this number of interrupts
+SILENCE_S = 5.0  # a check fails if no heartbeat arrives for this time
+HEARTBEAT_WAIT_S = 60.0  # longest wait for a heartbeat before the restoration
+RESTORE_ATTEMPTS = 3  # this number of interrupts ends the restoration
 LANDING_ATTEMPTS = 3
-# Category that overwrites plans -> types of the plans that must have a copy. `Traffic` refuses to
-# overwrite plans without a copy.
+# Category that overwrites plans -> types of the plans that must have a copy.
 WRITES_PLANS = {
     "modes": (MISSION,), "mission": (MISSION,), "fence": (FENCE,), "rally": (RALLY,), "robustness": (),
     "arming": (), "flight": (MISSION,), "mission-flight": (MISSION,), "reboot": (), "endurance": (),
 }  # fmt: skip
 FLIES = frozenset({"flight", "mission-flight"})
-LOW_BATTERY = 20  # %
-RUN_MAH = 30_000.0  # more than the flights of one run use
-BOOTING_S = 5.0
-BETWEEN_S = 400.0  # for taking off or landing between checks
+LOW_BATTERY_PERCENT = 20
+RUN_CAPACITY_MAH = 30_000.0  # more than the flights of one run use
+BOOTING_S = 5.0  # time from a boot to the first check
+PREPARATION_S = 400.0  # longest time for taking off or landing between checks
 
 
 class Outcome(Enum):
@@ -40,12 +39,12 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """The result of one check: a description `seen`, and the duration `took_s` [s of vehicle time]."""
+    """The result of one check."""
 
     check: Check
     outcome: Outcome
-    seen: str
-    took_s: float
+    seen: str  # the observation, or the reason for a failure or a skipped check
+    took_s: float  # [s of vehicle time]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +67,7 @@ class RunReport:
 def granted_permissions(
     identity: VehicleIdentity, allow: frozenset[str], *, ground_only: bool
 ) -> frozenset[str]:
-    """Return the granted permissions: all for the simulator, else the permissions of the options."""
+    """Return the permissions: all for the simulator, else those of the options. `ground_only` removes ARM."""
     granted = allow - {SIMULATOR}
     if identity.simulator:
         granted = granted | {"arm", "reboot", "alter", SIMULATOR}
@@ -85,13 +84,13 @@ def run(
     """Run the checks on a connected vehicle.
 
     A vehicle that is armed at the start is in use, so every check is skipped. At the end of a run, also after
-    an interrupt, the vehicle is landed and restored before the report. `RESTORE_ATTEMPTS` interrupts abandon
-    the restoration.
+    an interrupt, the vehicle is landed and restored before the report. `RESTORE_ATTEMPTS` further interrupts
+    end the restoration.
     """
     running = _RunState(vehicle, on_result)
     if vehicle.armed:
         running.stop_reason = "the vehicle was armed before the run; all checks were skipped [already-armed]"
-        running.flown_by_another = True
+        running.was_armed = True
     else:
         _let_boot(vehicle)
     interrupted = False
@@ -129,7 +128,7 @@ class _RunState:
         self._reported: set[int] = set()  # plan types without a copy for which a check has failed
         self.results: list[CheckResult] = []
         self.stop_reason: str | None = None  # reason to skip the remaining checks
-        self.flown_by_another = False  # the vehicle was armed before the run
+        self.was_armed = False  # before the run
 
     def run_check(self, check: Check) -> None:
         """Run one check, or record a skipped check with its reason."""
@@ -179,7 +178,7 @@ class _RunState:
     def restore_vehicle(self) -> list[str]:
         """Restore the vehicle; return notes to the operator."""
         notes = [self.stop_reason] if self.stop_reason is not None else []
-        if self.flown_by_another:
+        if self.was_armed:
             return notes
         self._vehicle.begin_check()
         if self._backup is not None:
@@ -191,7 +190,7 @@ class _RunState:
 
 
 def _let_boot(vehicle: VehicleUnderTest) -> None:
-    """Wait until `BOOTING_S` after a boot, because an earlier mode change does not last."""
+    """Wait until `BOOTING_S` after a boot, because the vehicle undoes an earlier mode change."""
     try:
         age_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
     except (CheckFailed, Skip):
@@ -255,7 +254,7 @@ def _pass_on_interrupt(error: BaseException) -> None:
 
 def _prepare(vehicle: VehicleUnderTest, check: Check) -> None:
     """Bring the vehicle to the ground or into the air, as the check needs."""
-    vehicle.begin_check(BETWEEN_S)
+    vehicle.begin_check(PREPARATION_S)
     if check.category in FLIES:
         _check_battery(vehicle)
     if check.airborne:
@@ -263,7 +262,7 @@ def _prepare(vehicle: VehicleUnderTest, check: Check) -> None:
     elif vehicle.armed and ARM in vehicle.permissions:
         flying.ensure_landed(vehicle)
     elif vehicle.armed:
-        raise Skip("the vehicle is armed, and landing is not permitted")
+        raise Skip("the vehicle is armed, and landing needs --allow-arm")
 
 
 def _enlarge_battery(vehicle: VehicleUnderTest) -> None:
@@ -274,19 +273,19 @@ def _enlarge_battery(vehicle: VehicleUnderTest) -> None:
         return
     before = read(vehicle, name)
     vehicle.pending_restores[name] = lambda: restore(vehicle, before)
-    write(vehicle, name, max(before.value, RUN_MAH), before.type)
+    write(vehicle, name, max(before.value, RUN_CAPACITY_MAH), before.type)
 
 
 def _check_battery(vehicle: VehicleUnderTest) -> None:
-    """Land the vehicle and raise `Skip` if the battery is low."""
+    """If the battery is low, land the vehicle and raise Skip."""
     share = vehicle.request("SYS_STATUS").battery_remaining
-    if 0 <= share < LOW_BATTERY:
+    if 0 <= share < LOW_BATTERY_PERCENT:
         flying.ensure_landed(vehicle)
         raise Skip(f"the battery is at {share} % [battery-low]")
 
 
 def _alive(vehicle: VehicleUnderTest) -> bool:
-    """Return True if the vehicle sends heartbeats; wait for one if necessary."""
+    """Return True if the latest heartbeat is recent, or a heartbeat arrives within `SILENCE_S`."""
     if vehicle.now - vehicle.last["HEARTBEAT"].at_s < SILENCE_S:
         return True
     return _sends_heartbeats(vehicle, SILENCE_S)
@@ -298,11 +297,11 @@ def _sends_heartbeats(vehicle: VehicleUnderTest, within_s: float) -> bool:
 
 def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
     """Restore the vehicle; return a text for each failure."""
-    if not _sends_heartbeats(vehicle, BACK_S):
+    if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):
         state = "armed" if vehicle.armed else "disarmed"
         changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
         return [
-            f"no heartbeat for {BACK_S:g} s (last heartbeat: {state}); "
+            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s (last heartbeat: {state}); "
             f"these changes remain: {', '.join(changed) or 'none'} [vehicle-lost]"
         ]
     if ARM in vehicle.permissions:
@@ -323,7 +322,7 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
 def _land(vehicle: VehicleUnderTest) -> list[str]:
     """Land and disarm over an unreliable link; return a text for each failure."""
     if vehicle.armed and ARM not in vehicle.permissions:
-        return ["the vehicle is armed, and landing is not permitted"]
+        return ["the vehicle is armed, and landing needs --allow-arm; land the vehicle with another station"]
     trouble = ""
     for _ in range(LANDING_ATTEMPTS):
         try:
@@ -332,6 +331,6 @@ def _land(vehicle: VehicleUnderTest) -> list[str]:
             trouble = f"the vehicle could not be landed: {error}"
         else:
             return []
-        if not _sends_heartbeats(vehicle, BACK_S):
+        if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):
             break
     return [trouble]

@@ -14,8 +14,8 @@ from sim_vehicle.links.url import Url
 
 DATAGRAM_BYTES = 65_536
 RECONNECT_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
-V1, V2 = 0xFE, 0xFD
-QUIET_S = 1.0  # [s of vehicle time]; a second address within this time is another vehicle
+V1, V2 = 0xFE, 0xFD  # first byte of a frame of MAVLink 1 and 2
+QUIET_S = 1.0  # [s of vehicle time]; a second address within this time belongs to another vehicle
 
 
 class SenderAddresses:
@@ -27,7 +27,7 @@ class SenderAddresses:
 
     def __init__(self) -> None:
         self._addresses: dict[int, Any] = {}
-        self._heard_s: dict[int, float] = {}
+        self._latest_s: dict[int, float] = {}
         self._ambiguous: set[int] = set()
 
     @property
@@ -42,11 +42,11 @@ class SenderAddresses:
         """Record a sender; return False if the id belongs to another address."""
         known = self._addresses.get(sysid)
         if known is not None and known != address:
-            if now_s - self._heard_s[sysid] <= QUIET_S:
+            if now_s - self._latest_s[sysid] <= QUIET_S:
                 self._ambiguous.add(sysid)
             if sysid in self._ambiguous:
                 return False
-        self._addresses[sysid], self._heard_s[sysid] = address, now_s
+        self._addresses[sysid], self._latest_s[sysid] = address, now_s
         return True
 
 
@@ -65,7 +65,7 @@ class _VehicleClock:
 
 
 class UdpWire(_VehicleClock):
-    """One UDP socket, bound (udpin) or sending first (udpout), to the vehicle's latest address."""
+    """A UDP socket that sends to the vehicle's latest address (udpin) or to the URL's address (udpout)."""
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
@@ -138,9 +138,8 @@ class TcpWire(_VehicleClock):
             else:
                 self._connection = socket.create_connection((url.host, url.port), timeout=5.0)
         except OSError as error:
-            raise WireError(
-                f"cannot open {url}: {error.strerror or error}; check that a vehicle listens at this address"
-            ) from error
+            remedy = "the port is free" if url.listens else "a vehicle listens at this address"
+            raise WireError(f"cannot open {url}: {error.strerror or error}; check that {remedy}") from error
 
     def send(self, data: bytes) -> None:
         if self._connection is not None:
@@ -204,7 +203,7 @@ class SerialWire(_VehicleClock):
         try:
             self._open()
         except (OSError, ValueError) as error:
-            raise WireError(f"cannot open {device} at {baud} baud: {error}") from error
+            raise WireError(f"cannot open {device} at {baud} baud: {error}; check the device") from error
 
     def _open(self) -> None:
         self._port = serial.Serial(self._device, self._baud, timeout=0)
@@ -252,7 +251,7 @@ class SerialWire(_VehicleClock):
 
 
 def _source(data: bytes) -> int | None:
-    """Return the system id of the first frame in a datagram; None without one."""
+    """Return the system id of the frame at the start of a datagram; None if no frame starts there."""
     if len(data) >= 8 and data[0] == V1:
         return data[3]
     if len(data) >= 12 and data[0] == V2:
@@ -261,7 +260,7 @@ def _source(data: bytes) -> int | None:
 
 
 def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
-    """Open the wire for a URL; WireError if that fails."""
+    """Open the wire for a URL; raise WireError if the URL cannot be opened."""
     wires: dict[str, Callable[[], Wire]] = {
         "udpin": lambda: UdpWire(url, speedup),
         "udpout": lambda: UdpWire(url, speedup),

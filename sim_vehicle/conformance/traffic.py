@@ -1,4 +1,4 @@
-"""Frames to and from the vehicle under test; all bytes and all time come from a `Wire`."""
+"""Frames to and from the vehicle under test. A `Wire` transfers the bytes and provides the time."""
 
 import math
 from collections.abc import Callable, Collection, Iterator
@@ -13,12 +13,12 @@ from sim_vehicle.conformance.identity import ReceivedFrame, VehicleIdentity
 from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
 
 Condition = Callable[[Any], bool]
-HEARTBEAT_S = 1.0
+HEARTBEAT_S = 1.0  # period of the station's heartbeats
 REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers much earlier
-RESTORE_S = 60.0  # time for undoing a change, even after the time limit of a check
-SYSTEMS = 250  # the highest system id of a vehicle
+RESTORE_S = 60.0  # time for undoing a change after the time limit of a check
+MAX_SYSID = 250  # highest system id of a vehicle
 EPSILON_S = 1e-6  # tolerance for sums of times
-STATION, SECOND_STATION = (255, 190), (254, 191)
+STATION, SECOND_STATION = (255, 190), (254, 191)  # (system id, component id)
 
 
 class WireError(OSError):
@@ -57,7 +57,7 @@ class Traffic:
     last: latest frame of each kind.
     texts: time [s], severity and text of each STATUSTEXT of the run.
     seen_sysids: all system ids on the link.
-    saved_plans: MAV_MISSION_TYPE of each plan that the suite has saved; only these may be overwritten.
+    saved_plans: MAV_MISSION_TYPE of each saved plan; the suite overwrites only saved plans.
     """
 
     def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
@@ -104,7 +104,7 @@ class Traffic:
         self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
-        """Send any bytes, after a check of each frame; all output passes here."""
+        """Check each frame and send the bytes; every other method sends through this method."""
         objection = self.objection(data)
         if objection is not None:
             raise objection
@@ -112,9 +112,9 @@ class Traffic:
         self._wire.send(data)
 
     def objection(self, data: bytes) -> Skip | Forbidden | None:
-        """Return the reason against sending these bytes, or None.
+        """Return the error that forbids sending these bytes, or None.
 
-        A frame that could change another vehicle is `Forbidden`; no option allows it.
+        A frame that could change another vehicle is `Forbidden`; no option allows such a frame.
         """
         for sent in frames_in(self._sent_tail + data, len(self._sent_tail)):
             if not is_for(sent, self.identity.sysid) and not is_read_only(sent):
@@ -125,9 +125,9 @@ class Traffic:
         return None
 
     def unused_sysid(self) -> int:
-        """Return a system id without a sender on the link."""
-        for step in range(1, SYSTEMS):
-            sysid = (self.identity.sysid + step - 1) % SYSTEMS + 1
+        """Return a system id that no sender on the link uses; raise Skip if all are in use."""
+        for step in range(1, MAX_SYSID):
+            sysid = (self.identity.sysid + step - 1) % MAX_SYSID + 1
             if sysid not in self.seen_sysids:
                 return sysid
         raise Skip("every system id is in use")
@@ -192,11 +192,11 @@ class Traffic:
         return len(self.received)
 
     def since(self, mark: int, kind: str | None = None) -> list[Any]:
-        """Return the messages after a mark, of one kind or all."""
+        """Return the messages after a mark, of one kind or of all kinds."""
         return [entry.message for entry in self.received[mark:] if kind in (None, entry.kind)]
 
     def wait(self, seconds: float) -> int:
-        """Let time pass; return the mark of its start."""
+        """Receive frames for `seconds`; return the mark at the start."""
         begin, end_s = self.mark(), self.now + seconds
         while self.now < end_s - EPSILON_S:
             self._pump(end_s - self.now)
@@ -229,7 +229,7 @@ class Traffic:
     def wait_for(
         self, kind: str, where: Condition | None = None, *, within_s: float = REPLY_S, mark: int | None = None
     ) -> Any | None:
-        """Wait for a message and return it, or None; with `mark`, earlier messages count too."""
+        """Wait for a message; return the message or None. `mark` includes the messages since the mark."""
         place = self.seek((kind,), where, within_s=within_s, mark=self.mark() if mark is None else mark)
         return None if place is None else self.received[place].message
 
@@ -266,7 +266,7 @@ class Traffic:
         attempts: int = 3,
         source: tuple[int, int] = STATION,
     ) -> Any:
-        """Send a message, repeated up to `attempts` times; return the answer."""
+        """Send a message up to `attempts` times and return the answer; raise CheckFailed if none arrives."""
         for _ in range(attempts):
             mark = self.mark()
             self.send(message, source)

@@ -11,8 +11,8 @@ from sim_vehicle.conformance.dialects import GENERIC, Dialect, dialect_of
 from sim_vehicle.conformance.identity import ReceivedFrame, VehicleIdentity
 from sim_vehicle.conformance.traffic import REPLY_S, STATION, Traffic, Wire, WireError, is_autopilot
 
-IN_PROGRESS_S = 60.0
-CONNECT_S = 30.0
+IN_PROGRESS_S = 60.0  # longest wait for the final COMMAND_ACK after IN_PROGRESS
+CONNECT_S = 30.0  # longest wait for the first heartbeat
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
@@ -22,9 +22,8 @@ class VehicleUnderTest(Traffic):
     def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
         super().__init__(wire, permissions=permissions)
         self.dialect: Dialect = GENERIC
-        self.pending_restores: dict[
-            str, Callable[[], None]
-        ] = {}  # changed part of the vehicle -> function that restores it
+        # changed part of the vehicle -> function that restores the part
+        self.pending_restores: dict[str, Callable[[], None]] = {}
         self.catalogue: dict[str, Any] = {}  # the parameter list; empty before `fetch_all`
 
     def connect(self, sysid: int | None = None) -> VehicleIdentity:
@@ -84,7 +83,7 @@ class VehicleUnderTest(Traffic):
 
     @contextmanager
     def restoring(self, part: str, undo: Callable[[], None]) -> Iterator[None]:
-        """Undo a change of the vehicle at the end; if `undo` fails, `restore_all` repeats it."""
+        """Undo a change of the vehicle at the end; `restore_all` repeats a failed `undo`."""
         outer = part in self.pending_restores
         self.pending_restores.setdefault(part, undo)
         try:
@@ -96,7 +95,7 @@ class VehicleUnderTest(Traffic):
                 del self.pending_restores[part]
 
     def restore_all(self) -> list[str]:
-        """Undo the changes that `restoring` could not undo; return a text for each failure."""
+        """Undo the changes of `pending_restores`; return a text for each failure."""
         trouble = []
         for part, undo in reversed(list(self.pending_restores.items())):
             try:
@@ -190,7 +189,7 @@ class VehicleUnderTest(Traffic):
                     self.set_interval(kind, 0)
 
     def sample(self, rates_hz: Mapping[str, float], seconds: float) -> dict[str, list[Any]]:
-        """Return the messages of these streams during `seconds`, at least one of each."""
+        """Return the messages of these streams during `seconds`; raise CheckFailed if a stream is empty."""
         with self.streaming(rates_hz):
             mark = self.wait(seconds)
             found = {kind: self.since(mark, kind) for kind in rates_hz}

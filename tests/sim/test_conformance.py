@@ -205,7 +205,7 @@ def test_another_vehicle_on_the_link_is_unchanged(personality: str) -> None:
     wire = Watched(inner)
     other = connected(wire, sysid=2)
     store_mission(other, items := plans.sample_plan(other))
-    flying.ready_mode(other)
+    flying.set_ready_mode(other)
     before, mode = parameters.fetch_all(other), other.mode
     report = run(connected(wire, sysid=1), all_checks())
     assert [r.check.name for r in report.results if "Forbidden" in r.seen] == []

@@ -1,1 +1,1 @@
-"""The checks, one file a category; the import of a file registers its checks."""
+"""The checks by category. The import of a module registers its checks."""

@@ -12,9 +12,9 @@ from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-FORCE = 21_196
-REFUSAL_S = 2.0
-IDLE_DISARM_S = {"ardupilot": "DISARM_DELAY", "px4": "COM_DISARM_PRFLT"}
+FORCE = 21_196  # parameter 2 that arms or disarms without checks
+REFUSAL_S = 2.0  # longest wait for the reason of a refusal
+IDLE_DISARM_PARAMETERS = {"ardupilot": "DISARM_DELAY", "px4": "COM_DISARM_PRFLT"}
 
 
 @check("arming.arms_and_disarms", needs=[ARM], limit_s=200)
@@ -27,7 +27,7 @@ def arms_and_disarms(vehicle: VehicleUnderTest) -> str:
 
 @check("arming.is_idempotent", needs=[ARM], limit_s=200)
 def is_idempotent(vehicle: VehicleUnderTest) -> str:
-    """Arming an armed vehicle and disarming a disarmed one are accepted."""
+    """Arming an armed vehicle and disarming a disarmed vehicle are accepted."""
     flying.arm(vehicle)
     vehicle.accepted(ARM_COMMAND, 1)
     flying.disarm(vehicle)
@@ -82,7 +82,7 @@ def strange_parameter(vehicle: VehicleUnderTest) -> str:
     "arming.system_status", needs=[ARM], dialects=("ardupilot", "px4"), limit_s=200, pins="AUTOPILOTS 1.13"
 )
 def system_status(vehicle: VehicleUnderTest) -> str:
-    """Armed on the ground is STANDBY for ArduPilot, ACTIVE for PX4."""
+    """On the ground an armed vehicle reports STANDBY (ArduPilot) or ACTIVE (PX4)."""
     expected = known_behaviour(vehicle, ardupilot=mavlink.MAV_STATE_STANDBY, px4=mavlink.MAV_STATE_ACTIVE)
     flying.arm(vehicle)
     vehicle.wait(1.2)
@@ -118,7 +118,7 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(0.5)
     texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
     holds(any("not armable" in text for text in texts), f"expected '... not armable', saw {texts}")
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     return "FAILED, AUTO mode not armable"
 
 
@@ -169,12 +169,12 @@ def sets_home(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s",
 )
 def idle_disarms(vehicle: VehicleUnderTest) -> str:
-    """An armed vehicle on the ground disarms after its delay."""
-    delay_s = parameters.value_or_none(vehicle, IDLE_DISARM_S[vehicle.dialect.name])
+    """An armed vehicle on the ground disarms after the configured delay."""
+    delay_s = parameters.value_or_none(vehicle, IDLE_DISARM_PARAMETERS[vehicle.dialect.name])
     if delay_s is None or not 0 < delay_s < 60:
         raise Skip(f"the delay is {delay_s}")
     flying.arm(vehicle)
-    took_s = vehicle.wait_until(lambda: not vehicle.armed, "disarmed by itself", delay_s + 5.0)
+    took_s = vehicle.wait_until(lambda: not vehicle.armed, "an automatic disarming", delay_s + 5.0)
     near(took_s, delay_s, 3.0, "seconds until disarmed")
     return f"after {took_s:.1f} s"
 
@@ -187,7 +187,7 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.14: p2=21196",
 )
 def by_force(vehicle: VehicleUnderTest) -> str:
-    """Parameter 2 = 21196 arms and disarms."""
+    """Forced arming and disarming (parameter 2 = 21196) are accepted."""
     flying.wait_ready(vehicle)
     vehicle.accepted(ARM_COMMAND, 1, FORCE)
     vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
@@ -225,14 +225,14 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.7: MISSION_START on a disarmed vehicle is ACCEPTED, sets AUTO, and nothing flies",
 )
 def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
-    """MISSION_START on a disarmed vehicle is accepted, and nothing flies."""
+    """MISSION_START on a disarmed vehicle is accepted, and the vehicle stays disarmed."""
     flying.wait_ready(vehicle)
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     vehicle.accepted(mavlink.MAV_CMD_MISSION_START)
     vehicle.wait_until(flying.in_mode(vehicle, "mission"), "AUTO in the heartbeat", flying.HEARTBEAT_LAG_S)
     vehicle.wait(3.0)
     holds(not vehicle.armed, "the vehicle armed")
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     return "AUTO, disarmed"
 
 

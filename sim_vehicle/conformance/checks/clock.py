@@ -26,8 +26,8 @@ def is_answered(vehicle: VehicleUnderTest) -> str:
 
 
 @check("time.timesync.goes_forward")
-def goes_forward(vehicle: VehicleUnderTest) -> str:
-    """The time between two answers is the time between the requests."""
+def advances(vehicle: VehicleUnderTest) -> str:
+    """The vehicle's clock advances by the time between two requests."""
     first, at_s = _sync(vehicle, 1_001).tc1, vehicle.now
     vehicle.wait(3.0)
     second, then_s = _sync(vehicle, 1_002).tc1, vehicle.now
@@ -55,7 +55,7 @@ def agrees(vehicle: VehicleUnderTest) -> str:
 
 
 @check("time.system_time.knows_the_date", limit_s=150)
-def knows_the_date(vehicle: VehicleUnderTest) -> str:
+def has_the_date(vehicle: VehicleUnderTest) -> str:
     """With a GPS fix time_unix_usec is a date of this decade or later."""
     for _ in range(100):
         message = vehicle.request("SYSTEM_TIME")
@@ -70,7 +70,7 @@ def knows_the_date(vehicle: VehicleUnderTest) -> str:
 
 
 @check("time.system_time.both_go_alike")
-def both_go_alike(vehicle: VehicleUnderTest) -> str:
+def same_rate(vehicle: VehicleUnderTest) -> str:
     """The date and the time since boot advance at the same rate."""
     first = vehicle.request("SYSTEM_TIME")
     if not first.time_unix_usec:

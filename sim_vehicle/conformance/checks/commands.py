@@ -15,7 +15,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 NO_SUCH_COMMAND = 31_999
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
-CALIBRATION_S = 60.0
+CALIBRATION_S = 60.0  # longest calibration
 
 
 @check("commands.ack.names_the_command")
@@ -79,7 +79,7 @@ def int_same_as_long(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.repeated.confirmation")
 def repeated_confirmation(vehicle: VehicleUnderTest) -> str:
-    """A repeated command with a higher confirmation number is acknowledged like the first."""
+    """A repeated command with a higher confirmation number is acknowledged like the first command."""
     results = []
     for confirmation in range(3):
         message = vehicle.command_long(REQUEST, VERSION, confirmation=confirmation)
@@ -91,7 +91,7 @@ def repeated_confirmation(vehicle: VehicleUnderTest) -> str:
 @check("commands.repeated.mode")
 def repeated_mode(vehicle: VehicleUnderTest) -> str:
     """A command for the present mode is accepted."""
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     equal(
         result_name(vehicle.result(flying.mode_command(vehicle, vehicle.mode))),
         "ACCEPTED",
@@ -242,6 +242,6 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
 
 
 @check("commands.target.everybody_is_not_px4", dialects=("px4",))
-def px4_ignores_others(vehicle: VehicleUnderTest) -> str:
+def px4_ignores_system_0(vehicle: VehicleUnderTest) -> str:
     """PX4 ignores most commands to system 0, so that one frame cannot arm a fleet."""
     return _unanswered(vehicle, vehicle.command_long(REQUEST, VERSION, to=(0, 0)))

@@ -170,7 +170,7 @@ def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
 
 
 @check("fence.old_one_stays", claims=CLAIMS, pins="AUTOPILOTS 2: fence atomic, old fence kept on failure")
-def old_one_stays(vehicle: VehicleUnderTest) -> str:
+def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     """After a refused upload the vehicle keeps its old fence."""
     old = polygon(vehicle)
     plans.upload_or_fail(vehicle, old, FENCE)

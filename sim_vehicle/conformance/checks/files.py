@@ -13,7 +13,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 CLAIMS = ("FTP",)
 PACKED = "@PARAM/param.pck"
 PACKED_MAGIC = (0x671B, 0x671C)
-CANDIDATES = (PACKED, "/etc/extras/component_general.json.xz", "@SYS/uarts.txt")
+CANDIDATES = (PACKED, "/etc/extras/component_general.json.xz", "@SYS/uarts.txt")  # files of known autopilots
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def _client(vehicle: VehicleUnderTest) -> Iterator[FtpClient]:
 
 
 def _some_file(client: FtpClient) -> tuple[str, bytes]:
-    """Return the path and content of a file on the vehicle; Skip without a known file."""
+    """Return the path and content of a file on the vehicle; raise Skip if no file is found."""
     for path in CANDIDATES:
         answer = client.ask(ftp.OPEN_READ, path.encode())
         if answer.ok:

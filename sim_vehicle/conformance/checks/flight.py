@@ -10,10 +10,10 @@ from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-GO_M = 40.0  # distance north; half of it east
+NORTH_M = 40.0  # distance of a reposition to the north
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
-STOPS_S = 10.0  # longest time to a stop
-TURN_S = 20.0  # longest time for a turn of 90 degrees
+MAX_STOP_S = 10.0  # longest time to a stop
+MAX_TURN_S = 20.0  # longest time for a turn of 90 degrees
 
 
 # -- take-off --------------------------------------------------------------------------------------------
@@ -69,7 +69,7 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
 def hold_keeps(vehicle: VehicleUnderTest) -> str:
     """In the hold mode the vehicle stays within 2.5 m of its place and 1 m of its height for 10 s."""
     flying.set_mode(vehicle, "hold")
-    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.5, "a standstill", STOPS_S)
+    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.5, "a standstill", MAX_STOP_S)
     place, height = flying.last_position(vehicle), flying.height_m(vehicle)
     vehicle.wait(10.0)
     holds(
@@ -119,13 +119,13 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
 
 
 @check("flight.reposition.goes_there", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 1.17")
-def reposition_goes(vehicle: VehicleUnderTest) -> str:
+def reposition_copter(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_INT moves the vehicle to a position and height."""
-    target = plans.offset(flying.last_position(vehicle), GO_M, GO_M / 2)
+    target = plans.offset(flying.last_position(vehicle), NORTH_M, NORTH_M / 2)
     equal(result_name(flying.reposition(vehicle, target, 25.0)), "ACCEPTED", "DO_REPOSITION")
     took_s = flying.wait_until_near(vehicle, target)
     vehicle.wait_until(lambda: abs(flying.height_m(vehicle) - 25.0) < 1.5, "a height of 25 m", 40)
-    return f"{took_s:.0f} s for {GO_M:g} m"
+    return f"{took_s:.0f} s for {NORTH_M:g} m"
 
 
 @check("flight.reposition.circles_there", airborne=True, kind="plane", limit_s=300)
@@ -147,7 +147,7 @@ def reposition_long(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
     expected = known_behaviour(vehicle, ardupilot="UNSUPPORTED", px4="ACCEPTED")
     lat, lon = plans.offset(flying.last_position(vehicle), 10, 0)
-    amsl_m = flying.base_amsl_m(vehicle) + flying.height_m(vehicle)
+    amsl_m = flying.home_amsl_m(vehicle) + flying.height_m(vehicle)
     seen = result_name(
         vehicle.command(
             REPOSITION, -1, flying.REPOSITION_CHANGES_MODE, 0, math.nan, lat / 1e7, lon / 1e7, amsl_m
@@ -202,7 +202,7 @@ def yaw_turns(vehicle: VehicleUnderTest) -> str:
         took_s = vehicle.wait_until(
             lambda: abs((vehicle.last["VFR_HUD"].message.heading - target + 180) % 360 - 180) < 5,
             f"a heading of {target} deg",
-            TURN_S,
+            MAX_TURN_S,
         )
     return f"{heading} to {target} deg in {took_s:.1f} s"
 
@@ -216,7 +216,7 @@ def pause(vehicle: VehicleUnderTest) -> str:
         equal(seen, expected, "DO_PAUSE_CONTINUE")
         return seen
     if seen == "ACCEPTED":
-        vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.6, "a standstill", STOPS_S)
+        vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.6, "a standstill", MAX_STOP_S)
     return seen
 
 

@@ -68,7 +68,7 @@ def takeoff_height(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.land.comes_down", airborne=True, kind="copter", limit_s=300)
 def land_comes_down(vehicle: VehicleUnderTest) -> str:
-    """NAV_LAND lands the vehicle in place; it disarms and reports ON_GROUND."""
+    """NAV_LAND lands the vehicle in place and disarms it; landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)
     vehicle.accepted(mavlink.MAV_CMD_NAV_LAND)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)

@@ -8,7 +8,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 POSITION_ONLY, VELOCITY_ONLY = 0x0DF8, 0x0DC7  # type masks of the set-point messages
-STOPS_S = 10.0  # longest time to a stop
+MAX_STOP_S = 10.0  # longest time to a stop
 
 
 @check("flight.setpoint.position", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
@@ -29,7 +29,7 @@ def setpoint_position(vehicle: VehicleUnderTest) -> str:
     return f"arrived after {flying.wait_until_near(vehicle, target):.0f} s"
 
 
-def _velocity(vehicle: VehicleUnderTest, north_m_s: float, east_m_s: float) -> None:
+def _send_velocity(vehicle: VehicleUnderTest, north_m_s: float, east_m_s: float) -> None:
     vehicle.send(
         mavlink.MAVLink_set_position_target_local_ned_message(
             0,
@@ -49,15 +49,12 @@ def _velocity(vehicle: VehicleUnderTest, north_m_s: float, east_m_s: float) -> N
 
 def _stream_velocity(vehicle: VehicleUnderTest, north_m_s: float, seconds: float) -> None:
     for _ in range(int(seconds / 0.2)):
-        _velocity(vehicle, north_m_s, 0.0)
+        _send_velocity(vehicle, north_m_s, 0.0)
         vehicle.wait(0.2)
 
 
 def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
-    """Prepare the vehicle to follow velocities.
-
-    PX4 needs a stream of velocities and then OFFBOARD. ArduPilot keeps its mode.
-    """
+    """Prepare the vehicle to follow velocities: PX4 needs a stream of velocities, then OFFBOARD."""
     if vehicle.dialect.name == "px4":
         _stream_velocity(vehicle, 0.0, 2.0)
         equal(result_name(flying.try_mode(vehicle, "offboard")), "ACCEPTED", "OFFBOARD")
@@ -65,7 +62,7 @@ def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
 
 @check("flight.setpoint.velocity", airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300)
 def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
-    """The vehicle flies a velocity of 3 m/s north, sent five times a second."""
+    """The vehicle follows velocity set-points of 3 m/s north, sent at 5 Hz."""
     _follow_setpoints(vehicle)
     _stream_velocity(vehicle, 3.0, 5.0)
     message = vehicle.last["GLOBAL_POSITION_INT"].message
@@ -78,10 +75,10 @@ def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.setpoint.times_out", airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300)
 def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
-    """The vehicle stops within 10 s after the velocities end."""
+    """The vehicle stops within 10 s after the last velocity set-point."""
     _follow_setpoints(vehicle)
     _stream_velocity(vehicle, 3.0, 4.0)
-    took_s = vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.7, "a stop", STOPS_S)
+    took_s = vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.7, "a stop", MAX_STOP_S)
     return f"after {took_s:.1f} s"
 
 

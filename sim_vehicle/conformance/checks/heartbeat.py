@@ -20,7 +20,7 @@ def _heartbeats(vehicle: VehicleUnderTest, seconds: float = LISTEN_S) -> list[Re
     return [e for e in vehicle.received[mark:] if e.kind == "HEARTBEAT" and e.component == component]
 
 
-def _enough(seen: int, least: int) -> None:
+def _require_count(seen: int, least: int) -> None:
     """Require a number of frames, because a silent vehicle must not pass."""
     holds(seen >= least, f"expected at least {least} frames, saw {seen}")
 
@@ -96,7 +96,7 @@ def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.mode_is_known", pins="AUTOPILOTS 1.5")
 def mode_is_known(vehicle: VehicleUnderTest) -> str:
-    """custom_mode is a number of this autopilot."""
+    """custom_mode is a mode number of this autopilot."""
     number = vehicle.mode
     if not vehicle.dialect.modes:
         raise Skip("the modes of this autopilot are not known")
@@ -138,7 +138,7 @@ def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
 def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers MAVLink 2 with MAVLink 2."""
     mark = vehicle.wait(3.0)
-    _enough(len(vehicle.received) - mark, 2)
+    _require_count(len(vehicle.received) - mark, 2)
     old = [e.kind for e in vehicle.received[mark:] if e.raw[0] != 0xFD]
     holds(not old, f"saw MAVLink 1 frames: {', '.join(sorted(set(old)))}")
     return f"{len(vehicle.received) - mark} frames"
@@ -150,7 +150,7 @@ def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
     with vehicle.streaming({"ATTITUDE": 10.0}):
         mark = vehicle.wait(4.0)
     frames = [e for e in vehicle.received[mark:] if e.component == vehicle.identity.component]
-    _enough(len(frames), 20)
+    _require_count(len(frames), 20)
     missing = sum((b.seq - a.seq - 1) % 256 for a, b in pairwise(frames))
     holds(
         missing <= LOST_SHARE * (len(frames) + missing),
@@ -165,7 +165,7 @@ def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     with vehicle.streaming({"ATTITUDE": 5.0, "SYS_STATUS": 5.0}):
         mark = vehicle.wait(2.0)
     frames = [entry for entry in vehicle.received[mark:] if entry.raw[0] == 0xFD]
-    _enough(len(frames), 8)
+    _require_count(len(frames), 8)
     for entry in frames:
         payload = entry.payload
         if len(payload) > 1 and payload[-1] == 0:

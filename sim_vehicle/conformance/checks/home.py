@@ -11,7 +11,7 @@ from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-AWAY_M = 40.0
+AWAY_M = 40.0  # distance north, and east, of a new home
 SET_HOME = mavlink.MAV_CMD_DO_SET_HOME
 
 

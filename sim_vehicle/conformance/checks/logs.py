@@ -8,14 +8,14 @@ from sim_vehicle.conformance.guard import ALTER
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-PART = 900  # bytes
+PART_BYTES = 900
 BYTES_IN_FLIGHT = 100_000  # more bytes than a vehicle sends before it receives the end request
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 
 
 @check("logs.list")
 def log_list(vehicle: VehicleUnderTest) -> str:
-    """LOG_REQUEST_LIST brings one LOG_ENTRY per log; an empty list also brings one."""
+    """LOG_REQUEST_LIST brings one LOG_ENTRY per log; without logs it brings one empty LOG_ENTRY."""
     found = logclient.entries(vehicle)
     logclient.end_transfer(vehicle)
     return f"{len(found)} logs"
@@ -50,7 +50,7 @@ def begins(vehicle: VehicleUnderTest) -> str:
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """A part of a log has the same bytes in one read as in two reads."""
     entry = logclient.newest(vehicle)
-    size = min(PART, entry.size)
+    size = min(PART_BYTES, entry.size)
     whole = logclient.data(vehicle, entry.id, 0, size)
     halves = logclient.data(vehicle, entry.id, 0, 90) + logclient.data(vehicle, entry.id, 90, size - 90)
     logclient.end_transfer(vehicle)

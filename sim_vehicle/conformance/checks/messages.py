@@ -8,14 +8,14 @@ from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, 
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-NOT_A_MESSAGE = 16_777_000
+NOT_A_MESSAGE = 16_777_000  # an unused message id
 REQUESTED = (
     "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT",
     "MISSION_CURRENT", "VFR_HUD", "BATTERY_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION",
 )  # fmt: skip
 
 
-def _can_be_requested(kind: str) -> Callable[[VehicleUnderTest], str]:
+def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
     def run(vehicle: VehicleUnderTest) -> str:
         try:
             vehicle.request(kind)
@@ -31,7 +31,7 @@ def _can_be_requested(kind: str) -> Callable[[VehicleUnderTest], str]:
 
 
 for _kind in REQUESTED:
-    check(f"messages.request.{_kind.lower()}")(_can_be_requested(_kind))
+    check(f"messages.request.{_kind.lower()}")(_request_check(_kind))
 
 
 @check("messages.request.sends_one")
@@ -89,16 +89,16 @@ def stops(vehicle: VehicleUnderTest) -> str:
 @check("messages.interval.default")
 def default(vehicle: VehicleUnderTest) -> str:
     """An interval of 0 restores the default rate."""
-    if vehicle.dialect.streams_by_itself is None:
+    if vehicle.dialect.streams_unrequested is None:
         raise Skip("the default rates of this autopilot are not known")
     default_hz = len(vehicle.since(vehicle.wait(3.0), "ATTITUDE")) / 3.0
     other_hz = 10.0 if default_hz < 5.0 else 2.0
     seen_hz = _rate_hz(vehicle, "ATTITUDE", other_hz, 3.0)
-    near(seen_hz, other_hz, max(0.3 * other_hz, 0.7), "messages a second in between")
+    near(seen_hz, other_hz, max(0.3 * other_hz, 0.7), "messages a second at the requested rate")
     vehicle.wait(0.5)
     after_hz = len(vehicle.since(vehicle.wait(3.0), "ATTITUDE")) / 3.0
     near(after_hz, default_hz, max(0.3 * default_hz, 0.7), "messages a second afterwards")
-    if vehicle.dialect.streams_by_itself:
+    if vehicle.dialect.streams_unrequested:
         holds(after_hz > 0, "expected the default stream, saw none")
     return f"{default_hz:.1f} Hz, {seen_hz:.1f} Hz, {after_hz:.1f} Hz"
 
@@ -118,7 +118,7 @@ def interval_reported(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.interval.told_when_stopped")
 def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
-    """GET_MESSAGE_INTERVAL of a stopped message reports -1, or 0 if it is unavailable."""
+    """GET_MESSAGE_INTERVAL of a stopped message reports -1 or 0."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
         vehicle.set_interval("VFR_HUD", -1)
         mark = vehicle.mark()
@@ -141,7 +141,7 @@ def unknown_interval(vehicle: VehicleUnderTest) -> str:
 
 
 @check("messages.interval.others_keep_theirs")
-def others_keep_theirs(vehicle: VehicleUnderTest) -> str:
+def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
     """The interval of one message does not change the interval of another message."""
     with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
         vehicle.wait(1.0)
@@ -168,17 +168,17 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
 # -- data streams ----------------------------------------------------------------------------------------
 
 
-def _ask_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int, start: int) -> None:
+def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int, start: int) -> None:
     vehicle.send(mavlink.MAVLink_request_data_stream_message(*vehicle.target, stream, rate_hz, start))
 
 
 @check("messages.streams.position", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
 def stream_position(vehicle: VehicleUnderTest) -> str:
     """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the requested rate."""
-    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
     vehicle.wait(1.0)
     mark = vehicle.wait(4.0)
-    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 0, 0)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 0, 0)
     seen_hz = len(vehicle.since(mark, "GLOBAL_POSITION_INT")) / 4.0
     near(seen_hz, 4.0, 1.0, "GLOBAL_POSITION_INT a second")
     return f"{seen_hz:.1f} Hz"
@@ -187,9 +187,9 @@ def stream_position(vehicle: VehicleUnderTest) -> str:
 @check("messages.streams.all", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: id 0, 4 Hz")
 def stream_all(vehicle: VehicleUnderTest) -> str:
     """Stream id 0 at 4 Hz brings all usual messages."""
-    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
     mark = vehicle.wait(3.0)
-    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0, 0)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0, 0)
     seen = {entry.kind for entry in vehicle.received[mark:]}
     missing = {"GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT"} - seen
     holds(not missing, f"missing: {', '.join(sorted(missing))}")
@@ -199,9 +199,9 @@ def stream_all(vehicle: VehicleUnderTest) -> str:
 @check("messages.streams.stop", dialects=("ardupilot",))
 def stream_stop(vehicle: VehicleUnderTest) -> str:
     """start_stop 0 ends a stream."""
-    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5, 1)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5, 1)
     vehicle.expect("ATTITUDE")
-    _ask_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
     vehicle.wait(0.5)
     vehicle.expect_none("ATTITUDE", during_s=2.0)
     return "none in 2 s"
@@ -212,7 +212,7 @@ def stream_stop(vehicle: VehicleUnderTest) -> str:
     dialects=("px4",),
     pins="AUTOPILOTS 2: streams flow without a request",
 )
-def flow_by_themselves(vehicle: VehicleUnderTest) -> str:
+def default_streams(vehicle: VehicleUnderTest) -> str:
     """PX4 streams attitude and position without a request."""
     mark = vehicle.wait(4.0)
     seen = {entry.kind for entry in vehicle.received[mark:]}

@@ -1,4 +1,4 @@
-"""Mission upload, download, clearing, and the current item."""
+"""Mission upload, download and clearing."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -9,7 +9,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION, STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-MANY = 100
+N_MANY_ITEMS = 100
 
 
 # -- upload ----------------------------------------------------------------------------------------------
@@ -23,7 +23,7 @@ def is_accepted(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.upload.asks_in_order")
-def asks_in_order(vehicle: VehicleUnderTest) -> str:
+def requests_in_order(vehicle: VehicleUnderTest) -> str:
     """The vehicle requests the items in order, from 0."""
     items = plans.sample_plan(vehicle)
     seen = [seq for _, seq in plans.upload_or_fail(vehicle, items).requests]
@@ -74,7 +74,7 @@ def one_item(vehicle: VehicleUnderTest) -> str:
 @check("mission.upload.many_items", limit_s=180)
 def many_items(vehicle: VehicleUnderTest) -> str:
     """A mission of 100 items is uploaded and read back unchanged."""
-    items = plans.sample_plan(vehicle, MANY, 30.0)
+    items = plans.sample_plan(vehicle, N_MANY_ITEMS, 30.0)
     done = plans.upload_or_fail(vehicle, items)
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return f"{len(items)} up in {done.took_s:.2f} s"
@@ -82,7 +82,7 @@ def many_items(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.upload.replaces")
 def replaces(vehicle: VehicleUnderTest) -> str:
-    """A shorter mission replaces a longer one."""
+    """A shorter mission replaces a longer mission."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle, 8))
     items = plans.sample_plan(vehicle, 3)
     plans.upload_or_fail(vehicle, items)
@@ -91,7 +91,7 @@ def replaces(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.upload.none_at_all")
-def none_at_all(vehicle: VehicleUnderTest) -> str:
+def zero_items(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 0 is accepted and empties the mission."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     done = plans.upload_or_fail(vehicle, [])
@@ -169,7 +169,7 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.download.item_asked_twice")
-def item_asked_twice(vehicle: VehicleUnderTest) -> str:
+def item_requested_again(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends an item at each request."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     plans.open_list(vehicle)
@@ -222,7 +222,7 @@ def behind_the_end(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.download.another_vehicles")
-def download_anothers(vehicle: VehicleUnderTest) -> str:
+def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a mission request to another system."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     plans.count(vehicle)  # confirms that the vehicle answers
@@ -251,7 +251,7 @@ def empties(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.clear.when_empty")
 def when_empty(vehicle: VehicleUnderTest) -> str:
-    """Clearing twice is accepted twice."""
+    """The vehicle accepts the clearing of an empty mission."""
     for _ in range(2):
         equal(mission_result_name(plans.clear(vehicle)), "ACCEPTED", "MISSION_CLEAR_ALL")
     return "ACCEPTED"
@@ -286,8 +286,8 @@ def other_component(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.type.plan_of_no_kind", pins="AUTOPILOTS 2: types 2 / 3 / 255")
-def plan_of_no_kind(vehicle: VehicleUnderTest) -> str:
-    """A list of type 3 is UNSUPPORTED on ArduPilot and empty on PX4."""
+def plan_of_type_3(vehicle: VehicleUnderTest) -> str:
+    """A list request of type 3 is UNSUPPORTED on ArduPilot, and has count 0 on PX4."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     mark = vehicle.mark()
     vehicle.send(plans.request_list(vehicle, 3))

@@ -1,4 +1,4 @@
-"""Missions that are refused, interrupted, repeated or disturbed."""
+"""Refused missions, and the error codes of the refusals."""
 
 import math
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def _refused(
         equal(seen, expected, about)
         return seen
 
-    run.__doc__ = f"A waypoint with {about}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}."
+    run.__doc__ = f"A mission with {about}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}."
     return run
 
 

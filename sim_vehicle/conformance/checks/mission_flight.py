@@ -12,13 +12,13 @@ from sim_vehicle.conformance.plans import FENCE, PlanItem
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-FLY_S = 300.0
-PASS_M = 4.0
+FLY_S = 300.0  # time limit of a check
+PASS_M = 4.0  # distance at which a waypoint counts as passed
 
 
 @check("mission-flight.flies_it_all", needs=[ARM], kind="copter", limit_s=FLY_S, pins="AUTOPILOTS 1.7")
 def flies_it_all(vehicle: VehicleUnderTest) -> str:
-    """A mission takes off, passes each waypoint, reports its progress, lands and disarms."""
+    """By mission the vehicle takes off, passes each waypoint, reports progress, lands and disarms."""
     items = missions.items(vehicle)
     plans.upload_or_fail(vehicle, items)
     place = plans.current_position(vehicle)
@@ -55,7 +55,7 @@ def counts_on(vehicle: VehicleUnderTest) -> str:
     missions.resume(vehicle, first)
     vehicle.wait_until(lambda: missions.current(vehicle) == first, f"item {first} to be current", 5.0)
     mark, last = vehicle.mark(), first + len(missions.CORNERS) - 1
-    missions.until_current(vehicle, last, 200)
+    missions.wait_until_current(vehicle, last, 200)
     seen = [m.seq for m in vehicle.since(mark, "MISSION_CURRENT")]
     equal(seen, sorted(seen), "order of MISSION_CURRENT")
     return f"{seen[0]} to {seen[-1]}"
@@ -137,14 +137,14 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
 )
 def auto_alone_stays(vehicle: VehicleUnderTest) -> str:
-    """An armed vehicle in AUTO stays on the ground and disarms after its delay."""
+    """An armed vehicle in AUTO stays on the ground and disarms within 20 s."""
     plans.upload_or_fail(vehicle, missions.items(vehicle))
     flying.start_streams(vehicle)
     flying.arm(vehicle)
     flying.set_mode(vehicle, "mission")
     vehicle.wait(5.0)
     holds(flying.height_m(vehicle) < 1.0, f"the vehicle took off: {flying.height_m(vehicle):.1f} m")
-    took_s = vehicle.wait_until(lambda: not vehicle.armed, "disarmed by itself", 20)
+    took_s = vehicle.wait_until(lambda: not vehicle.armed, "an automatic disarming", 20)
     return f"disarmed after {took_s + 5:.0f} s"
 
 
@@ -223,7 +223,7 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
     return f"RTL at {out_m:.0f} m"
 
 
-def _passes(vehicle: VehicleUnderTest, target: tuple[int, int], near_m: float) -> bool:
+def _is_near(vehicle: VehicleUnderTest, target: tuple[int, int], near_m: float) -> bool:
     return flying.distance_to_m(vehicle, target) < near_m
 
 
@@ -243,6 +243,6 @@ def plane_flies_it(vehicle: VehicleUnderTest) -> str:
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, begin))
     flying.set_mode(vehicle, "mission")
     for target in targets:
-        vehicle.wait_until(partial(_passes, vehicle, target, 120.0), "a waypoint within 120 m", 150)
+        vehicle.wait_until(partial(_is_near, vehicle, target, 120.0), "a waypoint within 120 m", 150)
     holds(vehicle.armed and flying.height_m(vehicle) > 20, "the vehicle descended or disarmed")
     return f"{len(targets)} waypoints"

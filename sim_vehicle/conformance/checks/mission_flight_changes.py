@@ -9,8 +9,8 @@ from sim_vehicle.conformance.assertions import equal, holds, mission_result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-FLY_S = 300.0
-PASS_M = 4.0
+FLY_S = 300.0  # time limit of a check
+PASS_M = 4.0  # distance at which a waypoint counts as passed
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 
 
@@ -51,7 +51,7 @@ def jump_by_command(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4",
 )
 def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
-    """DO_PAUSE_CONTINUE pauses and continues on ArduPilot; on PX4 the hold and mission modes do."""
+    """DO_PAUSE_CONTINUE (ArduPilot) or the hold and mission modes (PX4) pause and continue a mission."""
     by_command = known_behaviour(vehicle, ardupilot=True, px4=False)
     seq = missions.under_way(vehicle)
     if by_command:
@@ -84,7 +84,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: CLEAR_ALL while flying the mission",
 )
 def clear_in_flight(vehicle: VehicleUnderTest) -> str:
-    """Clearing the mission in flight is an ERROR on ArduPilot in AUTO; PX4 accepts it, then loiters."""
+    """Clearing the mission in flight is an ERROR on ArduPilot in AUTO; PX4 accepts and then loiters."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     missions.under_way(vehicle)
     seen = mission_result_name(plans.clear(vehicle))

@@ -12,7 +12,7 @@ from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NO_SUCH_ITEM = 31_900
-OLD, NEW = 7, 5  # items besides home, of the earlier mission and of the interrupted one
+N_OLD, N_NEW = 7, 5  # items without home: in the earlier mission, in the interrupted upload
 
 
 @check(
@@ -20,7 +20,7 @@ OLD, NEW = 7, 5  # items besides home, of the earlier mission and of the interru
     pins="AUTOPILOTS 2: abandoned upload, re-request every 1 s / 0.25 s",
     limit_s=60,
 )
-def asks_again(vehicle: VehicleUnderTest) -> str:
+def requests_again(vehicle: VehicleUnderTest) -> str:
     """A missing item is requested again: every 1 s by ArduPilot, every 0.25 s by PX4."""
     period_s = known_behaviour(vehicle, ardupilot=1.0, px4=0.25)
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
@@ -62,7 +62,7 @@ def late_item(vehicle: VehicleUnderTest) -> str:
     limit_s=60,
 )
 def gives_up(vehicle: VehicleUnderTest) -> str:
-    """An abandoned upload ends after 8 s with an acknowledgement (ArduPilot) or 5 s with a text (PX4)."""
+    """An abandoned upload ends with an acknowledgement after 8 s (ArduPilot) or a text after 5 s (PX4)."""
     after_s, acked = known_behaviour(vehicle, ardupilot=(8.0, True), px4=(5.0, False))
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     began_s = vehicle.now
@@ -81,8 +81,8 @@ def abandoned_upload(vehicle: VehicleUnderTest) -> str:
     """An abandoned upload leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
     place = plans.current_position(vehicle)
-    old = plans.sample_plan(vehicle, OLD)
-    new = plans.plan(vehicle, *[plans.waypoint(place, -40.0 * i, 10.0) for i in range(1, NEW + 1)])
+    old = plans.sample_plan(vehicle, N_OLD)
+    new = plans.plan(vehicle, *[plans.waypoint(place, -40.0 * i, 10.0) for i in range(1, N_NEW + 1)])
     plans.upload_or_fail(vehicle, old)
     plans.begin_upload(vehicle, new, 3)
     vehicle.wait(11.0 if not atomic else 7.0)
@@ -96,7 +96,7 @@ def refused_item(vehicle: VehicleUnderTest) -> str:
     """A refused last item leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
     place = plans.current_position(vehicle)
-    old = plans.sample_plan(vehicle, OLD)
+    old = plans.sample_plan(vehicle, N_OLD)
     plans.upload_or_fail(vehicle, old)
     bad = replace(plans.waypoint(place, 10, 10), command=NO_SUCH_ITEM)
     new = plans.plan(vehicle, plans.waypoint(place, -40, 0), plans.waypoint(place, -80, 0), bad)
@@ -119,7 +119,7 @@ def good_after_bad(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.trouble.cancelled", limit_s=60)
 def cancelled(vehicle: VehicleUnderTest) -> str:
-    """After a cancelled upload the next one is accepted."""
+    """After a cancelled upload the next upload is accepted."""
     plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     plans.cancel_upload(vehicle)
     items = plans.sample_plan(vehicle, 4)
@@ -235,7 +235,7 @@ def _write_partial(vehicle: VehicleUnderTest, first: int, last: int) -> int:
 
 @check("mission.partial.writes", pins="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
 def partial_writes(vehicle: VehicleUnderTest) -> str:
-    """By MISSION_WRITE_PARTIAL_LIST ArduPilot replaces items 2 and 3; PX4 does not answer."""
+    """MISSION_WRITE_PARTIAL_LIST replaces items 2 and 3 on ArduPilot; PX4 does not answer."""
     works = known_behaviour(vehicle, ardupilot=True, px4=False)
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
@@ -250,7 +250,7 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
         return "no answer"
     for seq in (2, 3):
         items[seq] = plans.waypoint(plans.current_position(vehicle), -50.0 * seq, 0)
-        equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "asked for")
+        equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "requested item")
         mark = vehicle.mark()
         vehicle.send(items[seq].message(vehicle, seq))
     ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
@@ -261,12 +261,12 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.partial.appends", dialects=("ardupilot",), pins="AUTOPILOTS 2: may append at start=count")
 def partial_appends(vehicle: VehicleUnderTest) -> str:
-    """A partial write that begins at the end appends."""
+    """A partial write that begins after the last item appends items."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     seq = len(items)
     mark = _write_partial(vehicle, seq, seq)
-    equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "asked for")
+    equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "requested item")
     items.append(plans.waypoint(plans.current_position(vehicle), -90, 0))
     mark = vehicle.mark()
     vehicle.send(items[seq].message(vehicle, seq))

@@ -27,19 +27,19 @@ AVAILABLE = struct.Struct("<IIBBB35s")  # AVAILABLE_MODES on the wire
 CURRENT = struct.Struct("<IIB")  # CURRENT_MODE on the wire
 
 
-def _can_be_set(role: str) -> Callable[[VehicleUnderTest], str]:
+def _set_mode_check(role: str) -> Callable[[VehicleUnderTest], str]:
     def run(vehicle: VehicleUnderTest) -> str:
         flying.mode_number(vehicle, role)
         flying.wait_ready(vehicle)
         flying.set_mode(vehicle, role)
         return flying.mode_name(vehicle, vehicle.mode)
 
-    run.__doc__ = f"DO_SET_MODE for {role} is accepted on the ground, and the heartbeat follows."
+    run.__doc__ = f"DO_SET_MODE for {role} is accepted on the ground, and the heartbeat shows the mode."
     return run
 
 
 for _role in ROLES:
-    check(f"modes.set.{_role}", pins="AUTOPILOTS 1.5", limit_s=200)(_can_be_set(_role))
+    check(f"modes.set.{_role}", pins="AUTOPILOTS 1.5", limit_s=200)(_set_mode_check(_role))
 
 
 @check("modes.set.mission_when_empty", dialects=("ardupilot",), pins="AUTOPILOTS 1.9: an empty mission")
@@ -54,7 +54,7 @@ def mission_when_empty(vehicle: VehicleUnderTest) -> str:
 @check("modes.acks_are_true", limit_s=120)
 def acks_are_true(vehicle: VehicleUnderTest) -> str:
     """An accepted mode appears in the heartbeat; a refused mode does not appear."""
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     outcomes = []
     for role, number in vehicle.dialect.modes.items():
         before = vehicle.mode
@@ -69,7 +69,7 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
                 f"{role} was refused, the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
             )
         outcomes.append(accepted)
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     if not outcomes:
         raise Skip("the modes of this autopilot are unknown")
     return f"{sum(outcomes)} accepted, {len(outcomes) - sum(outcomes)} refused"
@@ -100,7 +100,7 @@ def without_custom_flag(vehicle: VehicleUnderTest) -> str:
 @check("modes.by_command_int")
 def by_command_int(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MODE works as COMMAND_INT."""
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     command = flying.mode_command(vehicle, flying.mode_number(vehicle, "manual"))
     as_int = vehicle.command_int(command.command, command.param1, command.param2, command.param3)
     equal(result_name(vehicle.result(as_int)), "ACCEPTED", "COMMAND_INT")
@@ -112,7 +112,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
 def set_mode_message(vehicle: VehicleUnderTest) -> str:
     """SET_MODE changes the mode; only PX4 acknowledges the message."""
     acked = known_behaviour(vehicle, ardupilot=False, px4=True)
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     number, mark = flying.mode_number(vehicle, "manual"), vehicle.mark()
     flag = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     vehicle.send(mavlink.MAVLink_set_mode_message(vehicle.identity.sysid, flag, number))
@@ -124,7 +124,7 @@ def set_mode_message(vehicle: VehicleUnderTest) -> str:
 @check("modes.heartbeat_follows", pins="AUTOPILOTS 1.5: the heartbeat lags the ack by up to 1 s")
 def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     """The heartbeat shows a new mode within 1.5 s of the acknowledgement."""
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     equal(result_name(flying.try_mode(vehicle, "manual")), "ACCEPTED", "manual")
     took_s = vehicle.wait_until(flying.in_mode(vehicle, "manual"), "the mode in the heartbeat", 1.5)
     return f"{took_s:.2f} s"
@@ -132,8 +132,8 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.survives_silence", limit_s=40)
 def survives_silence(vehicle: VehicleUnderTest) -> str:
-    """On the ground the mode stays while the station is silent."""
-    flying.ready_mode(vehicle)
+    """On the ground the mode does not change while the station is silent."""
+    flying.set_ready_mode(vehicle)
     before = vehicle.mode
     vehicle.quiet = True
     vehicle.wait(8.0)

@@ -12,7 +12,7 @@ from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NO_SUCH = "NO_SUCH_PARAM"
-SILENT_S = 1.5
+SILENT_S = 1.5  # time without an answer that proves silence
 
 
 def _whole(vehicle: VehicleUnderTest) -> tuple[str, int]:
@@ -26,7 +26,7 @@ def _real(vehicle: VehicleUnderTest) -> tuple[str, float]:
 
 @check("parameters.list.is_complete", limit_s=150)
 def list_is_complete(vehicle: VehicleUnderTest) -> str:
-    """The answers to PARAM_REQUEST_LIST have every index."""
+    """The vehicle answers PARAM_REQUEST_LIST with every index and without a repeated name."""
     found = parameters.fetch_all(vehicle)
     counts = {value.count for value in found.values()}
     equal(counts, {len(found)}, "param_count")
@@ -34,7 +34,7 @@ def list_is_complete(vehicle: VehicleUnderTest) -> str:
 
 
 @check("parameters.list.another_vehicles")
-def list_anothers(vehicle: VehicleUnderTest) -> str:
+def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a list request to another system."""
     parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
     vehicle.send(
@@ -46,7 +46,7 @@ def list_anothers(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.list.names_are_valid")
 def names_are_valid(vehicle: VehicleUnderTest) -> str:
-    """Names are unique, 1 to 16 printable characters without blanks."""
+    """Every name has 1 to 16 printable characters without blanks."""
     bad = [
         n
         for n in parameters.listed(vehicle)
@@ -58,7 +58,7 @@ def names_are_valid(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.list.types_are_valid")
 def types_are_valid(vehicle: VehicleUnderTest) -> str:
-    """Every type is a MAV_PARAM_TYPE that fits into the message."""
+    """Every type is a MAV_PARAM_TYPE of at most 32 bits; on PX4, INT32 or REAL32."""
     types = {found.type for found in parameters.listed(vehicle).values()}
     allowed = {*parameters.WHOLE_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
     if vehicle.dialect.name == "px4":
@@ -154,7 +154,7 @@ def read_by_second_station(vehicle: VehicleUnderTest) -> str:
 
 
 @check("parameters.read.another_vehicles")
-def read_anothers(vehicle: VehicleUnderTest) -> str:
+def ignores_read_for_other_system(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a read request to another system."""
     name = next(iter(parameters.listed(vehicle)))
     vehicle.send(parameters.read_message(vehicle, name, sysid=vehicle.unused_sysid()))
@@ -178,7 +178,7 @@ def set_kept(vehicle: VehicleUnderTest) -> str:
     before = parameters.read(vehicle, name).value
     with parameters.changed(vehicle, name, value):
         equal(parameters.read(vehicle, name).value, value, name)
-    equal(parameters.read(vehicle, name).value, before, f"{name} set back")
+    equal(parameters.read(vehicle, name).value, before, f"{name} restored")
     return f"{name} {before:g} -> {value} -> {before:g}"
 
 
@@ -249,14 +249,14 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.wrong_type")
 def set_wrong_type(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with another type is accepted by ArduPilot and refused by PX4."""
-    takes = known_behaviour(vehicle, ardupilot=True, px4=False)
+    accepts = known_behaviour(vehicle, ardupilot=True, px4=False)
     name, value = _whole(vehicle)
     with parameters.restored(vehicle, name) as before:
         vehicle.send(parameters.set_message(vehicle, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
         vehicle.wait(0.5)
         after = parameters.read(vehicle, name)
-    equal(after.value, float(value) if takes else before.value, name)
-    return "taken" if takes else "refused"
+    equal(after.value, float(value) if accepts else before.value, name)
+    return "accepted" if accepts else "refused"
 
 
 @check(
@@ -283,7 +283,7 @@ def hash_check(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.many_in_a_row")
 def many_in_a_row(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers 30 simultaneous reads, lost reads after a repetition."""
+    """The vehicle answers 30 simultaneous reads; unanswered reads are repeated."""
     names = list(parameters.listed(vehicle))[:30]
     open_names, mark = set(names), vehicle.mark()
     for _ in range(4):

@@ -51,7 +51,7 @@ def read_back(vehicle: VehicleUnderTest) -> str:
 
 @check("rally.replaces", claims=CLAIMS)
 def replaces(vehicle: VehicleUnderTest) -> str:
-    """A shorter list replaces a longer one."""
+    """A shorter list replaces a longer list."""
     plans.upload_or_fail(vehicle, _points(vehicle, 4), RALLY)
     plans.upload_or_fail(vehicle, _points(vehicle, 2), RALLY)
     equal(plans.count(vehicle, RALLY), 2, "count")

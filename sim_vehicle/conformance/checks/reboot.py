@@ -9,9 +9,9 @@ from sim_vehicle.conformance.guard import ARM, REBOOT
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-BACK_S = 60.0  # longest time from the reboot to an answer
-YOUNG_MS = 45_000  # a lower time_boot_ms counts as a reboot
-SETTLE_S = 3.0  # wait after a boot: the vehicle undoes a mode change made earlier
+MAX_REBOOT_S = 60.0  # longest time from the reboot to an answer
+RECENT_BOOT_MS = 45_000  # a lower time_boot_ms proves a reboot
+SETTLE_S = 3.0  # wait after a boot, because the vehicle undoes an earlier mode change
 PREFLIGHT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 
 
@@ -25,7 +25,7 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
     equal(result_name(vehicle.command(PREFLIGHT, 1)), "ACCEPTED", "PREFLIGHT_REBOOT_SHUTDOWN")
     gone_s = vehicle.now
     vehicle.wait(1.0)
-    end_s = vehicle.now + BACK_S
+    end_s = vehicle.now + MAX_REBOOT_S
     while vehicle.now < end_s:
         if vehicle.wait_for("HEARTBEAT", within_s=3.0) is None:
             continue
@@ -35,17 +35,17 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
                 vehicle.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_SYSTEM_TIME)
             )
             answer = vehicle.wait_for("SYSTEM_TIME", within_s=1.0, mark=mark)
-            if answer is not None and answer.time_boot_ms < max(before_ms, YOUNG_MS):
+            if answer is not None and answer.time_boot_ms < max(before_ms, RECENT_BOOT_MS):
                 took_s = vehicle.now - gone_s
                 vehicle.wait(SETTLE_S)
                 return took_s
-    holds(False, f"expected an answer within {BACK_S:g} s after the reboot")
-    return BACK_S
+    holds(False, f"expected an answer within {MAX_REBOOT_S:g} s after the reboot")
+    return MAX_REBOOT_S
 
 
 @check("reboot.comes_back", needs=[REBOOT], limit_s=120, pins="AUTOPILOTS 1.18: Reboot (246)")
 def comes_back(vehicle: VehicleUnderTest) -> str:
-    """A reboot is acknowledged, and heartbeats return within 60 s."""
+    """A reboot is acknowledged, and the vehicle answers again within 60 s."""
     return f"after {_reboot(vehicle):.1f} s"
 
 
@@ -139,7 +139,7 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     if vehicle.dialect.arm_refused is None:
         raise Skip("the refusals of this autopilot are unknown")
     _reboot(vehicle)
-    flying.ready_mode(vehicle)
+    flying.set_ready_mode(vehicle)
     if flying.is_ready(vehicle):
         raise Skip("the vehicle is ready at once")
     began_s = vehicle.now
@@ -154,7 +154,7 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
 
 
 @check("reboot.nothing_asked", needs=[REBOOT], limit_s=60)
-def nothing_asked(vehicle: VehicleUnderTest) -> str:
+def zero_parameters_do_nothing(vehicle: VehicleUnderTest) -> str:
     """PREFLIGHT_REBOOT_SHUTDOWN with all parameters 0 does not reboot."""
     before_ms = _boot_ms(vehicle)
     result = vehicle.command(PREFLIGHT, 0)

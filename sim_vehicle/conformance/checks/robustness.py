@@ -17,7 +17,7 @@ REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 UNKNOWN_ID = 60_000
 N_REQUESTS = 200
-SERVED_S = 10.0  # longest time to the first answer after a flood
+ANSWER_S = 10.0  # longest time to the first answer after a flood
 
 
 def _require_answer(vehicle: VehicleUnderTest) -> None:
@@ -28,7 +28,7 @@ def _request(vehicle: VehicleUnderTest) -> bytes:
     return vehicle.pack(vehicle.command_long(REQUEST, VERSION))
 
 
-def _seeded(length: int, seed: int) -> bytes:
+def _random_bytes(length: int, seed: int) -> bytes:
     return np.random.default_rng(seed).bytes(length)
 
 
@@ -44,7 +44,7 @@ def _survives(data: Callable[[VehicleUnderTest], bytes]) -> Callable[[VehicleUnd
 
 
 _GARBAGE: tuple[tuple[str, str, Callable[[VehicleUnderTest], bytes]], ...] = (
-    ("random_bytes", "Random bytes are ignored.", lambda _: _seeded(1000, 1)),
+    ("random_bytes", "Random bytes are ignored.", lambda _: _random_bytes(1000, 1)),
     ("zeros", "Zero bytes are ignored.", lambda _: bytes(400)),
     ("start_bytes", "A row of start bytes is ignored.", lambda _: b"\xfd" * 500),
     ("text", "Text on the link is ignored.", lambda _: b"\r\n\r\nnsh> help\r\n" * 20),
@@ -88,7 +88,7 @@ def around_a_frame(vehicle: VehicleUnderTest) -> str:
 def much(vehicle: VehicleUnderTest) -> str:
     """Twenty kilobytes of random bytes do not stop the vehicle."""
     for seed in range(20):
-        vehicle.send_raw(_seeded(1000, 100 + seed))
+        vehicle.send_raw(_random_bytes(1000, 100 + seed))
         vehicle.wait(0.05)
     mark = vehicle.wait(3.0)
     holds(len(vehicle.since(mark, "HEARTBEAT")) >= 2, "heartbeats stopped")
@@ -207,15 +207,15 @@ def names_without_end(vehicle: VehicleUnderTest) -> str:
 # -- floods ----------------------------------------------------------------------------------------------
 
 
-def _still_served(vehicle: VehicleUnderTest, mark: int) -> str:
+def _answer_after_flood(vehicle: VehicleUnderTest, mark: int) -> str:
     began_s = vehicle.now
-    while vehicle.now - began_s < SERVED_S:
+    while vehicle.now - began_s < ANSWER_S:
         place = vehicle.mark()
         vehicle.send(vehicle.command_long(REQUEST, VERSION))
         if vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=place) is not None:
             break
     else:
-        holds(False, f"no answer within {SERVED_S:g} s")
+        holds(False, f"no answer within {ANSWER_S:g} s")
     beats = [entry.at_s for entry in vehicle.received[mark:] if entry.kind == "HEARTBEAT"]
     gap_s = max((b - a for a, b in pairwise(beats)), default=0.0)
     holds(gap_s < 3.0, f"no heartbeat for {gap_s:.1f} s")
@@ -228,7 +228,7 @@ def flood_of_requests(vehicle: VehicleUnderTest) -> str:
     name, mark = next(iter(parameters.listed(vehicle))), vehicle.mark()
     for _ in range(N_REQUESTS):
         vehicle.send(parameters.read_message(vehicle, name))
-    return _still_served(vehicle, mark)
+    return _answer_after_flood(vehicle, mark)
 
 
 @check("robustness.flood.lists", limit_s=120)
@@ -237,7 +237,7 @@ def flood_of_lists(vehicle: VehicleUnderTest) -> str:
     mark = vehicle.mark()
     for _ in range(10):
         vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
-    return _still_served(vehicle, mark)
+    return _answer_after_flood(vehicle, mark)
 
 
 @check("robustness.flood.commands", limit_s=60)
@@ -246,7 +246,7 @@ def flood_of_commands(vehicle: VehicleUnderTest) -> str:
     mark = vehicle.mark()
     for _ in range(100):
         vehicle.send(vehicle.command_long(REQUEST, VERSION))
-    return _still_served(vehicle, mark)
+    return _answer_after_flood(vehicle, mark)
 
 
 @check("robustness.flood.stations", limit_s=60)
@@ -256,7 +256,7 @@ def flood_of_stations(vehicle: VehicleUnderTest) -> str:
     mark = vehicle.mark()
     for sysid in range(150, 200):
         vehicle.send(beat, (sysid, 190))
-    return _still_served(vehicle, mark)
+    return _answer_after_flood(vehicle, mark)
 
 
 @check("robustness.flood.mission_counts", limit_s=60)
@@ -292,8 +292,8 @@ def every_message_random(vehicle: VehicleUnderTest) -> str:
 def _every_message(vehicle: VehicleUnderTest, payload: Callable[[int], bytes]) -> str:
     """Send each message with a payload, addressed to the vehicle.
 
-    Excluded are messages that arm or end the vehicle, and messages without a target, because other vehicles
-    could receive them.
+    Messages with lasting effects are excluded. Messages without a target are also excluded, because other
+    vehicles could receive them.
     """
     excluded = {"COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET", "SET_MODE", "LOG_ERASE"}
     count = 0

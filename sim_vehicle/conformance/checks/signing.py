@@ -17,10 +17,10 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
 OTHER_KEY = hashlib.sha256(b"another key").digest()
 Y2015_US = 1_420_070_400_000_000
-STAMP = 50_000_000_000_000  # in the year 2030, for a vehicle without the date
+STAMP = 50_000_000_000_000  # time stamp in 2030 [10 us since 2015], for a vehicle without the date
 REQUEST, VERSION = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)
-TAKE_BACK_ATTEMPTS = 5
+SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)  # further stations: (system id, component id)
+KEY_REMOVAL_ATTEMPTS = 5
 
 
 def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, stamp: int) -> None:
@@ -40,7 +40,7 @@ def _signed_with(entry: ReceivedFrame, key: bytes) -> bool:
 
 @contextmanager
 def _signing_key(vehicle: VehicleUnderTest) -> Iterator[int]:
-    """Set a key on the vehicle and yield the time stamp; Skip if the vehicle does not sign afterwards."""
+    """Set a key on the vehicle and yield the time stamp; raise Skip if the vehicle does not sign."""
     unix_us = vehicle.request("SYSTEM_TIME").time_unix_usec
     stamp = (unix_us - Y2015_US) // 10 + 100 if unix_us > Y2015_US else STAMP + round(vehicle.now * 1e5)
     _sign_with(vehicle, SIGNER, KEY, stamp + 1000)
@@ -54,7 +54,7 @@ def _signing_key(vehicle: VehicleUnderTest) -> Iterator[int]:
 
 def _remove_key(vehicle: VehicleUnderTest) -> None:
     """Remove the key and wait for unsigned frames, the only confirmation."""
-    for _ in range(TAKE_BACK_ATTEMPTS):
+    for _ in range(KEY_REMOVAL_ATTEMPTS):
         for source in (SIGNER, STATION):
             vehicle.send(mavlink.MAVLink_setup_signing_message(*vehicle.target, bytes(32), 0), source)
         vehicle.wait(1.0)
@@ -114,7 +114,7 @@ def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
 
 
 def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
-    """Skip if the vehicle trusts the link, because it accepts wrong signatures on a trusted link."""
+    """Raise Skip if the vehicle trusts the link, because a trusted link allows wrong signatures."""
     if _executed(vehicle, vehicle.pack(vehicle.command_long(REQUEST, VERSION), PLAIN)):
         raise Skip("the vehicle trusts this link and accepts unsigned frames")
     # A lost request is no refusal.

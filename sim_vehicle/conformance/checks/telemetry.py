@@ -10,9 +10,9 @@ from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, 
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-STILL_M_S = 1.0
-AGREE_M = 8.0  # GPS and estimate of a vehicle at rest
-FINITE = ("ATTITUDE", "VFR_HUD", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION")
+STILL_M_S = 1.0  # a vehicle at rest is slower
+AGREE_M = 8.0  # longest distance between GPS and estimate at rest
+FINITE_KINDS = ("ATTITUDE", "VFR_HUD", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION")  # checked for NaN
 
 
 def _degrees_apart(a: float, b: float) -> float:
@@ -56,13 +56,13 @@ def time_is_milliseconds(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.numbers_are_finite")
 def numbers_are_finite(vehicle: VehicleUnderTest) -> str:
-    """No field is NaN or infinite."""
-    for kind, messages in vehicle.sample(dict.fromkeys(FINITE, 4.0), 2.0).items():
+    """No number of an attitude, VFR_HUD or local position message is NaN or infinite."""
+    for kind, messages in vehicle.sample(dict.fromkeys(FINITE_KINDS, 4.0), 2.0).items():
         for message in messages:
             for name, value in message.to_dict().items():
                 if isinstance(value, float) and name != "repr_offset_q" and not math.isfinite(value):
                     raise CheckFailed(f"{kind}.{name} is {value}")
-    return ", ".join(FINITE)
+    return ", ".join(FINITE_KINDS)
 
 
 # -- position and altitude -------------------------------------------------------------------------------
@@ -92,7 +92,7 @@ def position_in_range(vehicle: VehicleUnderTest) -> str:
 def relative_is_from_home(vehicle: VehicleUnderTest) -> str:
     """alt minus relative_alt is the altitude of home."""
     home, message = vehicle.request("HOME_POSITION"), flying.position(vehicle)
-    near((message.alt - message.relative_alt) / 1000, home.altitude / 1000, 1.0, "metres of home")
+    near((message.alt - message.relative_alt) / 1000, home.altitude / 1000, 1.0, "altitude of home [m]")
     return f"{home.altitude / 1000:.2f} m"
 
 
@@ -114,7 +114,7 @@ def gps_agrees(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.local.at_rest")
 def local_at_rest(vehicle: VehicleUnderTest) -> str:
-    """LOCAL_POSITION_NED of a vehicle at rest is near its origin, with no speed."""
+    """At rest LOCAL_POSITION_NED has the distance to its origin, and a speed below 1 m/s."""
     message = vehicle.sample({"LOCAL_POSITION_NED": 4.0}, 1.0)["LOCAL_POSITION_NED"][-1]
     origin = vehicle.request("GPS_GLOBAL_ORIGIN")
     away_m = plans.distance_m((origin.latitude, origin.longitude), plans.current_position(vehicle))
@@ -138,7 +138,7 @@ def speed_is_zero(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.attitude.is_in_range")
 def attitude_in_range(vehicle: VehicleUnderTest) -> str:
-    """Roll and yaw are within pi, pitch is within pi / 2."""
+    """Roll and yaw are within ±pi rad, pitch is within ±pi / 2 rad."""
     for message in vehicle.sample({"ATTITUDE": 10.0}, 2.0)["ATTITUDE"]:
         holds(abs(message.roll) <= math.pi + 1e-5, f"roll {message.roll}")
         holds(abs(message.pitch) <= math.pi / 2 + 1e-5, f"pitch {message.pitch}")

@@ -101,7 +101,7 @@ def claims_fence_and_rally(vehicle: VehicleUnderTest) -> str:
 
 @check("version.protocol_version")
 def protocol_version(vehicle: VehicleUnderTest) -> str:
-    """PROTOCOL_VERSION, where supported, is 2.0 within its range."""
+    """PROTOCOL_VERSION, where supported, has version 2.0, and its range includes 2.0."""
     version, lowest, highest = frames.requested(vehicle, frames.PROTOCOL_VERSION, PROTOCOL)
     equal(version, 200, "version")
     holds(lowest <= 200 <= highest, f"{lowest} to {highest}")
