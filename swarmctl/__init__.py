@@ -1,7 +1,7 @@
 """A ground station that flies a swarm of MAVLink vehicles across an area of unknown threats.
 
-Who imports whom: cli -> app -> runner -> {links -> mavlink, bus, sensors, agent -> planners} -> core. The
-deciding code (core, planners, mavlink, agent) is pure; links, bus, record, runner and app do the I/O.
+`docs/architecture.md` lists the rooms and their permitted imports. The deciding rooms (core, planners,
+mavlink, agent) are pure.
 """
 
 from importlib.metadata import PackageNotFoundError, version

@@ -1,4 +1,4 @@
-"""`python -m swarmctl`: the same as the console script."""
+"""`python -m swarmctl`, equal to the command `swarmctl`."""
 
 from swarmctl.cli.entry import main
 

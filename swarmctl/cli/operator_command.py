@@ -69,7 +69,7 @@ def send_and_exit(
     try:
         request = command()
         station, keyring = _find_station(swarm, config, connect)
-        credentials = joining.certified(station.endpoint, keyring)
+        credentials = joining.credentials_for(station.endpoint, keyring)
         signing = client.UNSIGNED if keyring is None else KeyringSigning(station.swarm, keyring)
         answer = asyncio.run(send(station, request, credentials, signing))
     except KeyringError as error:

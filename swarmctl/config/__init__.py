@@ -4,7 +4,6 @@
 checks beside it (`…_checks`); `checks` calls them all. `scenario` builds the flight. `roster` reads only the
 vehicles and endpoints of a swarm. `joining` turns `communication` into the configuration of a network.
 `examples` are the shipped configurations, and the starter that `swarmctl init` writes.
-Imports core, planners, mavlink, bus, links, security and agent. Rooms above agent read it; agent,
-mavlink and core never do.
+Imports core, planners, mavlink, bus, links, security and agent.
 Begin with `model` and `scenario`.
 """

@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class ArrivalSection(Section):
-    """Arrival of all vehicles at their goals at one time, or in a row. The slowest vehicle sets the time."""
+    """Arrival of all vehicles at their goals at one time, or in order. The slowest vehicle sets the time."""
 
     mode: Literal["simultaneous", "staggered"] = Field(
         description="simultaneous: all arrive at one time. staggered: they arrive in the order of their "

@@ -39,7 +39,7 @@ def check_arrival(config: Config) -> Iterator[ConfigProblem]:
 
 
 def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
-    """Yield time bounds that contradict each other, lack a speed, or that the planner ignores."""
+    """Yield time bounds that contradict each other, need a speed, or are ignored by the planner."""
     bounded: list[tuple[KeyPath, Simulate | Vehicle]] = [
         (("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)
     ]
@@ -70,7 +70,7 @@ def _check_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool
 
 
 def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
-    """Yield the problem of a bound that no route meets; `nearest` is the route that misses it least."""
+    """Yield the problem of a bound that no route meets; `nearest` is the route nearest to the bound."""
     arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
     takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
     climb_s, lead_s = task.altitude_m / CLIMB_M_S, underway.lead_m / arrival.speed_m_s

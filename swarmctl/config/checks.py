@@ -35,7 +35,7 @@ MIN_LANDING_DISTANCE_M = 3.0
 
 
 def check_config(config: Config) -> Iterator[ConfigProblem]:
-    """Yield problems across sections; problems of the flights only if there are no others."""
+    """Yield problems across sections. Flights are checked only if the sections have no problem."""
     grid = grid_of(config)
     if grid.n_cells > MAX_CELLS:
         text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; use larger cells"
@@ -104,7 +104,7 @@ def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:
         return True
 
     index = bisect_left(levels, True, key=lambda level: is_open(float(level)))
-    # Rounded up, so that the printed value gives a route.
+    # The value is rounded up, so that the printed value gives a route.
     return None if index == levels.size else math.ceil(float(levels[index]) * 1e4) / 1e4
 
 
@@ -171,10 +171,7 @@ def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Co
 
 
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:
-    """Yield given keys without effect.
-
-    psi_per_cell always has an effect: `plan` shows the paper's routes beside the planner's own.
-    """
+    """Yield given keys without effect. psi_per_cell always has an effect on the paper's routes in `plan`."""
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
@@ -198,7 +195,7 @@ def _check_threats(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
 
 
 def _most_hostiles(config: Config) -> tuple[KeyPath, float]:
-    """Return the key of the greatest announced number, and the number; the mean if there is no greatest."""
+    """Return the key of the greatest announced number, and the number; for `poisson` the mean."""
     match config.threats.count:
         case Poisson(mean=mean):
             return ("mean",), mean
@@ -240,7 +237,7 @@ def _check_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
             text = f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly; give another goal"
             yield ConfigProblem(("simulate", key), text)
     if entry_of(config, grid, grid.frame.to_geodetic(-1.0, -1.0)) is None:
-        text = "every border cell is in area.no_fly, so no vehicle can enter the area; free one of them"
+        text = "every border cell is in area.no_fly, so no vehicle can enter the area; free a border cell"
         yield ConfigProblem(("area", "no_fly"), text)
     if simulate.start_distance_m > config.flight.max_start_distance_m:
         text = (
@@ -283,7 +280,7 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
         return
     entry = entry_of(config, grid, start)
     if entry is None:
-        text = "every border cell is in area.no_fly, so the vehicle cannot enter the area; free one of them"
+        text = "every border cell is in area.no_fly, so the vehicle cannot enter the area; free a border cell"
         yield ConfigProblem((*here, "start"), text)
         return
     away_m = distance_m(start, grid.centre(entry))

@@ -32,7 +32,7 @@ def _connect_endpoint(text: str) -> str:
 
 
 def _keys_as_text(value: Any) -> Any:
-    """Return the mapping with system ids as text, beside names: YAML reads `3: tcp/...` as a number."""
+    """Return the mapping with system ids as text: YAML reads the key of `3: tcp/...` as a number."""
     if not isinstance(value, dict):
         return value
     return {str(key) if type(key) is int else key: endpoint for key, endpoint in value.items()}
@@ -51,7 +51,7 @@ VehicleRef = int | str
 class PartitionSection(Section):
     """A period in which UAVs receive messages of their own group only.
 
-    A UAV in no group receives no message. In overlapping periods a message has to pass every partition.
+    A UAV outside all groups receives no message. In overlapping periods a message must pass each partition.
     """
 
     from_s: float = Field(
@@ -208,8 +208,8 @@ def vehicle_of(word: int | str, names: Mapping[int, str]) -> int:
 def mesh_endpoints(mesh: Mapping[str, str], names: Mapping[int, str]) -> dict[int, BusEndpoint]:
     """Return the endpoint of each vehicle's agent, by system id.
 
-    Raises ValueError if a key matches no vehicle or two, if a vehicle has two endpoints, or if an endpoint
-    is malformed.
+    Raises ValueError for a key that matches no vehicle or two, for a vehicle with two endpoints, and for a
+    malformed endpoint.
     """
     found: dict[int, BusEndpoint] = {}
     for word, endpoint in mesh.items():

@@ -10,7 +10,7 @@ from swarmctl.config.communication import Communication, VehicleRef, vehicle_of
 from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.yaml_lines import Path as KeyPath
 
-HERE: KeyPath = ("communication",)
+SECTION: KeyPath = ("communication",)
 MAX_LISTED = 10
 """greatest number of vehicle names in one problem"""
 
@@ -36,11 +36,11 @@ def _check_radio(c: Communication) -> Iterator[ConfigProblem]:
     try:
         gilbert_probabilities(c.loss, c.loss_burst)
     except ValueError as error:
-        yield ConfigProblem((*HERE, "loss_burst"), str(error), depends_on=(*HERE, "loss"))
+        yield ConfigProblem((*SECTION, "loss_burst"), str(error), depends_on=(*SECTION, "loss"))
     if 0.0 < c.sync_every_s < c.delay_s:
         text = f"{c.sync_every_s:g} is shorter than delay_s = {c.delay_s:g}: a UAV would repeat a request "
         text += f"before the first arrives; give {c.delay_s:g} or more, or 0 to turn the exchange off"
-        yield ConfigProblem((*HERE, "sync_every_s"), text, depends_on=(*HERE, "delay_s"))
+        yield ConfigProblem((*SECTION, "sync_every_s"), text, depends_on=(*SECTION, "delay_s"))
 
 
 def _check_transport(c: Communication) -> Iterator[ConfigProblem]:
@@ -48,29 +48,29 @@ def _check_transport(c: Communication) -> Iterator[ConfigProblem]:
         for key, given in (("router", c.router is not None), ("mesh", bool(c.mesh))):
             if given:
                 text = "bus: memory stays within one process; write bus: zenoh, or remove this key"
-                yield ConfigProblem((*HERE, key), text, depends_on=(*HERE, "bus"))
-    between: dict[KeyPath, str] = {(*HERE, "mesh", word): endpoint for word, endpoint in c.mesh.items()}
+                yield ConfigProblem((*SECTION, key), text, depends_on=(*SECTION, "bus"))
+    between: dict[KeyPath, str] = {(*SECTION, "mesh", word): endpoint for word, endpoint in c.mesh.items()}
     if c.router is not None:
-        between[*HERE, "router"] = c.router
+        between[*SECTION, "router"] = c.router
     if _is_certified(c.listen):
         text = f"{c.listen}: a flight in one process listens over tcp/ only; give tcp/HOST:PORT, or none"
-        yield ConfigProblem((*HERE, "listen"), text)
+        yield ConfigProblem((*SECTION, "listen"), text)
     if c.keys is None:
         for path, endpoint in between.items():
             if _is_certified(endpoint):
                 text = f"{endpoint} needs certificates; set communication.keys to the folder that "
                 yield ConfigProblem(
-                    path, f"{text}`swarmctl keys` made, or write tcp/", depends_on=(*HERE, "keys")
+                    path, f"{text}`swarmctl keys` made, or write tcp/", depends_on=(*SECTION, "keys")
                 )
         return
     for path, endpoint in between.items():
         if not _is_certified(endpoint):
             text = f"{endpoint} does not use communication.keys; write tls/ or quic/ instead of tcp/"
-            yield ConfigProblem(path, f"{text}, or remove keys", depends_on=(*HERE, "keys"))
+            yield ConfigProblem(path, f"{text}, or remove keys", depends_on=(*SECTION, "keys"))
     if not between and c.listen != NO_ENDPOINT and not parse_endpoint(c.listen).is_loopback:
         text = f"other machines reach {c.listen}, and communication.keys does not protect this endpoint: "
         text += "without router or mesh the keys only sign the evidence; give tcp/127.0.0.1:0, or remove keys"
-        yield ConfigProblem((*HERE, "listen"), text, depends_on=(*HERE, "keys"))
+        yield ConfigProblem((*SECTION, "listen"), text, depends_on=(*SECTION, "keys"))
 
 
 def _is_certified(text: str) -> bool:
@@ -79,9 +79,9 @@ def _is_certified(text: str) -> bool:
 
 
 def _check_times(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
-    """Yield names in partitions and quiet times that match no vehicle, or repeat one."""
+    """Yield names in partitions and quiet times that match no vehicle, or name a vehicle twice."""
     for i, partition in enumerate(c.partitions):
-        here: KeyPath = (*HERE, "partitions", i, "groups")
+        here: KeyPath = (*SECTION, "partitions", i, "groups")
         words = {
             (*here, j, k): word for j, group in enumerate(partition.groups) for k, word in enumerate(group)
         }
@@ -90,17 +90,17 @@ def _check_times(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigP
         yield from _check_once(uavs, names, "list a UAV once in a partition")
     for i, quiet in enumerate(c.quiet):
         uavs, unknown = _resolve(
-            {(*HERE, "quiet", i, "uavs", k): word for k, word in enumerate(quiet.uavs)}, names
+            {(*SECTION, "quiet", i, "uavs", k): word for k, word in enumerate(quiet.uavs)}, names
         )
         yield from unknown
         yield from _check_once(uavs, names, "list a UAV once")
 
 
 def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
-    """Yield vehicles without an endpoint of their own."""
+    """Yield names that match no vehicle, and vehicles without an own endpoint."""
     if not c.mesh:
         return
-    here: KeyPath = (*HERE, "mesh")
+    here: KeyPath = (*SECTION, "mesh")
     uavs, unknown = _resolve({(*here, word): word for word in c.mesh}, names)
     yield from unknown
     yield from _check_once(uavs, names, "give each vehicle one endpoint")
@@ -115,14 +115,14 @@ def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigPr
         if first.setdefault(endpoint, word) != word:
             yield ConfigProblem(
                 (*here, word),
-                f"{endpoint} is also the endpoint of {first[endpoint]}; give each vehicle another one",
+                f"{endpoint} is also the endpoint of {first[endpoint]}; give each vehicle its own endpoint",
             )
 
 
 def _resolve(
     words: Mapping[KeyPath, VehicleRef], names: Mapping[int, str]
 ) -> tuple[dict[KeyPath, int], list[ConfigProblem]]:
-    """Return the vehicle of each word, by the word's path, and problems of words that match none or two."""
+    """Return each word's vehicle, by the word's path, and problems of words without exactly one vehicle."""
     uavs: dict[KeyPath, int] = {}
     problems = []
     for path, word in words.items():

@@ -33,7 +33,7 @@ def _folder() -> Path:
 
 
 def starter(file_name: str, n_vehicles: int, *, real: bool) -> str:
-    """Return a commented configuration of `n_vehicles` simulated vehicles, or of `real` ones by URL.
+    """Return a commented configuration of `n_vehicles` vehicles: `real` vehicles by URL, else simulated.
 
     The text passes the checks unchanged. Lines with places and URLs of real vehicles are marked EDIT.
     """
@@ -113,7 +113,7 @@ _REAL_PREFLIGHT = """
 preflight:
   endurance_s: 900           # EDIT: flight time of a full battery [s]
   set_parameters: false      # true: `fly` writes the parameters of the policy to the vehicles
-  policy:                    # reactions of the autopilots, which their parameters have to agree with
+  policy:                    # reactions of the autopilots; their parameters must agree
     lost_link: return
     lost_link_after_s: 10
     low_battery: return
@@ -136,7 +136,7 @@ simulate:
 
 
 def _vehicles(grid: Grid, n_vehicles: int) -> Iterator[str]:
-    """Yield vehicles with starts west of the area, and goals on its east side, each in a row of its own."""
+    """Yield vehicles with starts west of the area and goals on its east side, each in a different row."""
     for i in range(n_vehicles):
         row = (2 * i + 1) * grid.rows // (2 * n_vehicles)
         _, north_m = grid.centre_m((row, 0))

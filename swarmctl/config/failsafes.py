@@ -18,7 +18,7 @@ class Rules(Section):
     """Failsafe rules of each vehicle in flight. null turns a rule off."""
 
     low_battery: LowBattery | None = Field(
-        LowBattery(), description="Low battery: the vehicle returns, or lands where it is."
+        LowBattery(), description="Low battery: the vehicle returns, or lands at its position."
     )
     fence_ahead: FenceAhead | None = Field(
         FenceAhead(),
@@ -34,7 +34,7 @@ class Rules(Section):
 
 
 def active_rules(section: Rules, declared: LostLink) -> tuple[ActiveRule, ...]:
-    """Return the active rules, permanent ones first; `declared` is the vehicles' reaction to a lost link."""
+    """Return the active rules, permanent rules first; `declared` is the reaction to a lost link."""
     chosen = ((rule, getattr(section, rule.NAME)) for rule in RULES)
     always = (ActiveRule(lost_link, declared) if active.rule is lost_link else active for active in ALWAYS_ON)
     return (*always, *(ActiveRule(rule, params) for rule, params in chosen if params is not None))

@@ -42,7 +42,7 @@ def as_agent(
     `connect` replaces the configuration's router. Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
-        return zenoh_config.client(router, certified(router, keyring))
+        return zenoh_config.client(router, credentials_for(router, keyring))
     mesh = _mesh(swarm, names)
     if not mesh:
         raise NoNetwork(
@@ -52,9 +52,9 @@ def as_agent(
     if uav not in mesh:
         raise NoNetwork(f"communication.mesh has no endpoint for {names[uav]}; add it")
     here = mesh[uav]
-    # One node of each pair connects: with two links between two nodes, the loss of one may go unnoticed.
+    # Only one node of each pair connects: with two links, Zenoh may not notice the loss of a link.
     others = [endpoint for other, endpoint in mesh.items() if other < uav]
-    return zenoh_config.mesh_node(here, others, swarm.name, [*names], certified(here, keyring))
+    return zenoh_config.mesh_node(here, others, swarm.name, [*names], credentials_for(here, keyring))
 
 
 def as_station(
@@ -65,18 +65,18 @@ def as_station(
     Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
-        return zenoh_config.client(router, certified(router, keyring))
+        return zenoh_config.client(router, credentials_for(router, keyring))
     nodes = [*_mesh(swarm, names).values()]
     if not nodes:
         raise NoNetwork("`communication` has neither router nor mesh; add a router or a mesh [no-network]")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
-    return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], certified(here, keyring))
+    return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], credentials_for(here, keyring))
 
 
 def connection_advice(network: Configuration) -> str:
-    """Return advice for a network of which no endpoint answers.
+    """Return advice to the operator if no endpoint of a network answers.
 
-    Zenoh reports the same ("Timeout!") for an absent machine and for a certificate that one side refuses.
+    Zenoh reports "Timeout!" both for an absent machine and for a refused certificate.
     """
     if not any(endpoint.is_certified for endpoint in network.connect):
         return "check that the program runs on that machine, and that no firewall blocks the port"
@@ -86,13 +86,13 @@ def connection_advice(network: Configuration) -> str:
     )
 
 
-def certified(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | None:
+def credentials_for(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | None:
     """Return the credentials for an endpoint; None for plain TCP. Raises NoNetwork without keys."""
     if not endpoint.is_certified:
         return None
     if keyring is None:
         raise NoNetwork(
-            f"{endpoint} needs certificates: set communication.keys (`swarmctl keys` makes them) "
+            f"{endpoint} needs certificates; make keys with `swarmctl keys`, and set communication.keys "
             "[no-certificates]"
         )
     return keyring.credentials

@@ -1,8 +1,8 @@
 """The schema of a configuration, and the loader that reports all errors of a file at once.
 
 Keys carry their units. `load` reads a YAML file into a frozen `Config`; `ConfigError` lists each error with
-file, line and cure. `swarmctl.config.checks` checks values against each other (a goal inside the area, a
-start near it); `load` reports its problems in the same form.
+file, line and cure. `swarmctl.config.checks` checks values against each other, such as a goal against the
+area; `load` reports these problems in the same form.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Config(Section):
         SeparationSection(), description="The least distance between two vehicles."
     )
     arrival: ArrivalSection | None = Field(
-        None, description="Arrival of all vehicles at one time, or in a row. Default: each on its own."
+        None, description="Arrival of all vehicles at one time, or in order. Default: independent arrivals."
     )
     wings: WingsSection = Field(WingsSection(), description="Performance of all fixed wings.")
     simulate: Simulate | None = Field(None, description="Simulated vehicles. Default: none.")
@@ -111,8 +111,7 @@ class ConfigProblem:
     path: yaml_lines.Path
     text: str
     depends_on: yaml_lines.Path = ()
-    """the path of another value that the problem depends on; if that value is wrong, this problem is not
-    reported"""
+    """path of another value that causes the problem; if that value is wrong, this problem is not reported"""
 
 
 class ConfigError(Exception):
@@ -183,7 +182,7 @@ def _check_rest(data: Any, wrong: list[yaml_lines.Path], check: Check) -> Iterat
 
 
 def _merged(problems: Iterable[ConfigProblem]) -> list[ConfigProblem]:
-    """Return one problem for each key: a value that fits no member of a union is one error."""
+    """Return one problem for each key: pydantic reports a wrong value once for each member of a union."""
     texts: dict[yaml_lines.Path, list[str]] = {}
     for problem in problems:
         texts.setdefault(problem.path, []).append(problem.text)

@@ -8,9 +8,9 @@ from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.yaml_lines import Path as KeyPath
 from swarmctl.core.planar import crossing_sides
 
-HERE: KeyPath = ("preflight",)
-HEARTBEATS = 3
-"""heartbeats that may be lost before the link counts as lost; one goes out each second of real time"""
+SECTION: KeyPath = ("preflight",)
+MAX_LOST_HEARTBEATS = 3
+"""number of heartbeats that may be lost without a lost link; one is sent each second of real time"""
 
 
 def check_preflight(config: Config) -> Iterator[ConfigProblem]:
@@ -20,7 +20,7 @@ def check_preflight(config: Config) -> Iterator[ConfigProblem]:
 
 
 def _check_fence(config: Config) -> Iterator[ConfigProblem]:
-    """Yield crossing sides of the polygon. Autopilots accept such a polygon, with an undefined inside."""
+    """Yield crossing sides of the polygon: autopilots accept such a polygon, but its inside is undefined."""
     corners = config.preflight.fence.polygon
     if corners is None:
         return
@@ -28,18 +28,20 @@ def _check_fence(config: Config) -> Iterator[ConfigProblem]:
     if sides is not None:
         text = f"the sides that begin at corners [{sides[0]}] and [{sides[1]}] meet, so the polygon's inside "
         text += "is undefined; list the corners in order around it, each once"
-        yield ConfigProblem((*HERE, "fence", "polygon", sides[1]), text)
+        yield ConfigProblem((*SECTION, "fence", "polygon", sides[1]), text)
 
 
 def _check_lost_link(config: Config) -> Iterator[ConfigProblem]:
-    """Yield a timeout so short that simulated vehicles lose the link between two heartbeats."""
+    """Yield a timeout shorter than MAX_LOST_HEARTBEATS heartbeats, by the simulated vehicles' clocks."""
     simulate, policy = config.simulate, config.preflight.policy
     if simulate is None or policy.lost_link == "continue":
         return
-    least_s = HEARTBEATS * simulate.speedup
+    least_s = MAX_LOST_HEARTBEATS * simulate.speedup
     if policy.lost_link_after_s < least_s:
         text = (
-            f"{policy.lost_link_after_s} s is less than {HEARTBEATS} heartbeats at simulate.speedup = "
-            f"{simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or lost_link: continue"
+            f"{policy.lost_link_after_s} s is less than {MAX_LOST_HEARTBEATS} heartbeats at simulate.speedup "
+            f"= {simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or lost_link: continue"
         )
-        yield ConfigProblem((*HERE, "policy", "lost_link_after_s"), text, depends_on=("simulate", "speedup"))
+        yield ConfigProblem(
+            (*SECTION, "policy", "lost_link_after_s"), text, depends_on=("simulate", "speedup")
+        )

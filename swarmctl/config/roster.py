@@ -1,4 +1,4 @@
-"""The roster of a swarm: the part of a configuration that orders need, its vehicles and its network.
+"""The roster of a swarm: its vehicles and its network, the part of a configuration that orders need.
 
 An order to a vehicle in flight loads no planner and plans no route. Errors in other sections do not stop the
 order. A flight checks the whole configuration (`swarmctl.config.checks`).
@@ -100,8 +100,8 @@ def _read(text: str) -> Roster:
 
 
 def _check_whole(path: Path) -> Roster:
-    """Return the roster by way of the whole configuration. Raises RosterError."""
-    # The modules that plan and fly take a second to load; only the error report needs them.
+    """Return the roster from the whole configuration, with all its checks. Raises RosterError."""
+    # The modules that plan and fly take a second to load, so other commands do not import them.
     from swarmctl.config.checks import check_config  # noqa: PLC0415
     from swarmctl.config.model import ConfigError, load  # noqa: PLC0415
     from swarmctl.config.scenario import build  # noqa: PLC0415

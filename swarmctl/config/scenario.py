@@ -38,7 +38,7 @@ PAPER_PLANNER = PLANNERS["dijkstra"]
 
 
 class RandomStream(IntEnum):
-    """Uses of random numbers; each has a stream of its own."""
+    """Purposes of random numbers, each with a separate stream."""
 
     SENSOR = 1
     CHANCE = 2
@@ -64,7 +64,7 @@ class Scenario:
     """all vehicles, wherever their agents run"""
 
     def only(self, uav: int) -> Scenario:
-        """Return the same scenario for a process that flies one vehicle."""
+        """Return the scenario of a process that flies only vehicle `uav`."""
         here = [i for i, spec in enumerate(self.specs) if spec.sysid == uav]
         return replace(
             self, specs=tuple(self.specs[i] for i in here), tasks=tuple(self.tasks[i] for i in here)
@@ -91,7 +91,7 @@ class Scenario:
         return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
 
     def generator(self, purpose: RandomStream, uav: int) -> np.random.Generator:
-        """Return a new random generator of a vehicle, spawned from the run's seed; equal at each call."""
+        """Return a new random generator of a vehicle. Equal seeds and arguments give equal generators."""
         return np.random.default_rng(np.random.SeedSequence(self.config.seed, spawn_key=(purpose, uav)))
 
     def survival_probability(
@@ -105,10 +105,7 @@ class Scenario:
 
 
 def build(config: Config) -> Scenario:
-    """Return the scenario of a configuration without problems (`checks.check_config`).
-
-    Raises Unreachable, naming the vehicle.
-    """
+    """Return the scenario of a configuration without problems (`checks.check_config`)."""
     grid = grid_of(config)
     s = config.threats.firing_strength
     strength = FiringStrength(s.direct, s.first_neighbour, s.second_neighbour)
@@ -182,7 +179,7 @@ def _tasks(
             any_angle=config.flight.any_angle_exposure if config.flight.any_angle else None,
             turn_radius_m=spec.turn_radius_m,
             wings=wings_of(config, spec),
-            # An abandoned vehicle has to come down: no agent is left to end a hold.
+            # An abandoned vehicle must not hold, because no agent would end the hold.
             fallback=FlightOrder.LAND if config.flight.on_exit == "land" else FlightOrder.RETURN,
             rules=active_rules(config.rules, declared),
             separation=separation_of(config),
@@ -210,9 +207,9 @@ def _arrival(grid: Grid, spec: Spec) -> TimeBound:
 
 
 def _sharing(specs: tuple[Spec, ...], index: int) -> list[int]:
-    """Return the vehicles that share goals with this one, directly or through others.
+    """Return the indices of the vehicles that share goals with vehicle `index`, directly or through others.
 
-    Each of them needs a landing spot of its own.
+    Each of these vehicles needs a separate landing spot.
     """
     group = {index}
     goals = set(specs[index].goals)

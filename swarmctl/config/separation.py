@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class SeparationSection(Section):
-    """The least distances between vehicles. Two are too close if both distances are less at one time."""
+    """The least distances between vehicles. A conflict is a moment at which both distances are smaller."""
 
     horizontal_m: float = Field(
         10.0, gt=0.0, le=1000.0, description="Least distance between two vehicles over ground [m]."

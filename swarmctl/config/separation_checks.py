@@ -21,11 +21,11 @@ from swarmctl.planners import Route, Unreachable
 
 
 def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[ConfigProblem]:
-    """Yield the first two vehicles in conflict.
+    """Yield the first two vehicles in conflict; `routes` are the first routes, by system id.
 
-    `routes` are the first routes, by system id. Two vehicles share an altitude band if their altitudes differ
-    by less than `separation.vertical_m`; a fixed wing shares every band. First routes in a shared band must
-    not meet. Altitudes of different bands must differ by more than the height errors of vehicles.
+    Two vehicles share an altitude band if their altitudes differ by less than `separation.vertical_m`. A
+    fixed wing shares every band. First routes in a shared band must not meet. Altitudes of different bands
+    must differ by more than the height errors of vehicles.
     """
     limits = scenario.config.separation
     yield from _hardly_apart(scenario)
@@ -85,7 +85,7 @@ def _flights(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[tuple[
         try:
             yield spec.sysid, _flight(scenario, spec, task, route)
         except Unreachable:
-            continue  # another check reports that the vehicle cannot fly this route
+            continue  # another check reports an unflyable route
 
 
 def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Trajectory:

@@ -94,7 +94,7 @@ class Strength(Section):
 
 
 class Threats(Section):
-    """The hostiles in the area. Only the simulated sensor and the simulator know `hostiles`, the truth."""
+    """The hostiles in the area. Agents never read `hostiles`, the true cells."""
 
     count: Count = Field(
         description="Announced number of hostiles (n_HA): a number, or a distribution of it as prior."

@@ -16,15 +16,14 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.planners import Unreachable
 
-ROLL_M = 40.0
-"""longest take-off roll"""
+MAX_TAKEOFF_ROLL_M = 40.0
 SAMPLE_EVERY_M = 5.0
 CLIMB_SLOPE = 0.25
 """least slope of the climb after take-off, height over distance"""
 
 
 def check_wings(config: Config) -> Iterator[ConfigProblem]:
-    """Yield settings of other sections that fixed wings cannot fly with."""
+    """Yield settings that are impossible for fixed wings, and `wings` without a fixed wing."""
     planes = list(_planes(config))
     if not planes:
         if "wings" in config.model_fields_set:
@@ -55,12 +54,16 @@ def _planes(config: Config) -> Iterator[KeyPath]:
 
 
 def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[ConfigProblem]:
-    """Yield the problems of a fixed wing without room to climb, to descend, or to land at goal or home."""
+    """Yield problems of a fixed wing's climb, descent and landings."""
     wings = task.wings
     if wings is None:
         return
     key = (*here, "start_distance_m") if here[0] == "simulate" else (*here, "start")
-    needs_m = ROLL_M + wings.takeoff_height_m / CLIMB_SLOPE + task.turn_radius_m * math.tan(math.pi / 8.0)
+    needs_m = (
+        MAX_TAKEOFF_ROLL_M
+        + wings.takeoff_height_m / CLIMB_SLOPE
+        + task.turn_radius_m * math.tan(math.pi / 8.0)
+    )
     has_m = distance_m(spec.start, scenario.grid.centre(spec.entry))
     if has_m < needs_m:
         text = (
@@ -85,10 +88,7 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
 
 
 def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two fixed wings whose landings meet.
-
-    Times do not count, because the time in the circle is unknown.
-    """
+    """Yield the first two fixed wings whose landings meet at any times: the time in the circle is unknown."""
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
     apart_m = scenario.config.separation.horizontal_m
     known = [(spec, list(_outlines(task))) for spec, task in planes]
@@ -123,7 +123,7 @@ def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
 
 
 def _nearest_m(a: list[PlanarPoint], b: list[PlanarPoint]) -> float:
-    """Return the least distance between two tracks, sampled every few metres [m]."""
+    """Return the least distance between two tracks, sampled every SAMPLE_EVERY_M [m]."""
     return min(distance_to_track(point, b) for point in _dense(a))
 
 

@@ -1,7 +1,7 @@
-"""The facts of the paper, pure: geometry, threats, exposure, beliefs, missions, vehicle state, events.
+"""The paper's model and the types of all rooms, pure: geometry, threats, beliefs, missions, events, frames.
 
 `threat` (Eq. 1), `exposure` (Eq. 2 and 3), `belief` (Eq. 4); `inference` is Bayes beyond Eq. 4; `any_angle`
 pulls lattice routes straight. `events` lists the events and effects between agent and runner.
-Imports numpy, scipy, pyproj and msgspec; nothing that does I/O and no other room.
+Imports no other room and does no I/O.
 Begin with `grid`, `threat`, `exposure`, `belief`.
 """

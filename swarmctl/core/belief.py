@@ -27,14 +27,14 @@ from swarmctl.core.observation import (
 UNKNOWN = -1
 CLEAR = 0
 OCCUPIED = 1
-ONE = np.int32(1)
+ADD, SUBTRACT = np.int32(1), np.int32(-1)
 
 
 class ObservationLog:
-    """Observations in merge order, each name once; the log only grows.
+    """Observations in merge order, each name once. The log only grows.
 
-    A belief and its successors share one log, and each stores the length of its own part. So a merge copies
-    nothing. Exception: a merge into an older belief copies the log, because the log has newer entries.
+    A belief and its successors share one log, so a merge copies nothing. Exception: a merge into an older
+    belief copies the log, because the log has newer entries.
     """
 
     __slots__ = ("index_of", "items", "n_covered")
@@ -44,7 +44,7 @@ class ObservationLog:
         self.index_of = {item.name: index for index, item in enumerate(self.items)}
         """name -> index in `items`"""
         self.n_covered = 0
-        """approximate number of observations that checkpoints replace; above one half they are dropped"""
+        """approximate number of observations replaced by checkpoints; above one half a new log omits them"""
 
     def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
@@ -60,7 +60,7 @@ class ObservationLog:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookCounts:
-    """Looks at each cell, and looks that showed a hostile; (rows, cols) each."""
+    """For each cell the number of looks, and of looks that showed a hostile; both (rows, cols)."""
 
     looks: NDArray[np.int32]
     hits: NDArray[np.int32]
@@ -69,7 +69,7 @@ class LookCounts:
         """Return a writeable copy."""
         return LookCounts(self.looks.copy(), self.hits.copy())
 
-    def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ONE) -> None:
+    def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ADD) -> None:
         """Add observations, or subtract them with `sign` −1; a cell may occur several times."""
         if seen:
             # `add.at` takes forty times as long with a plain int or another type.
@@ -85,7 +85,7 @@ class LookCounts:
         return np.array_equal(self.looks, other.looks) and np.array_equal(self.hits, other.hits)
 
     def sealed(self) -> LookCounts:
-        """Return these counts, read-only from now on."""
+        """Make these counts read-only and return them."""
         self.looks.flags.writeable = self.hits.flags.writeable = False
         return self
 
@@ -99,7 +99,7 @@ class Belief:
     """
 
     count: HostileCount
-    """n_HA, as announced beforehand"""
+    """announced number of hostiles, n_HA"""
     sensor: SensorModel
     """assumed error rates of the sensors"""
     _base: LookCounts
@@ -201,7 +201,7 @@ class Belief:
             covered = self._log.of(checkpoint.source, after, checkpoint.upto, self._n)
             n_covered += len(covered)
             counts.change(checkpoint.counts(size), 1)
-            counts.count([self._log.items[index] for index in covered], -ONE)
+            counts.count([self._log.items[index] for index in covered], SUBTRACT)
             if before is not None:
                 counts.change(before.counts(size), -1)
             checkpoints[checkpoint.source] = checkpoint
@@ -279,10 +279,9 @@ class Belief:
         return p_occupied
 
     def uncertain(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Return the cells of a look that are not certain yet, so that the look adds information.
+        """Return the cells of a look that are not certain yet: there the look adds information.
 
-        With the paper's sensor one look makes a cell certain (section 3). With sensors that err, every look
-        counts until a cell is certain.
+        With the paper's sensor one look makes a cell certain (section 3).
         """
         return tuple(
             (r, c, occupied)

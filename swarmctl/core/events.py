@@ -1,7 +1,7 @@
 """The closed lists of an agent's inputs (events) and outputs (effects).
 
-Both are plain data, so that `swarmctl replay` can fold the events of a recorded run again. A tag that differs
-from the class name is the name in records.
+Both are plain data, so that `swarmctl replay` can fold the events of a recorded run again. A class with a
+`tag` has this tag as its name in records.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 
 ObservationId = tuple[int, int, int]
-"""(observer, incarnation, seq); of a checkpoint: the last observation that it stands for"""
+"""(observer, incarnation, seq); for a checkpoint the seq of its last observation"""
 
 
 class FlightOrder(StrEnum):
@@ -52,7 +52,7 @@ class Joined(_Record, frozen=True):
 
 
 class Ready(_Record, frozen=True):
-    """The vehicle answers, has the expected identity, and would arm now."""
+    """The vehicle answers, has the expected identity, and is ready to arm."""
 
 
 class TelemetryReceived(_Record, frozen=True):
@@ -66,7 +66,7 @@ class Observed(_Record, frozen=True):
 
 
 class ObservationsReceived(_Record, frozen=True, tag="Heard"):
-    """Observations of others that are new to this agent."""
+    """Observations of other UAVs that are new to this agent."""
 
     items: tuple[BeliefItem, ...] = msgspec.field(name="told")
 
@@ -78,7 +78,7 @@ class Neighbours(_Record, frozen=True):
 
 
 class Intents(_Record, frozen=True):
-    """Intents that others have sent: (UAV, age of the message [s], its intent)."""
+    """Intents of other UAVs: (UAV, age of the message [s], intent)."""
 
     intents: tuple[tuple[int, float, IntentShared], ...] = msgspec.field(name="told")
 
@@ -94,7 +94,7 @@ class MissionAccepted(_Record, frozen=True):
 
 
 class MissionFailed(_Record, frozen=True):
-    """The vehicle has not taken plan `plan_id`."""
+    """Plan `plan_id` is not on the vehicle."""
 
     plan_id: int
     flying: PlanAfterFailure
@@ -140,7 +140,7 @@ class OperatorCommand(_Record, frozen=True):
     command: int | None = None
     """number from the operator service, repeated in the `Answer`; None: an order of the agent's process"""
     after_s: float = 0.0
-    """with return: time for which the vehicle holds first, by its clock, while others return [s]"""
+    """with return: time of a hold before the return, by the vehicle's clock [s]"""
     ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
     """with launch: vehicles that the launch does not wait for"""
 
@@ -192,7 +192,7 @@ class Publish(_Record, frozen=True):
 
     message: AgentMessage
     against: tuple[Cell, ...] = ()
-    """cells whose observation contradicts those of others"""
+    """observed cells that contradict observations of other UAVs"""
 
 
 class SwapMission(_Record, frozen=True):
@@ -209,8 +209,8 @@ class SwapMission(_Record, frozen=True):
     safety_factor: float
     length_m: float
     track: Track | None = None
-    """straight track flown in place of the lattice route. exposure_sum, safety_factor and length_m are then
-    the track's; cost is the route's"""
+    """straight track flown in place of the lattice route. With a track, exposure_sum, safety_factor and
+    length_m are the track's; cost is the route's"""
 
 
 class Command(_Record, frozen=True):
@@ -218,7 +218,7 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """an operator has just given the order; it is sent even if no telemetry arrives"""
+    """True for an order that an operator has just given: it is sent even without telemetry"""
 
 
 class SetSpeed(_Record, frozen=True):

@@ -73,7 +73,7 @@ def safety_factor(p_s: NDArray[np.float64], cells: RouteCells) -> float:
 
 
 def _entered(p_s: NDArray[np.float64], cells: RouteCells) -> list[float]:
-    """Return P_s of the cells after the first, by one array access: routes are long, single accesses slow."""
+    """Return P_s of the cells after the first, with one array access, because single accesses are slow."""
     rows, cols = np.asarray(cells, dtype=np.int64).reshape(-1, 2)[1:].T
     entered: list[float] = p_s[rows, cols].tolist()
     return entered

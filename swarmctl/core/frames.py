@@ -3,9 +3,9 @@
 | act/kind | content | meaning |
 |---|---|---|
 | `inform/observation` | Observation | cells that the sender has just seen |
-| `inform/state` | StateShared | position, phase, counts of observations, UAVs received; once a second |
+| `inform/state` | StateShared | position, phase, counts of observations; once a second |
 | `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
-| `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists all that the sender has |
+| `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists the sender's observations |
 | `inform/snapshot` | Snapshot | the answer: frames of the observers, byte for byte |
 | `inform/relayed` | Relayed | new frames of other UAVs, passed on at once; or a checkpoint of the sender |
 | `inform/checkpoint` | Checkpoint | in snapshots: replaces an observer's observations up to a number |
@@ -35,16 +35,16 @@ MAX_FRAME_BYTES = 49_152
 MAX_INNER_BYTES = MAX_FRAME_BYTES - 8192
 """greatest total length of the frames inside one message"""
 MAX_TEXT = 200
-
+"""longest text [characters]"""
 MAX_POINTS = 256
 """most points of an intent; only the first points of a longer flight are sent"""
 MAX_AHEAD_S = 14_400.0
 """latest time of a point in an intent [s]"""
 MAX_MAGNITUDE = 1e7
-"""Greatest height, distance [m] or speed [m/s] in a message. Autopilots report none above 2.2e6, and sums of
+"""Greatest height, distance [m] or speed [m/s] in a message. Autopilots report numbers up to 2.2e6. Sums of
 such numbers stay finite."""
 MAX_ACKNOWLEDGED = 254
-"""number of system ids"""
+"""most UAVs in a list of received UAVs: the number of system ids"""
 MAX_FRAMES = 256
 """most frames inside one message"""
 
@@ -115,11 +115,11 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     earliest_in_s: float | None = None
     """for simultaneous arrival: least time to the goal [s]; negative: time since the arrival"""
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_ACKNOWLEDGED)] = ()
-    """nearby UAVs received recently; the list acknowledges the reception to each of them"""
+    """nearby UAVs whose messages arrived recently; an acknowledgement to each of them"""
     returns_to: tuple[float, float] | None = None
     """landing spot of a UAV that returns, or that holds until its turn to return [deg]"""
     age_s: float = 0.0
-    """age of position, height and velocity, if the vehicle has stopped sending them [s]"""
+    """age of position, height and velocity [s]; 0 while the vehicle sends them"""
 
     def __post_init__(self) -> None:
         _check_position(self.lat_deg, self.lon_deg)
@@ -190,11 +190,11 @@ class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
 
 
 class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
-    """A request for missing observations, with the names of those that the sender holds."""
+    """A request for missing observations. `have` names the observations that the sender holds."""
 
     have: tuple[HeldObservations, ...]
     states: tuple[tuple[Id, float], ...]
-    """(UAV, time of its last state that the sender holds (unix) [s])"""
+    """(UAV, time of the last state that the sender holds of it (unix) [s])"""
 
 
 class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
@@ -255,7 +255,7 @@ def act_of(content: Content) -> str:
 Sign = Callable[[int, bytes], bytes | None]
 """(sender, signed bytes) -> signature; None without a key"""
 Verify = Callable[[int, bytes, bytes], bool]
-"""(sender, signature, signed bytes) -> whether the signature is that sender's"""
+"""(sender, signature, signed bytes) -> True for a valid signature of the sender"""
 
 _encoder = msgspec.msgpack.Encoder()
 _frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)

@@ -58,7 +58,7 @@ class GiveOrder(
     """system ids or names; None: all of the swarm"""
     order: Literal["launch", "hold", "return", "land"]
     after_s: float = 0.0
-    """with return: time for which the vehicle holds first, while others return before it [s]"""
+    """with return: time of a hold before the return, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
     """with launch: vehicles whose announced flights the launch does not wait for"""
 
@@ -68,11 +68,11 @@ class GiveOrder(
         if not 0.0 <= self.after_s <= MAX_AFTER_S:
             raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
         if self.after_s and self.order != "return":
-            raise ValueError(f"after_s = {self.after_s:g} with order {self.order}: only return takes it")
+            raise ValueError(f"after_s = {self.after_s:g} with order {self.order}: only return has after_s")
         if self.ignore:
             _check_named(self.ignore)
             if self.order != "launch":
-                raise ValueError(f"ignore with order {self.order}: only launch takes it")
+                raise ValueError(f"ignore with order {self.order}: only launch has ignore")
 
 
 Request = SetWeights | GiveOrder
@@ -105,7 +105,7 @@ class VehiclePosition(msgspec.Struct, frozen=True):
     home_alt_amsl_m: float
     speed_m_s: float
     keeps_m: tuple[float, float]
-    """least distance to others over ground, and in height [m]"""
+    """least distances to other vehicles, over ground and in height [m]"""
     is_returning: bool = False
 
 

@@ -39,9 +39,8 @@ class Approach:
 class FlightPlan:
     """A take-off at the vehicle's position, a flight along `track`, and a landing at `landing`.
 
-    `landing.alt_rel_m` is the altitude at which the descent begins. A plan for a vehicle in flight also has a
-    take-off, because some firmwares refuse a mission without one; the mission then starts at the first
-    waypoint.
+    `landing.alt_rel_m` is the altitude at which the descent begins. Some firmwares refuse a mission without a
+    take-off, so a plan for a vehicle in flight has a take-off, too. Its mission starts at the first waypoint.
     """
 
     takeoff_alt_m: float
@@ -54,11 +53,11 @@ class FlightPlan:
     home_approach: Approach | None = None
     """landing of a fixed wing at its place of take-off, for a return"""
     begins: Waypoint | None = None
-    """position of the vehicle at the time of planning, in flight"""
+    """position at the time of planning; None on the ground"""
     leaves_ahead: bool = False
-    """`track` begins with a part of the present plan, and leaves that plan later"""
+    """True if `track` follows the present plan at first, and leaves it at a later point"""
     from_hold: bool = False
-    """at the time of planning, the vehicle is in hold mode by its agent's order"""
+    """True if the vehicle is in hold mode by its agent's order at the time of planning"""
 
     @property
     def height_m(self) -> float:
@@ -75,7 +74,7 @@ class FlightPlan:
 class MissionItem:
     """One MISSION_ITEM_INT without its address: positions in degrees × 1e7 as on the wire.
 
-    A parameter that is NaN leaves a value to the vehicle. Two items with the same NaN parameters are equal.
+    The vehicle chooses the value of a NaN parameter. Items with NaN in the same parameters are equal.
     """
 
     command: int

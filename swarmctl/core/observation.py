@@ -1,7 +1,7 @@
-"""Observations of the area, each with a name, and checkpoints that stand for many of them.
+"""Observations of the area, each with a name, and checkpoints that replace many observations.
 
-An observer numbers its observations from 1 on. After a restart its program numbers again from 1, under a
-greater incarnation number, so that (observer, incarnation, seq) never names two observations.
+An observer numbers its observations from 1 on. After a restart the numbers begin again at 1, under a greater
+incarnation number. So (observer, incarnation, seq) never names two observations.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """exclusive or of `mark_of` over these observations; a UAV that holds the observations compares it"""
+    """exclusive or of `mark_of` over these observations; other UAVs compare it with their own"""
 
     @property
     def source(self) -> Source:
@@ -159,7 +159,8 @@ class IndexedObservation(msgspec.Struct, frozen=True, gc=False):
 _indexed: dict[int, tuple[IndexedObservation, int, int]] = {}
 """Cache by `id` of the observation; the entry keeps the observation alive. Hashing an observation would be
 slower than indexing its cells."""
-MAX_CACHED = 16_384
+MAX_CACHED_OBSERVATIONS = 16_384
+"""number of entries at which the cache is cleared"""
 
 
 def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
@@ -180,7 +181,7 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
     occupied = np.array(
         [row * cols + col for row, col, here in seen.cells if here], dtype=CELL_INDEX_DTYPE
     ).tobytes()
-    if len(_indexed) >= MAX_CACHED:
+    if len(_indexed) >= MAX_CACHED_OBSERVATIONS:
         _indexed.clear()
     item = IndexedObservation(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
     _indexed[id(seen)] = item, rows, cols

@@ -25,7 +25,7 @@ def extended(message: str, more: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine reaches `host`: a loopback address, or the name localhost."""
+    """Return whether `host` is a loopback address or the name localhost."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -35,7 +35,7 @@ def is_loopback(host: str) -> bool:
 def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
     """Return the system ids that `words` name, each once, in the order of `names` (system id: name).
 
-    Raises ValueError if a word names no vehicle, or is the name of one and the system id of another.
+    Raises ValueError if a word matches no vehicle, or the name of one vehicle and the system id of another.
     """
     found: set[int] = set()
     unknown: list[str] = []

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from math import dist
 
-STRAIGHT_M = 0.01
-"""Least distance of a hull's corner from the line between its neighbours [m]. Vehicles that start in a row
-are in line except for rounding, and autopilots store few corners."""
+MIN_CORNER_OFFSET_M = 0.01
+"""Least distance of a hull's corner from the line between its neighbours [m]. Without this limit, rounding
+makes corners of vehicles that start in a row, and autopilots store few corners."""
 
 PlanarPoint = tuple[float, float]
 """(east, north) [m]"""
@@ -38,7 +38,7 @@ def padded_hull(points: Sequence[PlanarPoint], margin_m: float) -> tuple[PlanarP
 def convex_hull(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
     """Return the convex hull, counter-clockwise, by Andrew's monotone chain.
 
-    Points within STRAIGHT_M of an edge are left out.
+    Points within MIN_CORNER_OFFSET_M of an edge are left out.
     """
     ordered = sorted(set(points))
     return (*_half(ordered)[:-1], *_half(ordered[::-1])[:-1])
@@ -60,8 +60,8 @@ def _half(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
 
 
 def _is_redundant(b: PlanarPoint, a: PlanarPoint, c: PlanarPoint) -> bool:
-    """Return whether b is no corner: a, b, c turn right, or b is within STRAIGHT_M of the leg a to c."""
-    return _turn(a, b, c) <= 0.0 or distance_to_leg(b, a, c) <= STRAIGHT_M
+    """Return whether a, b, c turn right, or b is within MIN_CORNER_OFFSET_M of the leg a to c."""
+    return _turn(a, b, c) <= 0.0 or distance_to_leg(b, a, c) <= MIN_CORNER_OFFSET_M
 
 
 def _turn(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint) -> float:

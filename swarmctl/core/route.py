@@ -111,7 +111,7 @@ def _step(here: Cell, there: Cell) -> Cell:
 def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) -> bool:
     (row, col), (next_row, next_col) = turns[0], turns[1]
     if row == next_row or col == next_col:
-        return True  # both ends are in one row or column of cells, so the whole leg is
+        return True  # the whole leg stays in one row or column of cells
     # A diagonal leg converges on the line of centres. Its greatest distance is at the first shared corner.
     leg, across = _leg(grid, turns[0], turns[1], position)
     return abs(across) <= CORNER_TOLERANCE * leg

@@ -1,4 +1,4 @@
-"""The base class of every section of a configuration, and its names from registries."""
+"""The base class of all sections of a configuration, and a type for names from a registry."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Section(BaseModel):
 
 
 class NameIn:
-    """Annotation of a text from a registry's names; errors and schema show it like a Literal."""
+    """Annotation of a text that is one of a registry's names. Errors and schema show it like a Literal."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = list(names)

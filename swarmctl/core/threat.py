@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class FiringStrength:
-    """Hit probabilities for entering a hostile's cell, one of the 4 beside it, or one of the 4 diagonal ones.
+    """Hit probabilities on entry into the hostile's cell, an adjacent cell, or a diagonal neighbour.
 
     Raises ValueError unless 0 ≤ second_neighbour < first_neighbour < direct ≤ 1.
     """

@@ -25,7 +25,7 @@ class Landed(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """One snapshot; None where the vehicle has not reported a value yet."""
+    """Values of the last telemetry; None for a value that the vehicle has not reported yet."""
 
     time_boot_s: float = 0.0
     """the vehicle's clock since boot [s]; simulated seconds for a simulated vehicle"""
@@ -37,7 +37,7 @@ class VehicleState:
     ground_speed_m_s: float = 0.0
     east_m_s: float = 0.0
     north_m_s: float = 0.0
-    """velocity over ground, in a direction that may differ from the heading"""
+    """velocity over ground [m/s]; its direction may differ from the heading"""
     climb_m_s: float = 0.0
     """upwards positive [m/s]"""
     heading_deg: float | None = None
@@ -48,19 +48,19 @@ class VehicleState:
     armed: bool = False
     landed: Landed = Landed.UNDEFINED
     ready: bool = False
-    """readiness to arm and fly a mission now: pre-arm checks pass and the position estimate is good"""
+    """True if pre-arm checks pass and the position estimate is good"""
     not_ready: tuple[str, ...] = ()
     """reasons against readiness, in the vehicle's words if it has sent them"""
     battery_percent: int | None = None
     battery_v: float | None = None
     gps_ok: bool | None = None
-    """fix of the receiver; None for a vehicle without a receiver"""
+    """True with a fix; None for a vehicle without a GPS receiver"""
     mission_seq: int | None = None
     mission_total: int | None = None
     brakes_m_s2: float | None = None
-    """deceleration before a new plan in flight [m/s²]; None: the vehicle turns without a stop"""
+    """deceleration to a stop before a new plan in flight [m/s²]; None: the vehicle turns without a stop"""
     other_mission: bool = False
-    """the mission on the vehicle differs from the verified one: another station has uploaded it"""
+    """True if another station has uploaded a mission after the verified one"""
     home_lat_deg: float | None = None
     home_lon_deg: float | None = None
     home_alt_amsl_m: float | None = None

@@ -9,7 +9,7 @@ from swarmctl.agent.state import AgentState
 
 
 class Arrivals:
-    """The time at which each vehicle of this process first reached its goal, by the run's clock."""
+    """Times at which the vehicles of this process first reached their goals, by the run's clock [s]."""
 
     def __init__(self) -> None:
         self._at_s: dict[int, float] = {}
@@ -21,8 +21,8 @@ class Arrivals:
     def summary(self, states: Mapping[int, AgentState], speedup: float) -> dict[str, Any] | None:
         """Return the spread of the arrivals; None if vehicles arrive independently.
 
-        `speedup`: simulated seconds in one second of the run's clock. The spread is the time between the
-        first and the last arrival, less the configured spacing [s]. 0: exactly as configured.
+        `speedup`: simulated seconds in one second of the run's clock. The spread is the greatest difference
+        between two arrivals after subtraction of the configured spacing [s]; 0: exactly as configured.
         """
         groups = [s.task.arrival_group for s in states.values() if s.task.arrival_group is not None]
         if not groups:

@@ -38,7 +38,7 @@ class Vehicle(Protocol):
 
 
 def is_released_in_air(state: AgentState) -> bool:
-    """Return whether a pilot or another station flies the vehicle, and it may be in the air."""
+    """Return whether a pilot or another station controls a vehicle that may be in the air."""
     return state.ended and may_be_armed(state)
 
 
@@ -53,7 +53,7 @@ def is_lost_in_air(state: AgentState) -> bool:
 
 
 def final_phase(state: AgentState) -> str:
-    """Return the vehicle's phase, or "lost": a lost vehicle may have left its last known phase."""
+    """Return the vehicle's phase, or "lost" if the last known phase may be over."""
     return "lost" if is_lost_in_air(state) and not state.ended else str(state.phase)
 
 
@@ -112,8 +112,8 @@ class FlightEnd:
     def reached(self) -> bool:
         """Return whether every vehicle has ended its flight and landed, or is given up.
 
-        A released vehicle in the air delays the end. Its failsafe needs the heartbeats of this station, and
-        its pilot may watch it over the forwarded link.
+        A released vehicle in the air delays the end: its failsafe needs the heartbeats of this station, and
+        its pilot may use the forwarded link.
         """
         flown: list[str] = []
         released: list[str] = []
@@ -129,7 +129,7 @@ class FlightEnd:
             self._waits_for = released
             self._say(
                 f"{', '.join(released)}: flown by a pilot or another station; the program sends heartbeats "
-                "and records, but gives no orders, until the landing and disarming; Ctrl-C ends this "
+                "and records, but gives no orders, until the landing and disarming; Ctrl-C ends the wait "
                 "[waiting-for-released]"
             )
         return not flown and not released

@@ -24,7 +24,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class FirstRoute:
-    """A vehicle's route before anything is observed."""
+    """A vehicle's route before any observation."""
 
     task: Task
     """the vehicle's task, with the planner, w and time bound of this route"""
@@ -37,7 +37,8 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     """Return the routes of all vehicles before any observation.
 
     The keys are labels such as `w = 0.5`. The paper's planner gives the routes for each w of PLAN_WEIGHTS.
-    The configured planner gives the routes of `scenario.chosen_by`; they replace the paper's for the same w.
+    The configured planner gives the routes of `scenario.chosen_by`, also if this label has a w of
+    PLAN_WEIGHTS.
     """
     papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {
@@ -61,17 +62,17 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:
     """Return a table with one row for each route of `first_routes`.
 
-    A row has length [m], exposure and survival probability of the flown track, not of the route: the two
-    differ if the track is pulled straight. The configured choice is bold.
+    A row has length [m], exposure and survival probability of the flown track, which differs from the route
+    if the track is pulled straight. The configured choice is bold.
     """
     table = FittedTable(COLUMNS)
     for index, spec in enumerate(scenario.specs):
-        for row, (name, firsts) in enumerate(routes.items()):
+        for row, (name, planned) in enumerate(routes.items()):
             is_chosen = name == scenario.chosen_by
             table.add_row(
                 spec.name if row == 0 else "",
                 name.removeprefix("w = "),
-                *_numbers(scenario, firsts[index], is_chosen=is_chosen),
+                *_numbers(scenario, planned[index], is_chosen=is_chosen),
                 style="bold" if is_chosen else "",
             )
         table.end_section()

@@ -1,4 +1,4 @@
-"""The end of a flight as a table, from the content of `summary.json`."""
+"""The results of a flight as a table, from the content of `summary.json`."""
 
 from __future__ import annotations
 

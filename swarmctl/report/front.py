@@ -32,17 +32,18 @@ from swarmctl.report.pictures.panel import FrontBound, FrontPanel, FrontPoint
 from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
 
 ROWS = 12
-"""number of routes of a front in the table and on the map"""
+"""greatest number of routes of a front in the table and on the map"""
 PANELS_A_SHEET = 6
-SAME = 1e-9
+TOLERANCE = 1e-9
+"""difference below which lengths, exposures or weights count as equal"""
 EXPLANATION = (
     "time: from take-off to goal. for w: the weights w with which the paper's planner finds the route; –: "
     "only a search with a bound finds the route. ΣP_s is a sum of probabilities, and ∏(1 − P_s) assumes "
     "independent cells. The chance by simulation is the probability of survival, by the belief at take-off."
 )
-PULLED = (
-    "Routes are pulled straight. Each row shows the flown track of a route of the front, so a row may beat "
-    "another in length and in exposure."
+PULLED_NOTE = (
+    "Routes are pulled straight. Each row shows the flown track of a route, so one row may be better than "
+    "another row in length and in exposure."
 )
 
 
@@ -52,7 +53,7 @@ class Candidate:
 
     route: Route
     flown: FlownRoute
-    """the track; the route itself if the vehicle cannot fly the route"""
+    """the track; the lattice route if the vehicle has no flyable track"""
     is_flyable: bool
     """False if no track for the route has turns as wide as the vehicle needs"""
     chance: ProbabilityEstimate
@@ -61,7 +62,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleFront:
-    """One vehicle's front at take-off, and its configured route."""
+    """One vehicle's front at take-off, and the configured route."""
 
     spec: Spec
     task: Task
@@ -71,9 +72,11 @@ class VehicleFront:
     candidates: tuple[Candidate, ...]
     """the routes of the front by length"""
     chosen: Candidate
+    """the configured route"""
     chosen_by: str
+    """label of the configured choice, such as `w = 0.5`"""
     chosen_index: int | None
-    """index on the front; None if the configured planner finds a route that is not on the front"""
+    """index of the configured route on the front; None for a route that is not on the front"""
     shown: tuple[int, ...]
     """indices of the routes in the table and on the map"""
 
@@ -85,7 +88,7 @@ class VehicleFront:
         return flown.length_cells * self.task.grid.cell_size_m
 
     def arrives_s(self, flown: FlownRoute) -> float:
-        """Return the arrival time after take-off, with the time of its turns [s]."""
+        """Return the arrival time after take-off, with the time of turns [s]."""
         return arrives_s(self.task, flown.length_cells, flown.corners)
 
     def is_in_time(self, flown: FlownRoute) -> bool:
@@ -133,20 +136,20 @@ def _candidate(scenario: Scenario, task: Task, problem: Problem, route: Route) -
 
 
 def _equals(one: Route, other: Route) -> bool:
-    return math.isclose(one.length_cells, other.length_cells, rel_tol=SAME) and math.isclose(
-        one.exposure_sum, other.exposure_sum, rel_tol=SAME, abs_tol=SAME
+    return math.isclose(one.length_cells, other.length_cells, rel_tol=TOLERANCE) and math.isclose(
+        one.exposure_sum, other.exposure_sum, rel_tol=TOLERANCE, abs_tol=TOLERANCE
     )
 
 
 def _knees(front: Front, always: int | None) -> tuple[int, ...]:
-    """Return at most ROWS indices: the ends, the configured route, routes that some w finds, then others.
+    """Return at most ROWS indices: the ends, the configured route, routes that some w finds, other routes.
 
-    Within each group the next point is the farthest from the line through the points chosen so far, as in
-    Douglas and Peucker's algorithm.
+    The next point of a group is the farthest from the line through the points chosen so far, as in Douglas
+    and Peucker's algorithm.
     """
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
-    points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), SAME)
+    points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), TOLERANCE)
     kept = {0, n - 1} | ({always} if always is not None else set())
     while len(kept) < min(ROWS, n):
         line = sorted(kept)
@@ -213,33 +216,30 @@ def _mark(vehicle: VehicleFront) -> str:
 
 
 def _fault(vehicle: VehicleFront, candidate: Candidate) -> str:
-    """Return the reason why the vehicle would not fly this route; empty without a reason."""
+    """Return the reason against this route; empty for a route that the vehicle would fly."""
     if not candidate.is_flyable:
         return "turns too tight"
     return "" if vehicle.is_in_time(candidate.flown) else "outside its time bound"
 
 
 def weights(front: Front, index: int) -> str:
-    """Return the range of w for which the paper's planner gives a route.
-
-    The digits suffice to distinguish all w at which routes change.
-    """
+    """Return the range of w for which the paper's planner finds a route, as text; – for no w."""
     w_range = front.w_ranges[index]
     if not front.supported[index] or w_range is None:
         return "–"
     ends = {0.0, 1.0} | {w for weights in front.w_ranges if weights is not None for w in weights}
     low, high = w_range
-    if high - low < SAME:
+    if high - low < TOLERANCE:
         return f"{_weight(low, ends)} alone"
     return f"{_weight(low, ends)} to {_weight(high, ends)}"
 
 
 def _weight(w: float, ends: set[float]) -> str:
-    """Return w with an error below a quarter of the distance to the next of `ends`.
+    """Return w as text, with an error of at most a quarter of the distance to the nearest other end.
 
-    So two ends never have the same text, and only the exact ends have the texts 0 and 1.
+    So two ends never have the same text, and only w = 0 and w = 1 have the texts 0 and 1.
     """
-    spare = min(abs(w - other) for other in ends if abs(w - other) >= SAME) / 4.0
+    spare = min(abs(w - other) for other in ends if abs(w - other) >= TOLERANCE) / 4.0
     texts = (f"{w:.{digits}g}" for digits in range(2, 18))
     return next(text for text in texts if abs(float(text) - w) <= spare)
 
@@ -255,11 +255,11 @@ def left_out(found: Sequence[VehicleFront]) -> list[str]:
             )
         if not vehicle.front.complete:
             lines.append(
-                f"{vehicle.name}: the search has reached its limit, so more routes may lie between these; "
-                "raise --max-labels"
+                f"{vehicle.name}: the search has reached its limit, so more routes may exist between these "
+                "routes; raise --max-labels"
             )
     if any(candidate.flown.is_pulled for vehicle in found for candidate in vehicle.candidates):
-        lines.append(PULLED)
+        lines.append(PULLED_NOTE)
     return lines
 
 
@@ -275,7 +275,7 @@ def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]
     }
     text = json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
     (folder / "front.json").write_text(text, encoding="utf-8")
-    # matplotlib takes a second to import, and only this needs it.
+    # Matplotlib takes a second to import.
     from swarmctl.report.pictures.front import draw_fronts  # noqa: PLC0415
 
     for first in range(0, len(found), PANELS_A_SHEET):
@@ -339,7 +339,7 @@ def _subtitle(scenario: Scenario, found: Sequence[VehicleFront]) -> str:
 
 
 def panel_of(vehicle: VehicleFront) -> FrontPanel:
-    """Return the drawing of a vehicle's front."""
+    """Return the content of the picture of a vehicle's front."""
     front, arrival, chosen = vehicle.front, vehicle.task.arrival, vehicle.chosen
     n, n_hull = len(front.routes), sum(front.supported)
     about = f"{n} route{'s' if n != 1 else ''}, {n_hull} on the hull"
@@ -374,7 +374,7 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
 
 
 def _track(vehicle: VehicleFront, candidate: Candidate) -> list[LatLon]:
-    """Return the line from the start over the corners, with turns as they are flown."""
+    """Return the line from the start over the corners, with arcs for turns."""
     grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
     points = [grid.frame.to_local(*grid.centre(cell)) for cell in candidate.flown.corners]
     if candidate.is_flyable and radius_m > 0.0:

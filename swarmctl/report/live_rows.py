@@ -1,4 +1,4 @@
-"""The live view of a flight: one row a vehicle, as data, as a Rich table and as plain lines."""
+"""The live view of a flight: one row for each vehicle, as data, as a Rich table and as plain lines."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from swarmctl.report.final_state import is_lost_in_air
 from swarmctl.report.tables import Column, FittedTable
 
 OTHER_LINES = 9
-"""lines of the screen beside the vehicles' rows"""
-SILENT_S = 3.0
-"""age of the last heartbeat from which the link column shows it"""
-BAR = 10
-WIDE = 92
-"""columns of the terminal from which the bar fits"""
+"""lines of the terminal that are not rows of vehicles"""
+LATE_HEARTBEAT_S = 3.0
+"""least age of the last heartbeat that the link column shows [s]"""
+BAR_CHARS = 10
+MIN_COLUMNS_WITH_BAR = 92
+"""least width of a terminal with a bar [columns]"""
 OK, NOT_YET = "ok", "–"
 """link texts of a vehicle with recent telemetry, and of one before its first heartbeat"""
 COLUMNS = (
@@ -63,7 +63,7 @@ class VehicleRow:
     weights: str = ""
     """w, and the firing strengths, if an operator has changed them; empty: unchanged"""
     unheard: str = ""
-    """`lost` or `given up` for a vehicle silent in the air, with its last known phase and mode"""
+    """`lost` or `given up` for a vehicle that is silent in the air; else empty"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,9 @@ class SwarmView:
 
     name: str
     flown_s: float
-    """flight time by the vehicles' clocks"""
+    """flight time by the vehicles' clocks [s]"""
     speed: float | None
-    """vehicle seconds in one second of the wall clock; None before it is known"""
+    """seconds of the vehicles' clocks in one second of the wall clock; None: not known yet"""
     rows: Sequence[VehicleRow]
     on_ctrl_c: str = "hold, then return"
 
@@ -128,7 +128,7 @@ def _link(state: AgentState, age_s: float) -> str:
         return NOT_YET
     if state.lost:
         return f"lost for {age_s:.0f} s"
-    return OK if age_s < SILENT_S else f"silent for {age_s:.0f} s"
+    return OK if age_s < LATE_HEARTBEAT_S else f"silent for {age_s:.0f} s"
 
 
 def live_table(view: SwarmView, width: int, height: int) -> Group:
@@ -151,7 +151,7 @@ def live_table(view: SwarmView, width: int, height: int) -> Group:
             Text(row.unheard, style="red") if row.unheard else Text(row.phase, style=COLOURS[row.phase]),
             row.mode,
             "–" if row.battery_percent is None else f"{row.battery_percent} %",
-            _bar(row.progress, BAR if width >= WIDE else 0),
+            _bar(row.progress, BAR_CHARS if width >= MIN_COLUMNS_WITH_BAR else 0),
             f"{row.cells_own}+{row.cells_heard}",
             str(row.hostiles_known),
             str(row.replans),

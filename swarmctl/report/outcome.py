@@ -1,4 +1,4 @@
-"""The result of a flight, which the composition root returns and every report is written from."""
+"""The result of a flight, from which all reports are written."""
 
 from __future__ import annotations
 

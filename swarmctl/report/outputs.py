@@ -66,7 +66,7 @@ def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     task, route = first.task, first.route
     try:
         plan = first_flight(task, first.problem, route)
-    except Unreachable:  # the turns are too tight for this vehicle: draw the route itself
+    except Unreachable:  # the turns are too tight for this vehicle: draw the lattice route
         return [spec.start, *map(task.grid.centre, route.cells)]
     points = [spec.start, *_points(plan)]
     if task.turn_radius_m == 0.0:
@@ -129,7 +129,7 @@ def _facts(scenario: Scenario, routes: str = "") -> str:
 
 
 def _draw(folder: Path, picture: MapPicture) -> None:
-    # matplotlib takes a second to import, and only this needs it.
+    # Matplotlib takes a second to import.
     from swarmctl.report.pictures.sheet import draw_map  # noqa: PLC0415
 
     draw_map(folder / "map.png", picture)

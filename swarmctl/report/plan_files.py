@@ -1,4 +1,4 @@
-"""Flight plans as QGroundControl `.plan` files (JSON), which Mission Planner reads, too."""
+"""Flight plans as QGroundControl `.plan` files (JSON), for QGroundControl and Mission Planner."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAV_WAYPOINT, NAV_LAND, NAV_TAKEOFF, NAV_LOITER_TO_ALT, DO_LAND_START = 16, 21, 
 QUADROTOR, FIXED_WING = 2, 1
 """MAV_TYPE"""
 Params = tuple[float, float, float, float | None]
-NONE_GIVEN: Params = (0, 0, 0, None)
+NO_PARAMS: Params = (0, 0, 0, None)
 PlanItem = tuple[int, Waypoint, Params]
 """MAV_CMD, position, the four parameters"""
 FRAME_GLOBAL_RELATIVE_ALT = 3
@@ -25,9 +25,9 @@ def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s:
     """Return the text of a `.plan` file; `home` is the take-off position."""
     touchdown = Waypoint(plan.landing.lat_deg, plan.landing.lon_deg, 0.0)
     steps: list[PlanItem] = [
-        (NAV_TAKEOFF, Waypoint(*home, plan.takeoff_alt_m), NONE_GIVEN),
-        *((NAV_WAYPOINT, point, NONE_GIVEN) for point in plan.track),
-        *([(NAV_LAND, touchdown, NONE_GIVEN)] if plan.approach is None else _landing(plan.approach)),
+        (NAV_TAKEOFF, Waypoint(*home, plan.takeoff_alt_m), NO_PARAMS),
+        *((NAV_WAYPOINT, point, NO_PARAMS) for point in plan.track),
+        *([(NAV_LAND, touchdown, NO_PARAMS)] if plan.approach is None else _landing(plan.approach)),
     ]
     content = {
         "fileType": "Plan",
@@ -51,10 +51,10 @@ def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s:
 
 def _landing(approach: Approach) -> Iterator[PlanItem]:
     """Yield the landing items of a fixed wing."""
-    yield DO_LAND_START, approach.centre, NONE_GIVEN
+    yield DO_LAND_START, approach.centre, NO_PARAMS
     yield NAV_LOITER_TO_ALT, approach.centre, (1, approach.radius_m, 0, 1)
-    yield NAV_WAYPOINT, approach.final, NONE_GIVEN
-    yield NAV_LAND, approach.touchdown, NONE_GIVEN
+    yield NAV_WAYPOINT, approach.final, NO_PARAMS
+    yield NAV_LAND, approach.touchdown, NO_PARAMS
 
 
 def _item(number: int, command: int, point: Waypoint, params: Params) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.planners import Unreachable
 from swarmctl.report import record
 
-SAME_PLACE_M = 0.01
+MAX_ORIGIN_DISTANCE_M = 0.01
 
 
 class PriorRunError(ValueError):
@@ -30,12 +30,14 @@ def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
         raise PriorRunError(f"--known {error}") from error
     flown = build(config)
     if elsewhere := list(_elsewhere(flown, scenario)):
-        raise PriorRunError(f"--known {run}: flown over another area: {', '.join(elsewhere)} [other-area]")
+        text = f"--known {run}: flown over another area: {', '.join(elsewhere)}; give a run over this area"
+        raise PriorRunError(f"{text} [other-area]")
     prior = scenario.prior.merge(observations)
     lines = [f"prior: {prior.n_observed} cells with {prior.n_found} hostiles, from {run}"]
     if flown.hostiles != scenario.hostiles:
         lines.append(
-            "the earlier run had hostiles in other cells (another seed, or another list) [other-hostiles]"
+            "the earlier run had hostiles in other cells (another seed, or another list), so its "
+            "observations may be wrong; they are used [other-hostiles]"
         )
     if flown.prior.sensor != scenario.prior.sensor:
         lines.append(
@@ -44,8 +46,7 @@ def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
         )
     if prior.announced_too_low:
         lines.append(
-            f"more hostiles were found than announced ({prior.count}): threats.count is too low "
-            "[count-too-low]"
+            f"more hostiles were found than announced ({prior.count}); raise threats.count [count-too-low]"
         )
     return replace(scenario, prior=prior), lines
 
@@ -65,5 +66,5 @@ def _elsewhere(flown: Scenario, planned: Scenario) -> Iterator[str]:
         if getattr(old, what) != getattr(new, what):
             yield f"{what} {getattr(old, what):g}, now {getattr(new, what):g}"
     origins = (old.origin_lat_deg, old.origin_lon_deg), (new.origin_lat_deg, new.origin_lon_deg)
-    if (apart_m := distance_m(*origins)) > SAME_PLACE_M:
+    if (apart_m := distance_m(*origins)) > MAX_ORIGIN_DISTANCE_M:
         yield f"the south-west corners are {apart_m:.0f} m apart"

@@ -37,7 +37,7 @@ FORMAT = 3
 READABLE = frozenset({"2", "3"})
 """readable formats; format 2 has a channel for each vehicle and each kind of event and effect"""
 CHUNK_BYTES = 1 << 16
-"""amount of data that a crash may cost; all earlier chunks stay readable"""
+"""size of a chunk; a crash loses at most the last chunk"""
 
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
@@ -74,7 +74,7 @@ class Recorder:
 
     def __init__(self, path: Path, scenario: Scenario, epoch_ns: int) -> None:
         self.trouble = ""
-        """reason why the record ends early: a full disk ends the record, not the flight"""
+        """reason for an early end of the record, such as a full disk; the flight continues"""
         self._path = path
         self._file = path.open("wb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
@@ -128,7 +128,7 @@ class Recorder:
         self._show(foxglove.LOG, "foxglove.Log", entry, now)
 
     def _map(self, now: float) -> None:
-        """Write the area and the true hostiles, which do not change."""
+        """Write the area and the true hostiles, once."""
         grid = self._scenario.grid
         goals = [goal for spec in self._scenario.swarm for goal in spec.goals]
         area = foxglove.area(grid, self._scenario.config.area.no_fly, goals)
@@ -212,7 +212,7 @@ class Verdict:
     difference: str
     """the first difference; empty without a difference"""
     is_cut: bool = False
-    """True if the record has no end, because its process died; its complete part was replayed"""
+    """True if the record has no end, because the process died; the complete part was replayed"""
 
 
 def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Verdict:
@@ -265,7 +265,7 @@ class _Content:
     config: Config
     rows: list[tuple[str, EventRecord | EffectRecord]]
     is_cut: bool
-    """True if the record has no end, because its process died"""
+    """True if the record has no end, because the process died"""
 
 
 def _read(path: Path) -> _Content:
@@ -276,7 +276,10 @@ def _read(path: Path) -> _Content:
             file.seek(0)
             metadata, rows = _parsed(BytesIO(file.read(end)))
         if metadata.get("format") not in READABLE:
-            raise RecordError(f"{path}: not a record of this version of swarmctl [other-format]")
+            raise RecordError(
+                f"{path}: swarmctl {__version__} cannot read this record; use the version that wrote it "
+                "[other-format]"
+            )
         return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
     except FileNotFoundError:
         raise RecordError(

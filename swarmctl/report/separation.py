@@ -16,7 +16,7 @@ from swarmctl.core.vehicle import Landed, VehicleState
 
 
 class SeparationStatistics:
-    """Distances between all vehicles known to this process; times by their own clocks, from take-off."""
+    """Distances between all vehicles known to this process; times from take-off, by the vehicles' clocks."""
 
     def __init__(self) -> None:
         self._flown: FlownSeparation | None = None
@@ -39,7 +39,7 @@ class SeparationStatistics:
         flight_time_s: float | None,
         now: float,
     ) -> None:
-        """Record the positions of neighbours, which other processes may fly."""
+        """Record the positions of vehicles of other processes."""
         for uav, state in states:
             if uav in self._here or state.alt_rel_m < AIRBORNE_M or state.age_s > 0.0:
                 continue

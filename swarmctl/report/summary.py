@@ -47,10 +47,10 @@ class TakeoffPlan:
 
 @dataclass(slots=True)
 class VehicleStatistics:
-    """Statistics of one vehicle that its agent's state does not hold."""
+    """Statistics of one vehicle that are not in its agent's state."""
 
     planned: list[LatLon] = field(default_factory=list)
-    """the first route"""
+    """points of the first route"""
     flown: list[LatLon] = field(default_factory=list)
     strikes: list[LatLon] = field(default_factory=list)
     took_off_s: float | None = None
@@ -150,7 +150,7 @@ class FlightStatistics:
         return max((v.flight_time_s or 0.0 for v in self.vehicles.values()), default=0.0)
 
     def latencies(self, observer: int | None = None) -> dict[str, Any]:
-        """Return quantiles of the times from an observation, of one vehicle or all, to its effects [s]."""
+        """Return quantiles of the times from an observation to its effects [s]; None: of all vehicles."""
         observed_s = {o: t for o, t in self._observed_s.items() if observer in (None, o[0])}
         return {
             "observation_to_last_peers_belief_s": _quantiles(observed_s, self._believed_s),
@@ -182,8 +182,8 @@ def summary(
 ) -> dict[str, Any]:
     """Return the content of `summary.json`.
 
-    `networks` and `payload_reports` count messages and reports by system id; a vehicle that takes no reports
-    is not in `payload_reports`. `crossings` counts crossings of first routes; None without a count.
+    `networks` and `payload_reports` count messages and reports by system id. A vehicle without a receiver of
+    reports is not in `payload_reports`. `crossings` counts crossings of first routes; None: not counted.
     """
     merged = _merged_belief(scenario, states)
     return {
@@ -226,12 +226,12 @@ def _simulated_seconds(scenario: Scenario, clock: str) -> float:
 
 
 def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:
-    """Return the cells known to any vehicle."""
+    """Return `Belief.known` of the merged beliefs of all vehicles."""
     return _merged_belief(scenario, states).known
 
 
 def _merged_belief(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
-    """Return the merged beliefs of all vehicles; of two items under one id the first counts."""
+    """Return the merged beliefs of all vehicles; of two contents under one name the first counts."""
     merged = scenario.prior
     for state in states.values():
         for item in state.belief.items():
@@ -293,7 +293,7 @@ def _network(counters: NetworkCounters) -> dict[str, Any]:
 
 
 def arrival_of(state: AgentState) -> dict[str, Any]:
-    """Return the arrival time, its bound, and whether the bound was kept; from take-off, vehicle's clock."""
+    """Return the arrival time and its bound. Times count from take-off, by the vehicle's clock [s]."""
     arrival, arrived_s = state.task.arrival, None
     if state.arrived_boot_s is not None and state.launched_boot_s is not None:
         arrived_s = state.arrived_boot_s - state.launched_boot_s
@@ -325,7 +325,7 @@ def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> di
 
 
 def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
-    """Return the exact chance of surviving the entered cells among the true hostiles; None: no flight."""
+    """Return the survival probability over the entered cells among the true hostiles; None: no flight."""
     if not state.flown_cells:
         return None
     shape = (scenario.grid.rows, scenario.grid.cols)

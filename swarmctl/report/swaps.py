@@ -11,14 +11,14 @@ import numpy as np
 from swarmctl.core import events as ev
 
 MAX_FAILURES = 20
-"""number of a vehicle's last failed changes whose reasons are kept"""
+"""number of a vehicle's last failed changes that are kept with their reasons"""
 LISTED = 5
 """number of failed changes that are listed below the table"""
 
 
 @dataclass(slots=True)
 class SwapStatistics:
-    """Mission changes of one vehicle; times by its own clock."""
+    """Mission changes of one vehicle; times by the vehicle's clock."""
 
     changed: int = 0
     failed: int = 0
@@ -27,9 +27,9 @@ class SwapStatistics:
     stood: int = 0
     """number of changes for which the vehicle held or stood still"""
     stood_still_s: float = 0.0
-    longest_s: float = 0.0
+    longest_stood_still_s: float = 0.0
     took_s: tuple[float, ...] = ()
-    """times until the vehicle flew the new plan"""
+    """durations of the changes [s]"""
 
     def ended(self, event: ev.MissionAccepted | ev.MissionFailed) -> None:
         """Count a change that has ended in flight."""
@@ -41,7 +41,7 @@ class SwapStatistics:
             self.took_s += () if event.took_s is None else (event.took_s,)
         self.stood += event.stood_still_s > 0.0
         self.stood_still_s += event.stood_still_s
-        self.longest_s = max(self.longest_s, event.stood_still_s)
+        self.longest_stood_still_s = max(self.longest_stood_still_s, event.stood_still_s)
 
     def summary(self) -> dict[str, Any]:
         """Return the section of `summary.json`."""
@@ -55,13 +55,13 @@ class SwapStatistics:
             "failures": self.failures,
             "stood_still": self.stood,
             "stood_still_s": self.stood_still_s,
-            "longest_stood_still_s": self.longest_s,
+            "longest_stood_still_s": self.longest_stood_still_s,
             "took_s": took_s,
         }
 
 
 def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines below the table: number of changes, each failure, each vehicle that stood still."""
+    """Return lines about the changes: their number, LISTED failures, each vehicle that stood still."""
     by_name = [(v["name"], v["swaps"]) for v in vehicles]
     tried = sum(swaps["changed"] + swaps["failed"] for _, swaps in by_name)
     if not tried:

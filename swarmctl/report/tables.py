@@ -38,7 +38,7 @@ class Column:
     title: str
     justify: Literal["left", "right"] = "right"
     rank: int = 0
-    """the columns with the greatest rank are left out first; 0: never left out"""
+    """order of omission: the column with the greatest rank is left out first; 0: never left out"""
     wraps_at: int = 0
     """least width to which longer texts wrap; 0: one line"""
 

@@ -15,6 +15,7 @@ from swarmctl.report.live_rows import SwarmView, live_table, plain_line
 from swarmctl.report.ui import Ui
 
 LINE_EVERY_S = 30.0
+"""flight time between two lines about a vehicle [s]"""
 MESSAGE_FOR_S = 20.0
 """flight time for which a message stays below the table [s]"""
 
@@ -69,7 +70,7 @@ class LiveTable:
 
 
 class PlainLines:
-    """Lines for logs and pipes: one for each change of a phase, and one a vehicle every LINE_EVERY_S."""
+    """Lines for logs and pipes: one at each change of a phase, and one a vehicle every LINE_EVERY_S."""
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._console = console

@@ -1,4 +1,4 @@
-"""The user interface of a flight: its protocol, a wrapper that cannot break the flight, and its observer."""
+"""The user interface of a flight: a protocol, a wrapper that catches its errors, and an observer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Ui(Protocol):
 
 
 class SafeUi:
-    """A wrapper of a user interface that may break (closed pipe, full disk) without ending the flight."""
+    """A wrapper of a user interface. A closed pipe or a full disk ends the output, but not the flight."""
 
     def __init__(self, ui: Ui) -> None:
         self._ui: Ui | None = ui
@@ -67,7 +67,7 @@ class UiObserver:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             text = (
-                "telemetry has stopped; orders wait until it is back [telemetry-lost]"
+                "telemetry has stopped; orders wait until telemetry arrives again [telemetry-lost]"
                 if after.lost
                 else "telemetry arrives again; waiting orders are sent [telemetry-back]"
             )
@@ -80,7 +80,7 @@ class UiObserver:
         match event:
             case ev.OperatorCommand(order=order):
                 self.ui.say(order_line(order, answer))
-            # A command without an effect concerns only its sender.
+            # A command without an effect is not shown here; only its sender gets the answer.
             case ev.WeightsChanged(w=w, strength=strength) if changed or answer.outcome != "taken":
                 self.ui.say(weights_line(w, strength, answer))
 

@@ -147,7 +147,7 @@ def test_a_disk_that_fails_at_the_end_of_the_run_is_reported(disk: SlowDisk, tmp
 def test_the_wait_for_a_blocked_disk_has_a_limit(
     disk: SlowDisk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(file, "SETTLES_S", 0.05)
+    monkeypatch.setattr(file, "SYNC_TIMEOUT_S", 0.05)
 
     async def story() -> None:
         run = Run(tmp_path)

@@ -12,15 +12,15 @@ from swarmctl.core.any_angle.legs import ENTERED, INTEGRAL, N_MEASURES, Bools, I
 from swarmctl.core.any_angle.track import CrossedCells, Floats, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import arc
 
-SPAN = 32
+MAX_FIRST_SPAN = 32
 """Longest leg of the first search [steps of the route]. Later searches try longer legs between the corners
 found so far. For a route of at most this many steps the number of legs is minimal."""
 
 TIE_TOLERANCE = 1e-9
-"""Relative difference below which sums count as equal, because of rounding."""
+"""relative difference below which sums count as equal, because of rounding"""
 
 MAX_SEARCHES = 50
-"""Greatest number of searches; a search is repeated if an arc of its track meets a wall or is worse."""
+"""greatest number of searches; a search is repeated if an arc of its track meets a wall or is worse"""
 
 
 class ExposureMeasure(StrEnum):
@@ -28,10 +28,10 @@ class ExposureMeasure(StrEnum):
 
     ENTERED = "entered"
     """ΣP_s and ∏(1 − P_s) over the cells entered, and ∫P_s ds and ∫−ln(1 − P_s) ds along the leg. Strikes are
-    drawn at each entry into a cell, and a skew leg enters more cells than diagonal steps do. So this measure
-    never adds strikes, but it straightens little before the first observations"""
+    drawn at each entry into a cell, and a skew leg enters more cells than diagonal steps. So this measure
+    adds no strikes, but straightens little before the first observations"""
     INTEGRAL = "integral"
-    """∫P_s ds and ∫−ln(1 − P_s) ds alone; straightens most, and enters about a quarter more cells"""
+    """∫P_s ds and ∫−ln(1 − P_s) ds alone. This measure straightens most; tracks enter 25 % more cells"""
 
     @property
     def rows(self) -> slice:
@@ -51,12 +51,12 @@ TurnIndices = tuple[int, int, int]
 
 
 class Unflyable(ValueError):
-    """An error: no track over the cells of a route has turns as wide as the vehicle needs."""
+    """No track over the cells of a route has turns as wide as the vehicle needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """The weights of Eq. 5, by which an unavoidable loss is kept small."""
+    """Weights of Eq. 5, for the choice between tracks that are all worse than the route."""
 
     w: float
     psi_per_cell: float
@@ -140,14 +140,14 @@ class _Search:
             chosen = self._best(nodes, self._costs(nodes, weights))
             if chosen is None:
                 return None
-            if len(nodes) <= SPAN + 1 or len(chosen) == len(nodes):
+            if len(nodes) <= MAX_FIRST_SPAN + 1 or len(chosen) == len(nodes):
                 return tuple(chosen.tolist())
             nodes = chosen
 
     def _costs(self, nodes: Ints, weights: Weights | None) -> Floats:
         """Return (nodes, span) costs of the legs from each node to the next ones; infinite if forbidden."""
         n = len(nodes)
-        span = min(SPAN, n - 1)
+        span = min(MAX_FIRST_SPAN, n - 1)
         begins, ahead = (index.ravel() for index in np.indices((n, span)))
         ends = begins + ahead + 1
         exists = ends < n
@@ -173,7 +173,7 @@ class _Search:
         return np.where((length > 0.0) & (on_lattice | (legs.clear & good)), cost, np.inf)
 
     def _best(self, nodes: Ints, costs: Floats) -> Ints | None:
-        """Return the cheapest chain of legs from the first node to the last; None if none exists.
+        """Return the nodes of the cheapest chain of legs from the first node to the last, or None.
 
         The search is over legs, not over nodes, because a leg must fit the previous leg.
         """
@@ -200,7 +200,7 @@ class _Search:
         return nodes[chosen[::-1]]
 
     def _may_turn(self, nodes: Ints, i: int, span: int, reach: int) -> Bools:
-        """Return (span, reach): whether a chain may turn at node i, from i − 1 − row to i + 1 + column."""
+        """Return (span, reach) flags: a chain may turn at node i, from i − 1 − row to i + 1 + column."""
         if self._radius == 0.0:
             return np.ones((span, reach), dtype=bool)
         before, after = np.maximum(i - 1 - np.arange(span), 0), i + 1 + np.arange(reach)

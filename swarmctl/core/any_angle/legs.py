@@ -29,8 +29,8 @@ class LegMeasures:
     measures: Floats
     """(N_MEASURES, n)"""
     clear: Bools
-    """(n,): the leg enters no wall and keeps WALL_MARGIN from the corners of walls; its first cell is
-    exempt"""
+    """(n,): True for a leg that enters no wall after its first cell, and keeps WALL_MARGIN from corners of
+    walls"""
 
 
 def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
@@ -76,7 +76,8 @@ class _Walk:
     def strip(self, k: int, m: int) -> tuple[Floats, Floats, Ints, Ints]:
         """Return start and end of strip k [steps] and the entry and exit cells, for the first m legs.
 
-        Cells are counted to the side of the start. A leg over a corner continues in the diagonal cell.
+        Entry and exit are numbers of cells to the side of the start. A leg over a corner continues in the
+        diagonal cell.
         """
         major, minor = self.major[:m], self.minor[:m]
         low = np.full(m, max(k - 0.5, 0.0))
@@ -94,7 +95,7 @@ class _Walk:
 
 
 def _grazes(threat: ThreatMap, walk: _Walk, k: int, m: int) -> Bools:
-    """Return whether each leg comes too near the corner of a wall between strips k and k + 1."""
+    """Return a flag for each leg: it comes too near a corner of a wall between strips k and k + 1."""
     major, minor = walk.major[:m], walk.minor[:m]
     crossing = minor * (2 * k + 1) + major
     corner = (crossing + major) // (2 * np.maximum(major, 1))

@@ -1,12 +1,11 @@
 """Straightening of lattice routes, with turns as wide as the vehicle needs.
 
-A lattice route turns in steps of 45°. A straight leg may replace the part of the route between two of its
-cells if the leg is neither longer nor more exposed. So the track is at least as good as the lattice route in
-each measure that is compared. The choice of the exposure measure (`ExposureMeasure`) matters: see
-`swarmctl.core.any_angle.track`.
+A lattice route turns in steps of 45°. A straight leg may replace a part of the route if the leg is neither
+longer nor more exposed. So the track is at least as good as the lattice route in each measure of
+`ExposureMeasure`. `swarmctl.core.any_angle.track` explains the measures.
 
-The turn of a fixed wing onto its first leg is not planned here. Its landing is planned in
-`swarmctl.agent.replan.landing_pattern`.
+The turn of a fixed wing onto its first leg is not planned. `swarmctl.agent.replan.landing_pattern` plans the
+landing.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.grid import Cell
 from swarmctl.core.route import CORNER_TOLERANCE
 
-WORSE_BY = 0.05
-"""Share by which the rest of a track may be more exposed than the rest of its route. A smaller difference
+TOLERATED_EXCESS = 0.05
+"""Tolerated excess of exposure of the rest of a track over the rest of its route [share]. A smaller excess
 does not justify a stop of the vehicle."""
 
 
@@ -37,7 +36,7 @@ class Track:
     over: tuple[Cell, ...]
     """cells under the track, in the order flown"""
     abreast: tuple[int, ...]
-    """for each cell under the track the index of the nearest cell of the route"""
+    """index of the route's nearest cell for each cell under the track"""
     length_cells: float
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
@@ -56,9 +55,9 @@ def pull_straight(
     """Return the track of fewest straight legs for a route over neighbouring cells; the shortest of equals.
 
     With a turn radius of `radius_cells` [cells] each turn is an arc inside its corner. The arc takes at most
-    half of a leg between two turns. If only worse legs leave this room, the track has the least loss by
-    `weights` (Eq. 5), or by exposure alone without `weights`. The vehicle cannot fly the lattice route then
-    either. The track always keeps clear of walls. Raises Unflyable.
+    half of a leg between two turns. If all tracks with this room are worse than the route, the result has the
+    least cost by `weights` (Eq. 5), or the least exposure without `weights`. The track always keeps clear of
+    walls. Raises Unflyable.
     """
     if len(cells) < 3:
         return track(threat, cells, tuple(range(len(cells))), radius_cells)
@@ -85,9 +84,9 @@ def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radi
 
 
 def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
-    """Return the index of the route's cell nearest to a cell under the track; None for other cells.
+    """Return the index of the route's cell nearest to a cell under the track; None for a cell off the track.
 
-    If the track passes the cell more than once, the index is at or after `since`.
+    If the track passes the cell more than once, the result is the first index at or after `since`.
     """
     found = [k for over, k in zip(track.over, track.abreast, strict=True) if over == cell]
     return next((k for k in found if k >= since), found[-1] if found else None)
@@ -107,9 +106,8 @@ def still_holds(
     """Return whether the rest of a track is as good as the rest of its route by the present threat, `now`.
 
     The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
-    the threat by which the track was last found good. The rest of the track may be more exposed by `before`
-    already: the vehicle may have passed the exposed part of a leg on the route, but not yet on the track. So
-    only an increase over that difference counts.
+    the threat by which the track was last found good. By `before`, the rest of the track may already be more
+    exposed than the rest of the route. Only an increase of this difference counts.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)
@@ -124,7 +122,7 @@ def still_holds(
     rest, lattice = _rest_of(under, here), _rest_of(ahead, 0)
     on_track, on_route = measure.of(now, rest), measure.of(now, lattice)
     excess_before = np.maximum(measure.of(before, rest) - measure.of(before, lattice), 0.0)
-    return bool((on_track <= on_route * (1.0 + WORSE_BY) + excess_before + TIE_TOLERANCE).all())
+    return bool((on_track <= on_route * (1.0 + TOLERATED_EXCESS) + excess_before + TIE_TOLERANCE).all())
 
 
 def _rest_of(under: CrossedCells, here: int) -> CrossedCells:

@@ -6,14 +6,13 @@ Points are (x, y) in cells from the south-west corner of cell (0, 0). The centre
 Two measures of exposure, because Eq. 5 has none for a track between cells:
 
 entered
-    ΣP_s over the cells that a track enters, as Eq. 5 counts a route and as strikes are drawn. A cell counts
-    once for each entry, even for a short crossing. A track through the corner of two cells enters only the
-    diagonal cell, as a diagonal step does. A straight track at a skew angle enters more cells than the
-    lattice route beside it.
+    ΣP_s over the cells that a track enters, as in Eq. 5 and as strikes are drawn. A cell counts once for each
+    entry, even for a short crossing. A track through a corner enters only the diagonal cell, like a diagonal
+    step. A straight track at a skew angle enters more cells than the lattice route beside it.
 integral
     ∫ P_s ds along the track [cells], which counts the length and not the number of cells.
 
-The two differ on a lattice route too: a diagonal step enters one cell over a length of √2 cells.
+The measures also differ on a lattice route: a diagonal step enters one cell over a length of √2 cells.
 """
 
 from __future__ import annotations
@@ -33,8 +32,8 @@ Floats = NDArray[np.float64]
 GridPoint = tuple[float, float]
 
 CORNER_LENGTH = 1e-9
-"""Two grid lines crossed within this length [cells] are crossed at their corner. On legs between centres up
-to 10 000 cells apart two crossings are equal or at least 5e-5 cells apart."""
+"""Length between two crossings of grid lines below which both count as one crossing of a corner [cells]. On
+legs between centres up to 10 000 cells apart, different crossings are at least 5e-5 cells apart."""
 
 WALL_MARGIN = 0.1
 """Least distance of a track from the corner of a wall [cells], for errors of position and of following.
@@ -59,7 +58,7 @@ class CrossedCells:
 
 
 def crossed_cells(points: Sequence[GridPoint]) -> CrossedCells:
-    """Return the cells that straight legs cross; a point on a grid line is north or east of it."""
+    """Return the cells that straight legs cross. A point on a grid line belongs to the north or east cell."""
     cells: list[Cell] = []
     lengths: list[float] = []
     legs: list[int] = []
@@ -103,7 +102,7 @@ def _crossings(here: float, there: float) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThreatMap:
-    """P_s in the forms that measures of tracks need. Walls (infinite P_s) count as 0 here: see `is_clear`."""
+    """P_s in the forms that measures of tracks need. Infinite P_s counts as 0; `is_clear` avoids walls."""
 
     p_s: Floats
     """(rows, cols), finite"""
@@ -138,7 +137,7 @@ def _indices(cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64
 def is_clear(threat: ThreatMap, points: Sequence[GridPoint], margin: float = WALL_MARGIN) -> bool:
     """Return whether a track enters no wall and keeps `margin` [cells] from the corners of walls.
 
-    The first cell does not count, so that a vehicle in a wall may leave it.
+    The first cell is no wall, so that a vehicle may leave a wall.
     """
     rows, cols = threat.blocked.shape
     begin = crossed_cells(points).cells[0]

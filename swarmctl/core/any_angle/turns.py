@@ -53,7 +53,7 @@ def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -
 
 
 def rounded(points: Sequence[GridPoint], radius: float) -> tuple[list[GridPoint], list[int]]:
-    """Return the points of a track with arcs for corners, and for each piece between two points its leg.
+    """Return the points of a track with arcs for corners, and the leg of each piece between two points.
 
     The first half of an arc belongs to the leg before the corner.
     """

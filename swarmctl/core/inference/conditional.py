@@ -11,9 +11,9 @@ distributions", 1997):
 2. Choose t so that the expected total equals the given total. The number in each group is then binomial.
 3. Convolve the groups (forward pass), then condition on the total (backward pass).
 
-All terms are positive, so there is no cancellation, and near the given total there is no underflow. The tails
-of each distribution below TAIL are left out. An uncertain total is split into ranges with one t each. A
-saddle point bound selects the totals that matter.
+All terms are positive, so no cancellation occurs. Near the given total no underflow occurs. The tails of each
+distribution below TAIL are left out. An uncertain total is split into ranges with one t each. A saddle point
+bound excludes negligible totals.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TAIL = 1e-40
-"""terms below this share of the largest term are left out of a distribution"""
+"""share of the largest term below which terms are left out of a distribution"""
 NEGLIGIBLE = 60.0
-"""difference of log probability from the likeliest total; totals below it are left out"""
+"""difference of log probability from the likeliest total above which a total is left out"""
 REACH_SIGMA = 6.0
 """half width of a range of totals [standard deviations]; tails keep their precision within it"""
 KNOT_SIGMA = 3.0
 """distance between knots of the saddle point bound [standard deviations]"""
 MAX_KNOTS = 257
 N_BISECTIONS = 32
-"""number of bisections for t; t need not be exact"""
+"""number of bisections for t, which need not be exact"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ class _TotalRange:
 
 
 def _binomial(n: int, log_odds: float) -> _Window:
-    """Return binomial probabilities without tails.
+    """Return binomial probabilities without negligible tails.
 
     The ratios of neighbouring terms are multiplied outwards from the likeliest number.
     """
@@ -205,7 +205,7 @@ def _clipped(expected: Floats, n_cells: Ints) -> Floats:
 
 
 def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
-    """Return the indices of all totals that matter; some negligible totals may be among them.
+    """Return the indices of all totals that are not negligible, and possibly of some that are.
 
     Let e_J(λ) be the weight of all sets of J cells, and U(J) = min over t of Σ m log(1 + λ e^t) − J t. Then
     e_J(λ) < e^U(J), and the ratio of both is bounded by a power of J. U is concave. Between knots its chord

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, xlog1py, xlogy
 
 LOG_RANGE = 745.0
-"""Difference of log weight from the likeliest number at which a number counts as impossible; the range of a
-double."""
+"""difference of log weight from the likeliest number at which a number counts as impossible: a double's
+range"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HostileCount:
-    """A prior over n_HA. Raises ValueError unless numbers are 0 or more, ascending, of finite weight."""
+    """A prior over n_HA. Raises ValueError for numbers below 0, out of order or of infinite weight."""
 
     n: NDArray[np.int64]
     """(k,) possible numbers, ascending"""

@@ -1,7 +1,7 @@
 """The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes beyond it.
 
-Cells with equal numbers of looks and hits form a class. Every function here takes the classes of a whole
-area; several entries may stand for one class.
+Cells with equal numbers of looks and hits form a class. Every function takes the classes of a whole area.
+Several entries may have equal numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SURE_SIGMA = 1.645
-"""least excess of the found over the announced number: one-sided 95 % of a normal distribution"""
+"""least excess of the found over the announced number [standard deviations]: one-sided 95 %, normal"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ def eq4(n_hostiles: int, classes: CellClasses) -> Floats:
 
 
 def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Floats:
-    """Return the posterior probability p_O (k,), exact to rounding; Eq. 4 is its limit.
+    """Return the posterior probability p_O (k,), exact to rounding. Eq. 4 is a special case.
 
     Every placement of hostiles is equally likely, with at most one in a cell. `count` is the distribution of
     their number, and `sensor` has the error rates of looks. Every look changes every cell: if hostiles become
@@ -70,10 +70,10 @@ def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Flo
 def posterior(
     count: HostileCount, sensor: SensorModel, classes: CellClasses
 ) -> tuple[NDArray[np.bool_], HostileGroups | None]:
-    """Return the mask (k,) of the uncertain classes, and the numbers of hostiles in them; None if none exist.
+    """Return the mask (k,) of uncertain classes, and the distribution of hostiles in them; None: no class.
 
-    `count` may allow fewer hostiles than are certain, or more than there are cells for. The nearest possible
-    number is then taken, as Eq. 4 is clamped to [0, 1].
+    `count` may allow only fewer hostiles than are certain, or more than the cells can hold. The nearest
+    possible number then replaces `count`, as Eq. 4 is clamped to [0, 1].
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     open_cells = np.isfinite(log_ratio)
@@ -97,8 +97,8 @@ def posterior(
 def announced_too_low(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> bool:
     """Return whether more hostiles were found than announced; with 95 % confidence for sensors that err.
 
-    Each cell counts by its own looks alone, at the odds announced for a cell. A posterior under `count`
-    cannot show the excess, because it never has more hostiles than `count` allows.
+    The posterior of each cell follows from the looks at this cell alone, with the announced odds as prior. A
+    posterior under `count` cannot show an excess, because it has at most the hostiles that `count` allows.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     # Half a hostile and half a clear cell are added, so that an announcement of none or of all can be wrong.

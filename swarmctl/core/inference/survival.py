@@ -1,4 +1,4 @@
-"""The true survival probability of a route. Neither ΣP_s nor ∏(1 − P_s) is equal to it.
+"""The true survival probability of a route, which differs from 1 − ΣP_s and from ∏(1 − P_s).
 
 For each cell that a vehicle enters, each hostile in reach shoots once, independently, and hits with the
 probability of Eq. 1. Among known hostiles the probability of survival is ∏(1 − fs). But the hostiles' cells
@@ -24,8 +24,8 @@ N_WORLDS = 4096
 Z_95 = 1.959964
 """two-sided 95 % of a normal distribution"""
 MIN_EFFECTIVE_WORLDS = 100.0
-"""Least effective number of worlds, n·mean²/mean of squares, for the normal interval. If the average rests on
-a few worlds of thousands, that interval is too narrow; Wilson's holds for any spread between 0 and 1."""
+"""Least effective number of worlds, n·mean²/mean of squares, for the normal interval. The normal interval is
+too narrow if the average rests on few worlds. Wilson's interval holds for any spread between 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +62,11 @@ def survival_probability(
     `n_worlds` worlds are drawn from the belief, each with its own hostiles. The start cell does not count,
     the goal does; a cell entered twice counts twice.
 
-    The shots are not drawn. For given hostiles the survival probability is a product. Its average over the
-    worlds has the same mean as the share of surviving vehicles, and a smaller variance (Rao-Blackwell). The
-    interval is the normal one of that average, or also Wilson's if few worlds carry the average. It is a
-    point if every cell in reach is certain. Raises ValueError for fewer than 2 worlds.
+    The shots are not drawn. For given hostiles the survival probability is a product. The product's average
+    over the worlds has the same mean as the share of surviving vehicles, and a smaller variance
+    (Rao-Blackwell). The interval is the normal interval of this average. If the average rests on few worlds,
+    the interval includes Wilson's. If every cell in reach is certain, the interval is a point. Raises
+    ValueError for fewer than 2 worlds.
     """
     if n_worlds < 2:
         raise ValueError(f"{n_worlds} worlds: expected 2 or more")

@@ -1,4 +1,4 @@
-"""Evidence of a run: commands, vehicles' acknowledgements and observed effects, and people's actions.
+"""Evidence of a run: commands, acknowledgements, observed effects on vehicles, and actions of people.
 
 `evidence.jsonl` in the run folder holds one JSON object a line, each with the hash of the line before. A line
 that is changed, removed or inserted breaks the chain there.
@@ -7,7 +7,7 @@ that is changed, removed or inserted breaks the chain there.
 |---|---|
 | `n` | 0, 1, 2 ... |
 | `unix_s`, `run_s` | time by the wall clock, and since the run began [s] |
-| `vehicle` | its name; null for the whole run |
+| `vehicle` | name of the vehicle; null for the whole run |
 | `kind` | opened, command, acknowledgement, effect, waiver, operator, note, closed |
 | `what` | MAVLink's names and values, or words |
 | `previous` | the `hash` of the line before; 64 zeros in the first |
@@ -20,5 +20,5 @@ that is changed, removed or inserted breaks the chain there.
 | story | entries from an agent's events and effects; pure |
 | digest | the tables of `swarmctl audit`; pure |
 | file, disk | the file, and its writing to the disk |
-| hooks | the callers: front end, runners, people's actions |
+| hooks | the writers: messages on the link, agents, actions of people |
 """

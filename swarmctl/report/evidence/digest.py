@@ -17,7 +17,7 @@ _PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
 _NOTHING_YET = ""
 """the mode of a vehicle before its first heartbeat"""
 _DISARMED = "armed False"
-_SHOWS = {
+_CHANGED_PART = {
     "COMPONENT_ARM_DISARM": "armed",
     "DO_SET_MODE": "mode",
     "SET_MODE": "mode",
@@ -27,11 +27,11 @@ _SHOWS = {
     "DO_SET_MISSION_CURRENT": "mission_seq",
     "MISSION_SET_CURRENT": "mission_seq",
 }
-"""the part of a vehicle's state that shows that a command was followed"""
+"""command -> the part of a vehicle's state that changes when the vehicle follows the command"""
 _ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
 """messages other than commands that a vehicle acknowledges"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
-"""ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and goes on"""
+"""ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and continues the transfer"""
 
 
 @dataclass(slots=True)
@@ -45,7 +45,7 @@ class CommandRow:
     unanswered: int = 0
     seen: Counter[str] = field(default_factory=Counter)
     is_in_transfer: bool = False
-    """True if the last entry had items of a transfer, and more entries of the transfer may follow"""
+    """True after an entry with items of a transfer; further entries of the same transfer may follow"""
     by_others: int = 0
     """number of commands sent by another station"""
 
@@ -62,7 +62,7 @@ class Digest:
     unasked: dict[str, Counter[str]] = field(default_factory=dict)
     """changes of mode and arming without a recorded command, by vehicle"""
     landed: Counter[str] = field(default_factory=Counter)
-    """number of times the vehicle disarmed by itself on the ground, by vehicle"""
+    """number of automatic disarmings after landings, by vehicle"""
     people: list[Entry] = field(default_factory=list)
     """waivers and operators' actions"""
 
@@ -72,7 +72,7 @@ def digest(entries: Iterable[Entry]) -> Digest:
     found = Digest()
     rows: dict[tuple[str, str], CommandRow] = {}
     asked: dict[tuple[str, str], CommandRow] = {}
-    """by (vehicle, part of its state): the command that may change it next"""
+    """(vehicle, part of its state) -> last command to change this part"""
     on_ground: dict[str, bool] = {}
     for entry in entries:
         vehicle, what = entry["vehicle"] or "all", entry["what"]
@@ -108,8 +108,8 @@ def _sent(
     row.sent += 1
     row.unanswered += "command" in what or name in _ANSWERED
     row.by_others += "by" in what
-    if name in _SHOWS:
-        asked[vehicle, _SHOWS[name]] = row
+    if name in _CHANGED_PART:
+        asked[vehicle, _CHANGED_PART[name]] = row
 
 
 def _answered(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Entry) -> None:

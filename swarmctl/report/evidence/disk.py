@@ -9,12 +9,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 
 class Disk:
-    """Syncs of one open file, one at a time; requests during a sync become one more sync after it."""
+    """Syncs of one open file, one at a time; all requests during a sync are served by the next sync."""
 
     def __init__(self, fileno: int, failed: Callable[[OSError], None], *, in_thread: bool) -> None:
-        """`in_thread`: sync in a thread of its own; then call all methods in a running loop.
+        """`in_thread`: sync in a separate thread; all methods and `failed` are then called in a running loop.
 
-        `failed` is called with an error, in that loop too.
+        `failed` gets the error of a sync.
         """
         self._fileno = fileno
         self._failed = failed
@@ -25,7 +25,7 @@ class Disk:
         self._again = False
 
     def sync(self) -> None:
-        """Begin to sync all that was written; without a thread, wait for it."""
+        """Begin a sync; without a thread, wait for its end."""
         if self._pool is None:
             self._sync_here()
         elif self._future is None:
@@ -39,7 +39,7 @@ class Disk:
             await asyncio.wait((self._future,))
 
     def close(self) -> None:
-        """Wait for the running sync and sync the rest. Close the file after this, not before."""
+        """Wait for the running sync, and sync the rest. The file must still be open."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

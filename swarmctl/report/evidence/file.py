@@ -1,4 +1,4 @@
-"""The file of a run's evidence. An entry is with the operating system before its command is sent."""
+"""The file of a run's evidence. An entry is written before its command is sent."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from swarmctl.report.evidence.chain import Chain, Entry, Kind, sealed
 from swarmctl.report.evidence.disk import Disk
 
 FILE_NAME = "evidence.jsonl"
-SETTLES_S = 10.0
-"""longest wait for the disk [s]"""
+SYNC_TIMEOUT_S = 10.0
+"""longest wait for a sync to the disk [s]"""
 
 
 class Signer(Protocol):
@@ -43,10 +43,10 @@ class EvidenceFile:
     ) -> None:
         """Create the file; `opened` describes the run. Raises OSError if the file cannot be created.
 
-        `in_thread`: a thread waits for the disk, which needs a running loop.
+        `in_thread`: sync in a separate thread, which needs a running loop.
         """
         self.trouble = ""
-        """reason why the evidence ends early"""
+        """reason for an early end of the evidence"""
         self._path = path
         self._unix_s, self._run_s, self._say = unix_s, run_s, say
         self._chain = Chain()
@@ -78,10 +78,10 @@ class EvidenceFile:
             return self.trouble or f"{self._path}: the evidence is closed"
         self._disk.sync()
         try:
-            async with asyncio.timeout(SETTLES_S):
+            async with asyncio.timeout(SYNC_TIMEOUT_S):
                 await self._disk.idle()
         except TimeoutError:
-            return f"{self._path}: the disk has not taken the evidence within {SETTLES_S:g} s"
+            return f"{self._path}: the disk has not taken the evidence within {SYNC_TIMEOUT_S:g} s"
         return self.trouble
 
     def _write(self, line: bytes) -> None:

@@ -1,4 +1,4 @@
-"""The writers of evidence: the wire, the agents, and people's actions."""
+"""The writers of evidence: messages on the link, agents, and actions of people."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ class Evidence:
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
         """Record a message to the vehicle `sysid` (0: all) and return whether it may be sent.
 
-        A message that arms a vehicle and cannot be recorded must not be sent; all others may. `by` names
-        another station.
+        Only a message that arms a vehicle must not be sent without a record. `by` names another station.
         """
         if message.get_type() in KEEP_ALIVE:
             if not by:

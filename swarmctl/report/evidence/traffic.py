@@ -3,8 +3,8 @@
 - Every message sent is a command, except those that only keep a link alive.
 - The items of a mission, a fence or rally points make one entry at the end of their transfer, with number and
   hash. Each call of `so_far` makes an entry for the items so far.
-- Partial lists that follow each other, each for one item, are one transfer. The first of them is an entry;
-  their acknowledgements are counted with the items.
+- Consecutive partial lists, each for one item, are one transfer. The first list is an entry. Their
+  acknowledgements are counted with the items.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from swarmctl.mavlink.protocol.parameters import BYTE_WISE, decoded
 from swarmctl.report.evidence.transfer import BEGINS, PARTIAL, NewEntry, Transfer
 
 KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
-"""messages that ask a vehicle for nothing"""
+"""messages without a command or a request"""
 ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
 _REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
 _ADDRESS_FIELDS = frozenset({"target_system", "target_component", "mavpackettype"})
@@ -38,9 +38,9 @@ class Traffic:
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
         self.byte_wise = False
-        """the vehicle sends integer parameters as bytes, by its last heartbeat"""
+        """True if the vehicle, by its last heartbeat, sends integer parameters as bytes"""
         self._asked: set[str] = set()
-        """names of the parameters that were set or requested, and not answered yet"""
+        """names of parameters that were set or requested, without an answer yet"""
 
     def sent(self, message: Message) -> list[NewEntry]:
         kind = message.get_type()
@@ -72,7 +72,7 @@ class Traffic:
                 if (appended := self._appended(message)) is not None:
                     appended.answers[content["result"]] += 1
                     return []
-                # ArduPilot answers so to a repeated item, and the transfer goes on.
+                # ArduPilot answers INVALID_SEQUENCE to a repeated item, and continues the transfer.
                 ended = [] if content["result"] == "INVALID_SEQUENCE" else self.so_far()
                 return [*ended, ("acknowledgement", content)]
             case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:

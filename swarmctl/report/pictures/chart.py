@@ -105,13 +105,15 @@ def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
         strikes = local_m(grid, track.strikes)
         axes.plot(*strikes.T, "*", ms=9.0, mfc=STRIKE, mec=INK, mew=0.7, ls="none", zorder=9)
     starts = local_m(grid, [track.start for track in picture.tracks])
-    for index, (start, badge) in enumerate(zip(starts, _apart(starts, BADGE_PT / points_per_m), strict=True)):
+    for index, (start, badge) in enumerate(
+        zip(starts, _spread(starts, BADGE_PT / points_per_m), strict=True)
+    ):
         axes.plot(*np.stack([start, badge]).T, color=colour_of(index), lw=0.8, zorder=9.5)
         draw_badge(axes, float(badge[0]), float(badge[1]), index)
 
 
-def _apart(points: Points, least: float) -> Points:
-    """Return the points (n, 2), moved away from each other to distances of about `least` or more."""
+def _spread(points: Points, least: float) -> Points:
+    """Return the points (n, 2), moved apart until the distances are about `least` or more."""
     angles = 2.4 * np.arange(len(points))
     # Points in the same place get a small offset, each in its own direction.
     moved = points + 1e-3 * least * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -126,7 +128,7 @@ def _apart(points: Points, least: float) -> Points:
 
 
 def draw_scales(axes: Axes, grid: Grid) -> None:
-    """Draw metres from the corner at the left and below, numbers of cells at the right and above."""
+    """Draw scales: metres from the corner at the left and below, cell indices at the right and above."""
     axes.set_xlabel("metres east of the area's south-west corner", fontsize=8.5, color=QUIET)
     axes.set_ylabel("metres north", fontsize=8.5, color=QUIET)
     axes.tick_params(labelsize=8, colors=QUIET, length=3)

@@ -29,17 +29,17 @@ ALONG = LinearSegmentedColormap.from_list("along the front", ("#D55E00", "#A0568
 EXPOSED = LinearSegmentedColormap.from_list("exposure", ("#FFFFFF", "#AEB9C6"))
 LATE = FORBIDDEN
 HALO = withStroke(linewidth=2.5, foreground="white")
-"""outline of labels that may lie over points"""
+"""outline of labels that may cover points"""
 
 HEAD_IN, KEY_IN, ROW_HEAD_IN, ROW_FOOT_IN = 0.74, 0.34, 0.58, 0.52
 CHART_WIDE_IN, MAP_WIDE_IN, GAP_IN = 4.45, 3.1, 0.45
 RIGHT_IN = LEFT_IN + CHART_WIDE_IN + GAP_IN + MAP_WIDE_IN
-FLAT = 1e-9
+FLAT_SHARE = 1e-9
 """share of the greatest exposure below which differences are rounding"""
 ALONE_HIGH_IN, SHARED_HIGH_IN = 3.6, 2.15
-"""height of a chart that has the sheet to itself, and of one among others"""
+"""height of a single chart, and of each of several charts on a sheet"""
 WIDEST_PT, NARROWEST_PT, WIDEST_CELLS = 5.0, 1.2, 0.6
-"""widths of the lines on the map: the least exposed route's is the widest and lies lowest"""
+"""line widths on the map, from the least exposed route to the shortest; the widest also in cells"""
 
 CHOSEN_DASHES = (0, (3, 1.5))
 """dashes on the map of a configured route that is not on the front"""
@@ -52,7 +52,7 @@ def draw_fronts(path: Path, grid: Grid, panels: Sequence[FrontPanel], title: str
 
 
 def front_figure(grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> Figure:
-    """Return the figure: the axes of the legend, then of each vehicle its chart, its seconds and its map."""
+    """Return the figure: the legend, then for each vehicle a chart with a time scale, and a map."""
     high_in = ALONE_HIGH_IN if len(panels) == 1 else SHARED_HIGH_IN
     row_in = ROW_HEAD_IN + high_in + ROW_FOOT_IN
     sheet = Sheet(HEAD_IN + KEY_IN + len(panels) * row_in + 0.06)
@@ -106,7 +106,7 @@ def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: Ar
         lengths, exposures = np.append(lengths, panel.chosen[0]), np.append(exposures, panel.chosen[1])
     shown = [bound.length_m for bound in panel.bounds if 0.0 < bound.length_m < 1.6 * lengths.max()]
     lengths = np.append(lengths, shown)
-    if exposures.max() - exposures.min() <= FLAT * exposures.max():  # too flat for an axis
+    if exposures.max() - exposures.min() <= FLAT_SHARE * exposures.max():  # too flat for an axis
         exposures = np.append(exposures, 0.0 if exposures.max() > 0.0 else 1.0)
     for set_limits, values in ((axes.set_xlim, lengths), (axes.set_ylim, exposures)):
         low, high = float(values.min()), float(values.max())
@@ -115,7 +115,7 @@ def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: Ar
 
 
 def _label_chosen(axes: Axes, chosen: tuple[float, float], text: str) -> None:
-    """Write the label above and to the right, or below and to the left: a front leaves both free."""
+    """Write the label above and to the right, or below and to the left, where a front has no points."""
     low, high = axes.get_xlim()
     is_right = chosen[0] > low + 0.7 * (high - low)
     offset = (-9, -1) if is_right else (9, 1)
@@ -205,7 +205,7 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
         axes.plot(*line.T, color=INK, lw=1.6, ls=CHOSEN_DASHES, zorder=7, path_effects=[HALO])
     widest = max(min(WIDEST_PT, WIDEST_CELLS * cell_pt), 1.8 * NARROWEST_PT)
     widths = np.linspace(widest, NARROWEST_PT, len(drawn))
-    # The least exposed route is the longest: it lies lowest and widest, and shows where others leave it.
+    # Other routes are drawn over the wide line of the least exposed route, so each departure is visible.
     for (colour, track), width in zip(reversed(drawn), widths, strict=True):
         line = local_m(grid, track)
         axes.plot(*line.T, color=colour, lw=float(width), solid_joinstyle="round", zorder=6)
@@ -218,7 +218,7 @@ def _draw_key(axes: Axes, panels: Sequence[FrontPanel]) -> None:
     n_inside = sum(not point.supported for panel in panels for point in panel.points)
     marks = [("on the hull: some w finds it", 5.5, QUIET, QUIET, 1.1)]
     if n_inside:
-        marks.append(("inside it: only constrained does", 5.5, "white", QUIET, 1.1))
+        marks.append(("inside: only constrained finds it", 5.5, "white", QUIET, 1.1))
     if any(panel.chosen is not None for panel in panels):
         marks.append(("configured", 9.5, "none", INK, 1.4))
     for text, size, face, edge, width in marks:

@@ -30,7 +30,7 @@ from swarmctl.report.pictures.style import (
 
 MAX_KEY_VEHICLES = 30
 ROW_CHARS = 29
-"""characters that fit in one row"""
+"""greatest length of a row's text [characters]"""
 
 KeyRow = Callable[[Axes, float, float], None]
 """a function that draws one row of the legend at (x, y) [in]"""
@@ -41,7 +41,7 @@ def blank_row(_axes: Axes, _x: float, _y: float) -> None:
 
 
 def vehicle_rows(picture: MapPicture) -> list[list[KeyRow]]:
-    """Return the rows of each vehicle; a long outcome takes several."""
+    """Return the rows of each vehicle; a long outcome takes several rows."""
     widths = flown_widths(len(picture.tracks))
     shown = picture.tracks
     if len(picture.tracks) > MAX_KEY_VEHICLES:
@@ -100,7 +100,7 @@ def _text(axes: Axes, x: float, y: float, text: str) -> None:
 
 
 def _vehicle_block(index: int, track: VehicleTrack, width: float) -> list[KeyRow]:
-    """Return the rows of a vehicle; the first has its line, in the width of the map."""
+    """Return the rows of a vehicle; the first row has the vehicle's line, as wide as on the map."""
     first, *more = textwrap.wrap(f"{track.name}   {track.outcome}", ROW_CHARS)
 
     def draw(axes: Axes, x: float, y: float) -> None:

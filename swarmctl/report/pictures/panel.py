@@ -1,4 +1,4 @@
-"""The content of a picture of fronts: a panel a vehicle, its routes and its bounds. Nothing here draws."""
+"""The content of a picture of fronts: a panel for each vehicle, with its routes and bounds. Pure."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FrontPoint:
 
 @dataclass(frozen=True, slots=True)
 class FrontBound:
-    """A length that a time bound allows at most, or demands at least."""
+    """The greatest or the least length within a time bound."""
 
     length_m: float
     text: str
@@ -40,7 +40,7 @@ class FrontPanel:
 
     name: str
     about: str
-    """a few words beside the name"""
+    """text beside the name"""
     points: Sequence[FrontPoint]
     """by length; at least one"""
     exposure: NDArray[np.float64]
@@ -48,7 +48,7 @@ class FrontPanel:
     start: LatLon
     goal_cells: Sequence[Cell]
     before_s: float
-    """time from the take-off to the point from which the length counts"""
+    """time from take-off to the entry cell, where the length begins [s]"""
     speed_m_s: float
     chosen: tuple[float, float] | None = None
     """(length [m], ΣP_s) of the configured route"""

@@ -18,7 +18,7 @@ OUTSIDE, SEEN, VEIL, GRID_LINE = "#F3F1EC", "#FFFFFF", "#E4EBF3", "#D5DBE2"
 FOUND, NEVER_FOUND, HATCH = "#7A7A7A", "#BDBDBD", "#9C9C9C"
 FORBIDDEN = "#B3261E"
 DASHES: tuple[Dashes, ...] = ((0, (4.0, 2.0)), (0, (1.0, 1.4)), (0, (7.0, 1.6, 1.2, 1.6)))
-"""dashes of a vehicle's planned lines, in their order, beside flown lines, which are solid"""
+"""dashes of a vehicle's planned lines, in their order, on a map with flown lines; flown lines are solid"""
 BANDS = ((5.4, 0.30), (3.2, 0.62), (1.2, 1.0))
 """width [pt] and opacity of planned lines on a map without flown lines; coinciding lines all stay visible"""
 
@@ -29,7 +29,7 @@ BADGE_PT = 11.5
 def flown_widths(n: int) -> list[float]:
     """Return the line widths of n flown tracks [pt].
 
-    The first is the widest: where several vehicles flew the same track, each line shows beside the next.
+    The first line is the widest. If several vehicles flew the same track, a part of each line stays visible.
     """
     return [float(width) for width in np.linspace(min(1.5 + 0.5 * n, 3.9), 1.6, n)]
 
