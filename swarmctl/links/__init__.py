@@ -23,7 +23,7 @@ from swarmctl.links.direct import DirectLink
 
 
 def _mavsdk_link(*args: Any, **kwargs: Any) -> Link:
-    """Return a `MavsdkLink`. Its import loads a native library, so only the first use imports it."""
+    """Return a `MavsdkLink`. Importing its module loads a native library, so the first use imports it."""
     link: Link = import_module("swarmctl.links.mavsdk").MavsdkLink(*args, **kwargs)
     return link
 

@@ -84,7 +84,7 @@ class SystemIdConflict:
 
 @dataclass(frozen=True, slots=True)
 class FramesRefused:
-    """Refused frames with the vehicle's system id, reported at the first refusal and then at intervals."""
+    """Refused frames with the vehicle's system id, reported at once and then at most once a minute."""
 
     text: str
     """reason, number and meaning"""
@@ -118,7 +118,7 @@ class UnsupportedVehicle(LinkError):
 
 
 class PrepareFailed(LinkError):
-    """The vehicle answers, but refuses streams or hold mode before a flight."""
+    """The vehicle is already armed, or another command has interrupted the preparation."""
 
 
 class NotReady(LinkError):
@@ -130,7 +130,7 @@ class NotReady(LinkError):
 
 
 class ParametersFailed(LinkError):
-    """A parameter does not have the value that was set."""
+    """A parameter cannot be set, or its new value is not confirmed."""
 
 
 class FenceFailed(LinkError):
@@ -159,8 +159,10 @@ class LaunchBlockedError(LaunchFailed):
 class SwapFailed(LinkError):
     """The new plan is not flown; the vehicle flies the mission or mode `flying` instead.
 
-    "old": the previous plan, verified; "hold": hold in the air; "theirs": a mode set by the pilot, a failsafe
-    or another station; "unknown": the link was lost during the swap.
+    old: the previous plan, verified
+    hold: hold in the air
+    theirs: a mode set by the pilot, a failsafe or another station
+    unknown: neither the mission nor the mode is certain
     """
 
     def __init__(
@@ -175,7 +177,7 @@ class SwapFailed(LinkError):
 
 
 class CommandFailed(LinkError):
-    """hold, return_home, land or set_speed was refused or had no visible effect."""
+    """The vehicle has refused hold, return_home, land or set_speed, or telemetry shows no effect."""
 
 
 class Busy(LinkError):
@@ -189,9 +191,9 @@ class Link(Protocol):
         """Wait for a heartbeat and `identify` the vehicle. Raises NoAnswer, UnsupportedVehicle."""
 
     async def identify(self, timeout_s: float) -> Identity:
-        """Request the identity of a connected vehicle again: another vehicle may have taken its address.
+        """Request the identity of a connected vehicle again: another vehicle may have taken the address.
 
-        Sends nothing else. Raises NoAnswer.
+        No other message is sent. Raises NoAnswer.
         """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
@@ -210,7 +212,7 @@ class Link(Protocol):
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         """Return the parameters that the vehicle knows, by name, each in its unit.
 
-        This call, the next six and `upload` may overlap; they run one after another. Raises LinkError after
+        The calls from here to `read_instruments`, and `upload`, wait for each other. Raises LinkError after
         an interruption by an urgent command.
         """
 
@@ -230,7 +232,7 @@ class Link(Protocol):
         """Return the number of rally points on the vehicle. Raises LinkError if it is unknown."""
 
     async def read_instruments(self) -> Instruments:
-        """Return readings of GPS receiver and clock; also renews home and battery in `state`."""
+        """Return readings of GPS receiver and clock; home and battery in `state` are renewed too."""
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.

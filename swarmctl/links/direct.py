@@ -305,7 +305,8 @@ class DirectLink:
         self._require_connection()
         if self._session.busy_with is not None:
             raise Busy(
-                f"{self._label}: {name} while {self._session.busy_with} runs; wait for its end, or hold"
+                f"{self._label}: {name} is refused while {self._session.busy_with} runs; wait for its end, "
+                "or command hold"
             )
         waiter = self._waiter = asyncio.get_running_loop().create_future()
         self._apply(self._session.begin(name, procedure, self._now()))

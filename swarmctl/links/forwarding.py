@@ -1,6 +1,6 @@
 """Forwarding: copies of the traffic for other stations (QGroundControl, Mission Planner, MAVProxy ...).
 
-Every frame is sent unchanged, one per datagram, so signatures stay valid. An absent or slow station loses
+Each frame is sent unchanged in one datagram, so signatures stay valid. An absent or slow station loses
 frames and delays nothing. Frames from a station are passed to `on_frame`, if set.
 """
 
@@ -23,7 +23,7 @@ OnFrame = Callable[[Frame, str], None]
 
 
 class ForwardTarget:
-    """One endpoint for other stations: every station there gets all frames."""
+    """One endpoint for other stations; each station at the endpoint receives all frames."""
 
     def __init__(self, endpoint: Endpoint, transport: Transport, on_frame: OnFrame | None) -> None:
         self.endpoint = endpoint
@@ -82,7 +82,7 @@ class Forwarder:
 
 
 def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
-    """Return the risk of letting stations at an endpoint command vehicles; empty if it is safe."""
+    """Return a warning if unknown senders at an endpoint could command vehicles; empty otherwise."""
     if signed or endpoint.kind in ("serial", "memory") or is_loopback(endpoint.host):
         return ""
     if not endpoint.listens:

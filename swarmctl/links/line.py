@@ -18,9 +18,8 @@ from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitter, Message
 from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
 
-_LATE_LIMIT = 64
-_STREAMS_LIMIT = 1024
-"""largest number of addresses on one endpoint with stored incomplete frames"""
+_LATE_LIMIT, _SPLITTERS_LIMIT = 64, 1024
+"""largest numbers of addresses on one endpoint: with a late clock, and with incomplete frames"""
 SILENT_S = 2.0
 """silence of a vehicle's address after which the vehicle may have a new address"""
 
@@ -41,7 +40,7 @@ class AddressTracker:
     """Address of one system id on one endpoint. No I/O.
 
     A second address appears when a vehicle reboots over UDP, or when two vehicles have the same system id.
-    Two vehicles differ from a reboot because the first address continues to send.
+    With two vehicles the first address continues to send.
     """
 
     def __init__(self) -> None:
@@ -70,10 +69,7 @@ class AddressTracker:
 
 
 class EvidenceRecorder(Protocol):
-    """Recorder of every message to and from vehicles.
-
-    Every own message to a vehicle passes `Line.send`, so that method calls the recorder.
-    """
+    """Recorder of every message to and from vehicles; `Line.send` calls it for each own message."""
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
         """Record a message before it is sent; return False to forbid it. sysid 0: all vehicles."""
@@ -144,7 +140,7 @@ class Line:
     """One endpoint: its transport and the vehicles on it."""
 
     def __init__(self, endpoint: Endpoint, number: int, transport: Transport, shared: LineShared) -> None:
-        """Make a line; `number`: index of the line, for the link id of its signatures."""
+        """Create a line; `number`: index of the line, for the link id of its signatures."""
         self.transport = transport
         self.channels: dict[int, Channel] = {}
         self.systems: set[int] = set()
@@ -199,7 +195,7 @@ class Line:
     def receive(self, data: bytes, address: Address) -> None:
         splitter = self._splitters.get(address)
         if splitter is None:
-            if len(self._splitters) >= _STREAMS_LIMIT:
+            if len(self._splitters) >= _SPLITTERS_LIMIT:
                 del self._splitters[next(iter(self._splitters))]
             splitter = self._splitters[address] = FrameSplitter()
         now = asyncio.get_running_loop().time()

@@ -39,13 +39,14 @@ from swarmctl.mavlink.telemetry.streams import Streaming
 
 _REPEATS = 4
 """number of time-outs after which MAVSDK ends a command"""
-_COMMAND_TIMEOUT_S = Command.ANSWER_S / _REPEATS
+_COMMAND_TIMEOUT_S = Command.ANSWER_WAIT_S / _REPEATS
 _TRANSFER_TIMEOUT_S = 1.5
 """Five time-outs in a row end a transfer. ArduPilot requests a lost item every second, so the default of
 0.5 s is too short."""
 _CALLBACKS_KEPT = 64
-"""number of kept callbacks: MAVSDK's plug-ins never drop one; older callbacks are no longer pending"""
+"""number of kept callbacks; MAVSDK's plug-ins never drop a callback, but older callbacks are not pending"""
 _MAX_CLOCK_GAP_S = 1.0
+"""largest difference between the loop's clock and the machine's clock"""
 _LOOK_UP_AFTER_S = 0.1
 
 
@@ -73,7 +74,7 @@ class MavsdkStation:
         self._mavsdk.subscribe_on_new_system(lambda _: self._call_in_loop(self._on_new_system), None)
 
     def join(self, vehicle: MavsdkVehicle) -> None:
-        """Add a vehicle. Raises LinkError if its system id is in use: MAVSDK has no other identification."""
+        """Add a vehicle. Raises LinkError if its system id is in use: MAVSDK identifies vehicles by id."""
         if vehicle.sysid in self._vehicles:
             raise LinkError(
                 f"system id {vehicle.sysid} is used by two vehicles with `link: mavsdk`; give one vehicle "
@@ -135,8 +136,8 @@ class MavsdkStation:
         """Stop MAVSDK. Idempotent."""
         mavsdk, self._mavsdk = self._mavsdk, None
         if mavsdk is not None:
-            # `destroy` frees the plug-ins' callbacks, then calls the pending ones. These references keep the
-            # callbacks valid until `destroy` returns.
+            # `destroy` frees the plug-ins' callbacks, then calls the pending callbacks. These references keep
+            # the callbacks valid until `destroy` returns.
             for vehicle in self._vehicles.values():
                 vehicle.detach_plugins()
             callbacks = [tuple(plugin._callbacks) for pair in self._plugins.values() for plugin in pair]

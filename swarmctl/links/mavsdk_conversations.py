@@ -95,7 +95,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
 
 
 class _Transfer(ByMavsdk[R]):
-    """Transfer by MAVSDK, which has its own time-outs; `limit_s` applies if MAVSDK never calls back."""
+    """Transfer by MAVSDK. MAVSDK has its own time-outs; `limit_s` applies if MAVSDK never calls back."""
 
     limit_s = 60.0
 
@@ -131,7 +131,7 @@ class _Transfer(ByMavsdk[R]):
 # Another try or a read-back may turn any outcome but REJECTED into a success.
 _UPLOADED: dict[str, UploadOutcome] = {
     "SUCCESS": UploadOutcome.ACCEPTED,
-    # All items may be stored and only the last acknowledgement lost.
+    # Perhaps all items are stored and only the last acknowledgement is lost.
     "TIMEOUT": UploadOutcome.UNCONFIRMED,
     "ERROR": UploadOutcome.UNCONFIRMED,
     "PROTOCOL_ERROR": UploadOutcome.UNCONFIRMED,
@@ -231,33 +231,33 @@ _TRANSFER_IN = (
 class MavsdkGate:
     """Gate between MAVSDK and one vehicle: only requested messages pass.
 
-    MAVSDK repeats unanswered commands by itself. A repeated command could reach a vehicle after a pilot has
-    taken over, so each command passes once, exactly as requested. MAVSDK receives answers only to its own
-    messages. `transfer`: True while MAVSDK transfers a mission.
+    MAVSDK repeats unanswered commands. A repeated command could reach a vehicle after a pilot has taken over,
+    so each command passes once, exactly as requested. MAVSDK receives answers only to its own messages.
+    `transfer`: True while MAVSDK transfers a mission.
     """
 
     def __init__(self) -> None:
         self.transfer = False
-        self._may_leave: set[tuple[int, bytes]] = set()
-        self._asked: set[int] = set()
+        self._permitted: set[tuple[int, bytes]] = set()
+        self._awaited_acks: set[int] = set()
 
     def permit(self, command: Message) -> None:
         """Permit this COMMAND_LONG once, and its acknowledgements."""
-        self._may_leave.add(_content(command))
-        self._asked.add(int(command.command))
+        self._permitted.add(_content(command))
+        self._awaited_acks.add(int(command.command))
 
     def revoke(self, command: Message) -> None:
         """End the permission of this command."""
-        self._may_leave.discard(_content(command))
-        self._asked.discard(int(command.command))
+        self._permitted.discard(_content(command))
+        self._awaited_acks.discard(int(command.command))
 
     def lets_out(self, message: Message) -> bool:
         """Return whether MAVSDK's message may go to the vehicle; a command uses up its permission."""
         kind = message.get_type()
         if kind == "COMMAND_LONG":
             content = _content(message)
-            permitted = content in self._may_leave
-            self._may_leave.discard(content)
+            permitted = content in self._permitted
+            self._permitted.discard(content)
             return permitted
         # MAVSDK sends the last MISSION_ACK after it has reported the end of the transfer.
         return kind == "MISSION_ACK" or (self.transfer and kind in _TRANSFER_OUT)
@@ -266,7 +266,7 @@ class MavsdkGate:
         """Return whether MAVSDK receives the vehicle's message."""
         kind = message.get_type()
         if kind == "COMMAND_ACK":
-            return int(message.command) in self._asked
+            return int(message.command) in self._awaited_acks
         return kind in _ALWAYS_IN or (self.transfer and kind in _TRANSFER_IN)
 
 

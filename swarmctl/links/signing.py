@@ -25,17 +25,18 @@ TICKS_PER_S = 100_000
 EPOCH_UNIX_S = 1_420_070_400
 """2015-01-01 00:00 UTC, the zero of timestamps"""
 LAST_TIMESTAMP = 2**48 - 1
-NEW_STREAM_AGE = 60 * TICKS_PER_S
-"""largest age of a new stream's first timestamp, by the own time"""
-RESERVED = 60 * TICKS_PER_S
-"""lead of the stored timestamp over the used timestamps after a write"""
-RENEWED = 30 * TICKS_PER_S
+MAX_NEW_STREAM_TICKS = 60 * TICKS_PER_S
+"""largest age of a new stream's first timestamp"""
+RESERVE_TICKS = 60 * TICKS_PER_S
+"""lead of the stored timestamp over the last used timestamp after a write"""
+RENEW_TICKS = 30 * TICKS_PER_S
 """lead below which a new timestamp is stored; a write may take this long without delaying a frame"""
 DISK_WAIT_S = 1.0
 """longest wait for the disk when no lead is left: at the start, and after a timestamp far ahead"""
-MAX_AHEAD = 24 * 3600 * TICKS_PER_S
+MAX_AHEAD_TICKS = 24 * 3600 * TICKS_PER_S
 """Largest lead of a received timestamp. MAVLink sets no limit: one frame with the highest timestamp would use
 up all timestamps of every station that accepts it."""
+# Reasons for refusing a frame.
 UNSIGNED = "unsigned"
 OTHER_KEY = "signed with another key"
 REPEATED = "repeated or out of order"
@@ -45,7 +46,7 @@ UNSIGNED_ALLOWED = frozenset({109, 166})
 """RADIO_STATUS and RADIO: messages of a telemetry radio, which has no key"""
 
 _MAVLINK_2 = 0xFD
-_SIGNED = 0x01
+_SIGNED_FLAG = 0x01
 _SIGNATURE_BYTES = 13
 
 
@@ -110,20 +111,21 @@ class Signing:
         self._is_late = False
         """True after a wait for the disk that timed out"""
         self._first_link_id = first_link_id
-        self._last = self._began = store.load()
-        if self._last > LAST_TIMESTAMP - MAX_AHEAD:
+        self._last = self._began = store.load()  # highest used or accepted timestamp: now, at the start
+        if self._last > LAST_TIMESTAMP - MAX_AHEAD_TICKS:
             raise ValueError(
                 "the timestamps of this signing key are used up; make a new key, for the vehicles too "
                 "[timestamps-used-up]"
             )
-        self._reserved = self._last
+        self._reserved = self._last  # stored timestamp
         store.keep(self._last)
         self._streams: dict[tuple[int, int, int], int] = {}
+        """last accepted timestamp by link id, system id and component id"""
 
     def sign(self, line: int, clock: int) -> Signature:
         """Return the signature of the next frame on a line; `clock`: wall time as a timestamp."""
         self._last = min(max(self._last + 1, clock), LAST_TIMESTAMP)
-        if self._last >= self._reserved - RENEWED:
+        if self._last >= self._reserved - RENEW_TICKS:
             self._reserve()
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
@@ -139,7 +141,7 @@ class Signing:
         return why
 
     def _fault(self, frame: bytes, clock: int) -> str:
-        if frame[0] != _MAVLINK_2 or not frame[2] & _SIGNED:
+        if frame[0] != _MAVLINK_2 or not frame[2] & _SIGNED_FLAG:
             return "" if _message_id(frame) in UNSIGNED_ALLOWED else UNSIGNED
         if not hmac.compare_digest(hashlib.sha256(self._key + frame[:-6]).digest()[:6], frame[-6:]):
             return OTHER_KEY
@@ -147,9 +149,9 @@ class Signing:
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
         # Timestamps of earlier runs count as the own time: the clock may have been ahead in those runs.
-        if timestamp > max(clock, self._began) + MAX_AHEAD:
+        if timestamp > max(clock, self._began) + MAX_AHEAD_TICKS:
             return AHEAD
-        if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
+        if last is None and timestamp + MAX_NEW_STREAM_TICKS < max(self._last, clock):
             return LATE
         if last is not None and timestamp <= last:
             return REPEATED
@@ -167,7 +169,7 @@ class Signing:
     def _write(self, wait_s: float) -> None:
         """Begin a write unless one is pending, and wait up to `wait_s` for its end."""
         if self._writing is None:
-            until = self._last + RESERVED
+            until = self._last + RESERVE_TICKS
             self._writing = (self._pool.submit(self._store.keep, until), until)
         written, until = self._writing
         try:
@@ -191,7 +193,7 @@ class Signing:
 
 
 class SigningGuard:
-    """Signing of one front end by its clock; without signing all frames pass unchanged."""
+    """Signing of one front end by its clock; if `signing` is None, all frames pass unsigned."""
 
     def __init__(self, signing: Signing | None, wall_time_us: Callable[[], int]) -> None:
         self.signing = signing
@@ -206,7 +208,7 @@ class SigningGuard:
 
     @property
     def trouble(self) -> str:
-        """Return a summary of refused frames and of a failure of the store; empty if there is none."""
+        """Return a summary of refused frames and of a store failure; empty if there is neither."""
         if self.signing is None:
             return ""
         refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
@@ -231,7 +233,7 @@ REMEDIES = {
     UNSIGNED: "the vehicle has no key: give it the key of links.signing_key, or leave out links.signing_key",
     OTHER_KEY: "give the vehicle the key of links.signing_key, or set links.signing_key to the vehicle's key",
 }
-"""remedy by reason, if all frames of a vehicle are refused"""
+"""advice by reason, for a vehicle whose frames are all refused"""
 
 
 @dataclass(slots=True)
@@ -252,7 +254,7 @@ class Refusals:
         n = self._note(sysid, why, now_s)
         origin = "" if component == AUTOPILOT_COMPID else f" of component {component}"
         so_far = f"{n} so far, the last{origin} from {address}"
-        text = f"frames with its system id are refused, {why} ({so_far}): {MEANINGS[why]} [frames-refused]"
+        text = f"frames with this system id are refused, {why} ({so_far}): {MEANINGS[why]} [frames-refused]"
         return text if n else ""
 
     def of_stranger(self, sysid: int, why: str, address: str, now_s: float) -> str:

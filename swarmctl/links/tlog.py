@@ -11,7 +11,7 @@ _TIME = struct.Struct(">Q")
 
 
 class TlogWriter:
-    """Log of frames in both directions; the time before each frame is in big-endian microseconds since 1970.
+    """Log of frames in both directions; each frame follows its time in big-endian microseconds since 1970.
 
     A full disk ends the log, with one message; the flight continues.
     """

@@ -8,6 +8,6 @@
 | `dialects` | differences between autopilots |
 | `session` | all of these for one vehicle |
 
-Imports core, numpy and pymavlink: no sockets, no asyncio, no clock.
+Imports core and pymavlink; uses no sockets, no asyncio and no clock.
 Begin with `protocol.conversation`, `protocol.procedure` and `session`.
 """

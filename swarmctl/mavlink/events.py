@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from swarmctl.core.vehicle import VehicleState
 
 SIMULATOR_MARK = b"sim_vehicle\0"
-"""first bytes of `AUTOPILOT_VERSION.uid2` of a vehicle of the built-in simulator"""
+"""first bytes of `AUTOPILOT_VERSION.uid2` in the built-in simulator"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class FirstHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """A new state: after a position, a change of mode or arming, or about a second without a position."""
+    """New state: after a position, a change of mode or arming, or about every second without positions."""
 
     state: VehicleState
 
@@ -61,7 +61,7 @@ class VehicleRestored:
 
 @dataclass(frozen=True, slots=True)
 class VehicleRebooted:
-    """A reboot, seen from the vehicle's clock. Settings made over the link may be lost."""
+    """A reboot, recognised by the vehicle's clock. Settings made over the link may be lost."""
 
 
 @dataclass(frozen=True, slots=True)

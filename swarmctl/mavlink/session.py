@@ -71,7 +71,7 @@ class Session:
     ) -> None:
         self.peer = peer
         self.unsupported: str | None = None
-        """reason against flying this type of vehicle, set by the first heartbeat; None if it is supported"""
+        """reason why this type of vehicle is unsupported, set by the first heartbeat; None if supported"""
         self.result: Any = None
         """return value of the last procedure, to be read on ProcedureDone"""
         self._presence = Presence(lost_after_s)
@@ -192,7 +192,7 @@ class Session:
         return step
 
     def cancel(self, now: float) -> SessionStep:
-        """Stop the running procedure, if any; return the messages that the vehicle needs for that."""
+        """Stop the running procedure, if any; return the messages that end it on the vehicle."""
         step = SessionStep([], [])
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
@@ -203,7 +203,7 @@ class Session:
         return step
 
     def keep_streams(self, now: float) -> SessionStep:
-        """Start requesting the telemetry streams, and request them again whenever they stop."""
+        """Request the telemetry streams, and request each stream again whenever it stops."""
         self._require_context()
         if self._streams is not None and self._streams.next_deadline is None:
             self._streams.demand(now)
@@ -211,7 +211,7 @@ class Session:
         return SessionStep([], [])
 
     def _on_heartbeat(self, message: Message, now: float, step: SessionStep) -> float | None:
-        """Note a heartbeat; return the time since the last one if the vehicle was lost [s]."""
+        """Record a heartbeat; return the silence before it if the vehicle was lost [s], else None."""
         silent_s = self._presence.age_s(now)
         before = self._presence.on_heartbeat(now)
         heartbeat = FirstHeartbeat(int(message.autopilot), int(message.type))

@@ -1,8 +1,12 @@
 """Preflight: checks of vehicles and of this computer before a flight. Nothing here arms a vehicle.
 
-`checks` has a file for each check, pure, over `facts`. `policy` has the required parameters of each firmware.
-`collection` asks the vehicles for their facts; `conversation` sets them up, runs the checks and applies
-`waivers`. `host` checks this computer.
-Imports agent, config, core, links and mavlink.
-Begin with `checks`.
+| module | contents |
+|---|---|
+| `checks`, `facts` | one file for each check; the facts that the checks read |
+| `policy`, `declared` | required parameters of each firmware; declared behaviour of each vehicle |
+| `collection`, `conversation` | requests for the facts; set-up of the vehicles, and rounds of checks |
+| `results`, `waivers`, `report` | results, accepted failures, tables |
+| `host` | checks of this computer |
+
+Imports agent, bus, config, core, links and mavlink. Begin with `checks`.
 """

@@ -25,7 +25,7 @@ from swarmctl.preflight.facts import OtherVehicle, PreflightFacts
 from swarmctl.preflight.policy import NoParameterTable, RequiredParameter, parameters_for
 
 SIMULATED_ENDURANCE_S = 1400.0
-"""6600 mAh at 11.4 V last 1513 s at the 179 W of hovering and electronics; turns and climbs take more"""
+"""flight time of a simulated battery: 6600 mAh at 11.4 V give 1513 s of hover at 179 W; climbs take more"""
 
 
 class ConnectedAgent(Protocol):
@@ -37,7 +37,7 @@ class ConnectedAgent(Protocol):
     def state(self) -> AgentState: ...
     @property
     def conflict(self) -> str:
-        """A second vehicle with the same system id, as text; empty without one."""
+        """A second vehicle with the same system id, as text; empty if there is none."""
 
 
 class VehicleToCheck(Protocol):
@@ -51,7 +51,7 @@ class VehicleToCheck(Protocol):
     def identity(self) -> Identity | None: ...
     @property
     def not_ready_because(self) -> str:
-        """The reason why the vehicle cannot be made ready, as text; empty without one."""
+        """The reason why the vehicle cannot be made ready, as text; empty if there is none."""
 
 
 @dataclass(slots=True)
@@ -68,8 +68,9 @@ class _Answers:
 class FactCollector:
     """The collector of the facts of one run, which keeps the last trajectory and clock of every vehicle.
 
-    `unix_s_at_zero`: wall time at which the clock of the running loop showed 0 [s]. `speedup`: simulated
-    seconds in a second of that clock. `free_clocks`: simulated vehicles have a date of their own.
+    unix_s_at_zero: wall time at which the clock of the running loop showed 0 [s]
+    speedup: simulated seconds in a second of that clock
+    free_clocks: True if the dates of simulated vehicles differ from this machine's date
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class FactCollector:
         return [self._facts(v, everyone, a) for v, a in zip(vehicles, answers_of, strict=True)]
 
     def required_parameters(self, vehicle: VehicleToCheck) -> tuple[tuple[RequiredParameter, ...], str]:
-        """Return the parameters that the policy requires; or none, and the reason."""
+        """Return the parameters that the policy requires, and the reason if they are unknown."""
         if vehicle.identity is None:
             return (), "unknown firmware: AUTOPILOT_VERSION has not arrived"
         try:
@@ -199,12 +200,12 @@ class FactCollector:
         if offset_s is None or not (self._free_clocks and _is_simulated(vehicle)):
             return offset_s
         if not vehicle.spec.simulated:
-            return 0.0  # a simulator that another program runs has a date without reference
+            return 0.0  # the date in another program's simulator has no reference
         offsets_s = [self._offset_from_machine_s(other) for other in everyone if other.spec.simulated]
         return offset_s - statistics.median(other_s for other_s in offsets_s if other_s is not None)
 
     def _offset_from_machine_s(self, vehicle: VehicleToCheck) -> float | None:
-        """Return a vehicle's clock less this machine's [s]; both run at the speed of a simulated vehicle."""
+        """Return a vehicle's clock less this machine's [s]; for simulated vehicles both run at `speedup`."""
         instruments = self._instruments.get(vehicle.spec.name)
         if instruments is None or instruments.unix_s is None or instruments.unix_received_s is None:
             return None
@@ -218,9 +219,9 @@ _FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
 async def _enforce_fence(
     link: Link, required: Sequence[RequiredParameter], parameters: Mapping[str, float]
 ) -> str:
-    """Order an ArduPilot to enforce the fence of its parameters; return the failure, or an empty text.
+    """Command an ArduPilot to enforce the fence of its parameters; return the failure, or an empty text.
 
-    A vehicle with other parameters than declared flies by a waiver: the operator decides about the fence.
+    No command is sent if the fence's parameters are wrong: only a waiver allows such a flight.
     """
     selection = [r for r in required if r.name in _FENCE_SELECTION]
     if not selection or not all(r.met_by(parameters) for r in selection):
@@ -241,7 +242,7 @@ def _age_s(reported_s: float | None) -> float:
 
 
 def _verified_plan(vehicle: VehicleToCheck) -> FlightPlan | None:
-    """Return the plan that is verified on the vehicle; None without a plan."""
+    """Return the plan that is verified on the vehicle; None if there is none."""
     accepted = vehicle.runner.state.accepted
     return None if accepted is None or not vehicle.runner.link.items() else accepted.plan
 

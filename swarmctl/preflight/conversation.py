@@ -18,15 +18,15 @@ from swarmctl.preflight.results import CheckResult
 from swarmctl.preflight.waivers import Waiver
 
 ATTEMPTS = 3
-"""rounds of checks until a failure counts; a lost message may cause a failure"""
+"""number of rounds of checks until a failure counts; a lost message may cause a failure"""
 
 
 class Preflight:
     """The checks of one run.
 
-    `checked` receives the last results of every vehicle, by its name. `crossings` receives, as its last
-    element, the counts of first routes of this process that cross over ground. For `unix_s_at_zero`,
-    `speedup` and `free_clocks` see `FactCollector`.
+    checked: output; the last results of every vehicle, by name
+    crossings: output; the last element counts crossings over ground of this process's first routes
+    unix_s_at_zero, speedup, free_clocks: as for `FactCollector`
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Preflight:
     async def set_up(self, vehicle: VehicleToCheck) -> None:
         """Set parameters, if the configuration allows it, and upload the fence.
 
-        Failures are reported to the operator, and found again by the checks. Raises LinkError if the vehicle
+        Failures are reported to the operator; the checks find them again. Raises LinkError if the vehicle
         does not answer.
         """
         if self._sets_parameters:
@@ -86,7 +86,7 @@ class Preflight:
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> list[str]:
-        """Check `vehicles`, some of `everyone`; return a message for each failure that is not waived."""
+        """Check `vehicles`, a subset of `everyone`; return a message for each failure without a waiver."""
         await self._check_repeatedly(vehicles, everyone)
         for result in self._results(vehicles):
             if result.waived:
@@ -96,7 +96,7 @@ class Preflight:
         return [str(result) for result in self._results(vehicles) if not result.passes]
 
     async def early_failures(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> list[str]:
-        """Return the failures of one vehicle before the others are ready, without the check of separation."""
+        """Return one vehicle's failures before all vehicles are ready, without the check `separation`."""
         await self._check_repeatedly([vehicle], everyone)
         early = [result for result in self._results([vehicle]) if result.check != separation.NAME]
         return [str(result) for result in early if not result.passes]
@@ -130,18 +130,18 @@ class Preflight:
         for check in CHECKS:
             finding = check.check(facts)
             waived = check.WAIVABLE and any(w.covers(check.NAME, facts.name) for w in self._waivers)
-            is_set = check.NAME == parameters.NAME and not finding.ok
+            may_be_set = check.NAME == parameters.NAME and not finding.ok
             yield CheckResult(
                 facts.name,
                 check.NAME,
                 check.WAIVABLE,
                 finding,
                 waived and not finding.ok,
-                self._set_by_fly(facts) if is_set else "",
+                self._set_by_fly(facts) if may_be_set else "",
             )
 
     def _set_by_fly(self, facts: PreflightFacts) -> str:
-        """Return the changes that `fly` makes if they correct all parameters; else an empty text."""
+        """Return the changes that `fly` would make; empty unless these changes correct all parameters."""
         required, found = facts.required_parameters, facts.parameters
         corrections = _corrections(required, found)
         uncorrected = [r for r in required if r.name not in corrections and not r.met_by(found)]

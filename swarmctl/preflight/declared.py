@@ -24,17 +24,17 @@ def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
     )
 
 
-_SIMULATED = {"BATT_LOW_VOLT": 10.5}  # for a battery of three cells
+_SIMULATED_VALUES = {"BATT_LOW_VOLT": 10.5}  # for a battery of three cells
 
 
 def simulated_parameters(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:
-    """Return the parameters that a simulated vehicle starts with, as the owner of a real vehicle sets them.
+    """Return the initial parameters of a simulated vehicle; the owner of a real vehicle sets these by hand.
 
-    The result is empty if the firmware has no table of parameters; the checks report that.
+    The result is empty if the firmware has no parameter table; the check `parameters` reports that.
     """
     try:
         required = parameters_for(firmware, declared_behaviour(scenario, spec))
     except NoParameterTable:
         return {}
-    by_hand = {r.name: _SIMULATED[r.name] for r in required if r.name in _SIMULATED}
+    by_hand = {r.name: _SIMULATED_VALUES[r.name] for r in required if r.name in _SIMULATED_VALUES}
     return by_hand | {r.name: r.set_to for r in required if r.set_to is not None}

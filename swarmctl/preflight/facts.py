@@ -37,7 +37,7 @@ class PreflightFacts:
     """configured system id"""
     identity: Identity | None
     conflict: str
-    """another sender with the vehicle's system id, as text; empty without one"""
+    """another sender with the vehicle's system id, as text; empty if there is none"""
     state: VehicleState
     age_s: float
     """time since the last heartbeat"""
@@ -59,7 +59,7 @@ class PreflightFacts:
     fence_items: tuple[MissionItem, ...] | None
     """items read back"""
     fence_failure: str
-    """reason why an ArduPilot may not enforce the fence of its parameters; empty without a reason"""
+    """failure to make an ArduPilot enforce its fence, as text; empty if there is none"""
     rally_points: int | None
     """number of rally points on the vehicle"""
     ceiling_m: float
@@ -74,7 +74,7 @@ class PreflightFacts:
     endurance_s: float | None
     reserve_percent: float
     frame: LocalFrame
-    """metres east and north of the area's corner"""
+    """frame of metres east and north of the area's corner"""
     others: tuple[OtherVehicle, ...]
     limits: Limits
     """least distances from another vehicle"""
@@ -93,7 +93,7 @@ class Finding:
 
 
 def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
-    """Return found, wanted and cure of a check that needs the first route, if the vehicle has none."""
+    """Return found, wanted and cure of a check that needs the first route, for a vehicle without it."""
     found = "no verified route on the vehicle"
     if facts.no_route_because:
         return f"{found} ({facts.no_route_because})", wanted, "first remove the cause in parentheses"

@@ -20,7 +20,7 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
     endpoints: dict[Endpoint, str] = {}
     for spec in scenario.specs:
         endpoints.setdefault(parse_url(spec.url), spec.name)
-    # All ports are held at once: 0.0.0.0 and 127.0.0.1 with one port exclude each other too.
+    # All ports are held at the same time: 0.0.0.0 and 127.0.0.1 exclude each other on the same port.
     with contextlib.ExitStack() as held:
         for endpoint, name in endpoints.items():
             yield from _endpoint_trouble(endpoint, name, held)
@@ -79,4 +79,4 @@ def _cure(endpoint: Endpoint, error: OSError) -> str:
 def _folder_trouble(runs: Path) -> Iterator[str]:
     existing = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
     if not (existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)):
-        yield f"the run folder {runs} cannot be created or written ({existing}); give another by --out"
+        yield f"the run folder {runs} cannot be created or written ({existing}); give another folder by --out"

@@ -18,9 +18,9 @@ class CheckResult:
     waivable: bool
     finding: Finding
     waived: bool = False
-    """the check failed, and an operator waived it"""
+    """True if the check failed and an operator waived the failure"""
     set_by_fly: str = ""
-    """the changes by which `fly` corrects the failure before it arms; `preflight` does not make them"""
+    """changes by which `fly` corrects the failure before arming, as text; `preflight` changes nothing"""
 
     @property
     def passes(self) -> bool:
@@ -36,7 +36,7 @@ class CheckResult:
 
 
 def summary_of(checked: Mapping[str, Sequence[CheckResult]]) -> list[dict[str, Any]]:
-    """Return all results for `summary.json`, failed and waived ones among them."""
+    """Return all results for `summary.json`."""
     return [
         {
             "vehicle": result.vehicle,

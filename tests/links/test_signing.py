@@ -20,9 +20,9 @@ from swarmctl.links.signing import (
     LAST_TIMESTAMP,
     LATE,
     OTHER_KEY,
-    RENEWED,
+    RENEW_TICKS,
     REPEATED,
-    RESERVED,
+    RESERVE_TICKS,
     TICKS_PER_S,
     UNSIGNED,
     Signing,
@@ -161,7 +161,7 @@ def test_a_stamp_more_than_a_day_ahead_is_refused_and_not_followed() -> None:
     assert ours.refused == {AHEAD: 2}
     stamps = [ours.sign(0, START).timestamp for _ in range(3)]
     assert stamps == [START + DAY + 1, START + DAY + 2, START + DAY + 3]
-    assert Signing(KEY, store).sign(0, START).timestamp < START + DAY + 2 * RESERVED
+    assert Signing(KEY, store).sign(0, START).timestamp < START + DAY + 2 * RESERVE_TICKS
 
 
 def test_a_vehicle_with_a_later_timestamp_is_accepted_after_the_clock_went_back_by_a_year() -> None:
@@ -204,11 +204,11 @@ def test_the_store_is_written_ahead_and_rarely() -> None:
     store = Memory()
     ours = Signing(KEY, store)
     ours.sign(0, START)
-    assert store.kept == START + RESERVED
-    ours.sign(0, START + RESERVED - RENEWED - 1)
-    assert store.kept == START + RESERVED
-    ours.sign(0, START + RESERVED - RENEWED)
-    assert store.kept == START + 2 * RESERVED - RENEWED
+    assert store.kept == START + RESERVE_TICKS
+    ours.sign(0, START + RESERVE_TICKS - RENEW_TICKS - 1)
+    assert store.kept == START + RESERVE_TICKS
+    ours.sign(0, START + RESERVE_TICKS - RENEW_TICKS)
+    assert store.kept == START + 2 * RESERVE_TICKS - RENEW_TICKS
 
 
 class Disk:
@@ -264,10 +264,10 @@ def test_a_jump_of_the_clock_is_waited_for_also_while_the_store_is_written() -> 
     ours = Signing(KEY, store, pool=disk)
     ours.sign(0, START)
     disk.answers_at_once = False
-    ours.sign(0, START + RESERVED - 1)
+    ours.sign(0, START + RESERVE_TICKS - 1)
     disk.turn()
     disk.answers_at_once = True
-    assert ours.sign(0, START + 10 * RESERVED).timestamp < store.kept
+    assert ours.sign(0, START + 10 * RESERVE_TICKS).timestamp < store.kept
 
 
 def test_a_disk_without_an_answer_is_reported_and_awaited_once() -> None:
@@ -291,7 +291,7 @@ def test_a_file_written_by_a_thread_stays_ahead_too(tmp_path: Path) -> None:
             stamp = ours.sign(0, START + second * TICKS_PER_S).timestamp
             if second % 3 == 0:
                 # A jump, as after a stamp of a station whose clock is ahead.
-                stamp = ours.sign(0, stamp + 2 * RESERVED).timestamp
+                stamp = ours.sign(0, stamp + 2 * RESERVE_TICKS).timestamp
             assert stamp < file.load()
     assert ours.trouble == ""
 

@@ -21,7 +21,7 @@ class TransportKind:
     """The transport for one kind of endpoint."""
 
     transport: Callable[[Endpoint], Transport] | None
-    """constructor; None: the front end has a memory wire"""
+    """constructor; None for `memory`: the front end has the wires"""
     check: str
     """question to the operator if the vehicle does not answer"""
 

@@ -11,7 +11,7 @@ from swarmctl.links.transports.base import Address, Receive
 class MemoryWire:
     """Wire `memory:NAME` between the ground's transport and simulated vehicles.
 
-    Both directions deliver in order, in a later turn of the loop, so no side runs inside a call of another.
+    Both directions deliver in order, in a later turn of the loop: the sender's call returns first.
     """
 
     def __init__(self) -> None:

@@ -11,8 +11,8 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _BACKLOG_LIMIT = 8192
-"""limit of the queue for a slow radio; further frames are dropped [bytes]"""
-REOPEN_S = 2.0
+"""limit of the queue for a slow radio [bytes]; further frames are dropped"""
+REOPEN_PERIOD_S = 2.0
 
 
 class SerialPort:
@@ -48,7 +48,7 @@ class SerialPort:
             return
         try:
             data = self._port.read(4096)
-        except OSError as error:  # serial.SerialException is one
+        except OSError as error:  # also serial.SerialException
             self._fail(error)
             return
         if data:
@@ -78,7 +78,7 @@ class SerialPort:
     def _fail(self, error: OSError) -> None:
         self.trouble = f"the device failed: {error}"
         self._close_port()
-        self._reopening = asyncio.get_running_loop().call_later(REOPEN_S, self._reopen)
+        self._reopening = asyncio.get_running_loop().call_later(REOPEN_PERIOD_S, self._reopen)
 
     def _reopen(self) -> None:
         try:
@@ -86,7 +86,7 @@ class SerialPort:
         except (OSError, ValueError) as error:
             self._port = None
             self.trouble = f"the device is missing: {error}"
-            self._reopening = asyncio.get_running_loop().call_later(REOPEN_S, self._reopen)
+            self._reopening = asyncio.get_running_loop().call_later(REOPEN_PERIOD_S, self._reopen)
 
     def _close_port(self) -> None:
         if self._port is not None:

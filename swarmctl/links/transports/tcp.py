@@ -122,7 +122,7 @@ class TcpClient:
                         self._endpoint.host,
                         self._endpoint.port,
                     )
-            except OSError as error:  # TimeoutError is one too
+            except OSError as error:  # also TimeoutError
                 self.trouble = str(error.strerror or error) or "no answer to the connection attempt"
                 await asyncio.sleep(BACKOFF_S[min(attempt, len(BACKOFF_S) - 1)])
                 attempt += 1

@@ -18,7 +18,7 @@ _SEND_LIMIT = 1 << 16
 
 
 class Udp(asyncio.DatagramProtocol):
-    """One socket, without SO_REUSEADDR: a second listener on the port is an error and takes no datagrams."""
+    """One socket without SO_REUSEADDR: a second listener on the port fails to open and takes no datagrams."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.trouble = ""

@@ -21,7 +21,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
-"""placeholder for item 0, which the vehicle overwrites with home; without it the take-off would be lost"""
+"""placeholder: the vehicle overwrites item 0 with home, so a take-off at item 0 would be lost"""
 _STORED_FRAME = MappingProxyType(
     {
         mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -29,7 +29,7 @@ _STORED_FRAME = MappingProxyType(
         mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
     }
 )
-_WITHOUT_PLACE = frozenset(
+_WITHOUT_POSITION = frozenset(
     {mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, mavlink.MAV_CMD_DO_JUMP, mavlink.MAV_CMD_DO_CHANGE_SPEED}
 )
 _CENTIMETRE_M = 0.01
@@ -66,9 +66,9 @@ class ArduPilot:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.2,
         }
     )
-    required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    readiness_ids = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq: int | None = None
-    arms_anywhere = True
+    arms_at_any_item = True
     first_waypoint_seq = 2
     """after home and the take-off"""
     uncounted_items = 1
@@ -90,10 +90,6 @@ class ArduPilot:
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number)
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
-        """Return the reasons against arming.
-
-        The pre-arm bit includes the position only in modes that need it, unlike STABILIZE.
-        """
         return tuple(self._reasons(readiness))
 
     def _reasons(self, readiness: Readiness) -> Iterator[str]:
@@ -101,6 +97,7 @@ class ArduPilot:
             yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
         if readiness.prearm_ok is False:
             yield "; ".join(readiness.complaints) or "pre-arm checks not passed [pre-arm]"
+        # The pre-arm bit covers the position only in modes that need a position. STABILIZE needs none.
         if readiness.ekf_flags is not None and not readiness.ekf_flags & mavlink.EKF_POS_HORIZ_ABS:
             yield "no position estimate yet [no-position]"
 
@@ -116,7 +113,7 @@ class ArduPilot:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
     def _same(self, sent: MissionItem, found: MissionItem) -> bool:
-        """Return whether items are equal as stored: altitude in whole centimetres, else `as_stored`."""
+        """Return whether two items are stored alike; ArduPilot stores altitudes in whole centimetres."""
         kept = self.as_stored(sent)
         # ArduPilot cuts in float32: 20.3 loses a whole centimetre (20.29).
         z_gap_m = abs(kept.z) - abs(found.z)
@@ -124,11 +121,12 @@ class ArduPilot:
         return z_fits and replace(kept, z=0.0) == replace(self.as_stored(found), z=0.0)
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Return an item as ArduPilot stores it: frames without `_INT`, or 0 for items without a position.
+        """Return an item as ArduPilot stores it.
 
-        A landing's param4 reads back as 1; here it is 0.
+        The frame loses `_INT`, and is 0 for items without a position. A landing's param4 reads back as 1,
+        but is set to 0 here.
         """
-        frame = _STORED_FRAME.get(item.frame, item.frame) if item.command not in _WITHOUT_PLACE else 0
+        frame = _STORED_FRAME.get(item.frame, item.frame) if item.command not in _WITHOUT_POSITION else 0
         item = replace(item, frame=int(frame))
         return replace(item, param4=0.0) if item.command == mavlink.MAV_CMD_NAV_LAND else item
 
@@ -137,7 +135,7 @@ class ArduCopter(ArduPilot):
     """`Dialect` of ArduCopter."""
 
     # Hold mode is GUIDED: without radio control LOITER reads the stick as "down" and lands hard. BRAKE
-    # holds as well, but a launch needs GUIDED.
+    # also holds, but a launch needs GUIDED.
     mode_names = modes("COPTER_MODE")
     land_command = None
     # A leg that does not follow a completed leg begins at rest, at the stopping point

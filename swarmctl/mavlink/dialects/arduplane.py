@@ -23,20 +23,20 @@ from swarmctl.mavlink.dialects.plan import (
 )
 
 CLIMB_PITCH_DEG = 15.0
-"""pitch of the take-off; without it ArduPlane takes 4 degrees (`Plane::do_takeoff`)"""
+"""pitch of the take-off; ArduPlane's default is 4 degrees (`Plane::do_takeoff`)"""
 BY_TANGENT = 1.0
 """param4 of LOITER_TO_ALT: the next leg begins where the vehicle leaves the circle"""
-FIRST_TURN = math.tan(math.pi / 8.0)
-"""tangent length per radius of a turn by 45 degrees, assumed because the first turn's angle is unknown"""
+FIRST_TURN_TANGENT = math.tan(math.pi / 8.0)
+"""tangent length per turn radius of the first turn; its angle is unknown, so 45 degrees are assumed"""
 MIN_TURN_M, MAX_TURN_M = 1.0, 255.0
-"""limits of a turn's begin before the waypoint: the field is one byte, and 0 means WP_RADIUS"""
+"""limits of the distance from a turn's begin to its waypoint: the field is one byte, and 0 means WP_RADIUS"""
 
 
 class ArduPlane(ArduPilot):
     """`Dialect` of ArduPlane."""
 
-    # GUIDED circles where it was entered, at that altitude, without a pilot's stick (`ModeGuided::_enter`).
-    # LOITER also does, but changes to RTL after a loss of radio control; by default GUIDED stays.
+    # GUIDED circles at the position and altitude where the mode was set, without a pilot's stick
+    # (`ModeGuided::_enter`). LOITER changes to RTL after a loss of radio control; by default GUIDED stays.
     mode_names = modes("PLANE_MODE")
     # No mode lands at an arbitrary position: AUTO flies the landing of a mission.
     land_mode = "AUTO"
@@ -45,7 +45,7 @@ class ArduPlane(ArduPilot):
     speed_type = int(mavlink.SPEED_TYPE_AIRSPEED)
     first_seq = 1
     """AUTO resumes the mission at its last item"""
-    arms_anywhere = False
+    arms_at_any_item = False
     """after a landing in AUTO, the current item is still the landing, and arming fails ("In landing
     sequence", `AP_Arming_Plane::pre_arm_checks`)"""
 
@@ -85,7 +85,7 @@ def _waypoints(plan: FlightPlan) -> Iterator[MissionItem]:
         if 0 < i < last:
             turn_m = tangent(points[i - 1], points[i], points[i + 1], plan.turn_radius_m)
         elif i < last:
-            turn_m = FIRST_TURN * plan.turn_radius_m
+            turn_m = FIRST_TURN_TANGENT * plan.turn_radius_m
         item = item_at(WAYPOINT, RELATIVE, waypoint, waypoint.alt_rel_m)
         yield replace(item, param2=float(math.ceil(min(max(turn_m, MIN_TURN_M), MAX_TURN_M))))
 

@@ -18,7 +18,7 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """Telemetry for `Dialect.not_ready`; None: not received yet."""
+    """Telemetry that `Dialect.not_ready` needs; None: not received yet."""
 
     mode: str
     prearm_ok: bool | None
@@ -38,7 +38,7 @@ class Dialect(Protocol):
 
     @property
     def hold_mode(self) -> str:
-        """Mode that keeps the vehicle where it is in the air, without a pilot, ready for a mission."""
+        """Mode that holds the vehicle in the air without a pilot; a mission can start from this mode."""
 
     @property
     def mission_mode(self) -> str: ...
@@ -70,7 +70,7 @@ class Dialect(Protocol):
         """Rates to request, by message id."""
 
     @property
-    def required(self) -> tuple[int, ...]:
+    def readiness_ids(self) -> tuple[int, ...]:
         """Ids of the messages that readiness needs."""
 
     @property
@@ -82,7 +82,7 @@ class Dialect(Protocol):
         """Return whether some builds lack rally points; their answer is MAV_MISSION_UNSUPPORTED."""
 
     @property
-    def arms_anywhere(self) -> bool:
+    def arms_at_any_item(self) -> bool:
         """Return whether the vehicle arms at any current item.
 
         Otherwise `first_seq` has to be made current after a landing.
@@ -98,11 +98,11 @@ class Dialect(Protocol):
 
     @property
     def upload_timeout_s(self) -> float:
-        """Time from the last message of an interrupted upload to the vehicle's certain end of it [s]."""
+        """Longest time for which the vehicle keeps an interrupted upload open after its last message [s]."""
 
     @property
     def uploads_atomically(self) -> bool:
-        """Return whether a new mission replaces the old one when complete; else item by item."""
+        """Return whether a complete upload replaces the old mission at once, not item by item."""
 
     @property
     def brakes_m_s2(self) -> float | None:
@@ -133,10 +133,10 @@ class Dialect(Protocol):
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        """Return the differences of a read-back from the items sent, except the autopilot's roundings.
+        """Return the differences between the items sent and read back, except the autopilot's roundings.
 
         `first`: index of the first item in the vehicle's list.
         """
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """Return a conversation that tries once to make an item current; `attempt`: earlier tries."""
+        """Return one try to make an item current; `attempt`: number of earlier tries."""

@@ -73,10 +73,10 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
         }
     )
-    required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    readiness_ids = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq = 0
     """PX4 begins at the current item, which landings and uploads do not reset"""
-    arms_anywhere = True
+    arms_at_any_item = True
     brakes_m_s2 = None
     may_lack_rally = False
     first_waypoint_seq = 1
@@ -90,7 +90,7 @@ class Px4:
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:
-        # An armed vehicle takes off in mission mode.
+        # An armed vehicle takes off when mission mode is set.
         return int(mavlink.MAV_CMD_DO_SET_MODE), self.mode_params(self.mission_mode)
 
     def mode_name(self, custom_mode: int) -> str:
@@ -114,11 +114,11 @@ class Px4:
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        """Return the differences; PX4 stores items as sent, except that frames read back as `_INT` ones."""
+        """Return the differences; PX4 stores items as sent, but frames read back as `_INT` frames."""
         return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """Return a try by MISSION_SET_CURRENT: PX4 does not support MAV_CMD_DO_SET_MISSION_CURRENT."""
+        """Return one try of MISSION_SET_CURRENT: PX4 lacks MAV_CMD_DO_SET_MISSION_CURRENT."""
         return SetCurrent(peer, seq)
 
 

@@ -27,14 +27,14 @@ from swarmctl.mavlink.dialects.plan import (
 from swarmctl.mavlink.dialects.px4 import RELATIVE, Px4
 
 NO_POSITION_FRAME = int(mavlink.MAV_FRAME_MISSION)
-"""frame of items without a position; PX4 refuses them in another frame"""
+"""frame of items without a position; PX4 refuses such items in any other frame"""
 BY_HEADING, BY_TANGENT = 1.0, 1.0
 """param1 and param4 of LOITER_TO_ALT: leave the circle towards the next item, along the tangent"""
 JUMP_REPEATS = 1000.0
-"""Repeats of a jump. PX4 keeps its count of taken jumps after a flight and after the same upload again."""
+"""number of repeats of a jump; PX4 keeps its count after a flight and after another upload of the mission"""
 BEYOND_M = 30.0
-"""Distance of the last waypoint beyond the goal, so that the vehicle overflies the goal. PX4 turns to the
-next item before a waypoint, by a distance that grows with speed (`NPFG::switchDistance`, 34 m at 15 m/s)."""
+"""Distance of the last waypoint beyond the goal, so that the vehicle overflies the goal. PX4 turns before it
+reaches a waypoint, at a distance that grows with speed (`NPFG::switchDistance`, 34 m at 15 m/s)."""
 
 
 class Px4Plane(Px4):
@@ -49,13 +49,13 @@ class Px4Plane(Px4):
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Return take-off, waypoints, a jump over the landing at home, that landing, and the goal's landing.
 
-        A mission may have one DO_LAND_START. A return (RTL_TYPE 1) leads to the first landing of the list, so
-        home's landing comes before the goal's. All landings come after the waypoints: PX4 1.14 treats all
-        items after DO_LAND_START as the landing and would fly on instead of returning.
+        A mission may have only one DO_LAND_START. A return (RTL_TYPE 1) leads to the first landing, so home's
+        landing comes before the goal's. All landings come after the waypoints: PX4 1.14 treats all items
+        after DO_LAND_START as the landing. Waypoints there would make the vehicle fly on instead of return.
 
-        After a landing midway PX4 continues with the next item, even on the ground, and does not disarm in
-        mission mode (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`). So a jump leads from
-        home's landing to the last item, a landing. A vehicle on the ground completes a landing at once.
+        After a landing PX4 continues with the next item, even on the ground, and does not disarm in mission
+        mode (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`). So a jump leads from home's
+        landing to the last item, a landing. A vehicle on the ground completes this landing at once.
         """
         at_goal, at_home = plane_approaches(plan)
         # The vehicle climbs along the line to the take-off item's position.
@@ -102,7 +102,7 @@ def _beyond(plan: FlightPlan) -> Waypoint:
 def _landing(approach: Approach) -> Iterator[MissionItem]:
     """Yield circle and landing; the vehicle glides from the point where it leaves the circle.
 
-    A waypoint between the two would keep the vehicle from leaving the circle at that altitude
+    With a waypoint between circle and landing the vehicle would not leave the circle at the circle's altitude
     (NAV_FW_ALTL_RAD applies only directly before a landing).
     """
     circle = item_at(LOITER_TO_ALT, RELATIVE, approach.centre, approach.centre.alt_rel_m)

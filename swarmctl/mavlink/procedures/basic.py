@@ -1,7 +1,7 @@
 """Procedures of a ground station: identify, prepare, upload, hold, return, land, speed.
 
-An acknowledgement is no proof: a step is done when telemetry shows its effect. Longer procedures have modules
-of their own, such as `launch` and `swap`.
+An acknowledgement is no proof: a step is done when telemetry shows its effect. Longer procedures, such as
+`launch` and `swap`, have their own modules.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ __all__ = [
     "upload",
 ]
 
-MODE_AGAIN_S = 3.0
+MODE_PERIOD_S = 3.0
 """period for setting the hold mode again before the flight"""
 MODE_TRIES = 3
-NO_CHANGE = -1.0
-"""value of the throttle parameter that leaves the throttle as it is"""
+SAME_THROTTLE = -1.0
+"""value of the throttle parameter that does not change the throttle"""
 
 
 def identify(ctx: Context) -> Procedure[Message]:
@@ -64,10 +64,10 @@ def prepare(ctx: Context) -> Procedure[Done]:
         has_heartbeat = yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)
         if ctx.state.armed:
             return Done("the vehicle is already armed; disarm it on the ground, then prepare it [armed]")
-        # In the first seconds after boot ArduPilot acknowledges a mode, then silently leaves it again.
+        # In the first seconds after boot ArduPilot acknowledges a mode, then leaves that mode silently.
         if has_heartbeat and ctx.state.mode != ctx.dialect.hold_mode:
             yield command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(ctx.dialect.hold_mode))(0)
-        ready = yield WaitUntil(ctx.after_heartbeat(lambda s: s.ready), MODE_AGAIN_S)
+        ready = yield WaitUntil(ctx.after_heartbeat(lambda s: s.ready), MODE_PERIOD_S)
         if ready and ctx.state.ready:
             return Done()
         if has_heartbeat and _is_stopped_midway(ctx):
@@ -78,7 +78,7 @@ def _is_stopped_midway(ctx: Context) -> bool:
     """Return whether a disarmed vehicle in hold mode has a current item that prevents arming."""
     state, first = ctx.state, ctx.dialect.first_seq
     is_waiting = state.mode == ctx.dialect.hold_mode and not state.armed
-    return is_waiting and not ctx.dialect.arms_anywhere and state.mission_seq not in (None, 0, first)
+    return is_waiting and not ctx.dialect.arms_at_any_item and state.mission_seq not in (None, 0, first)
 
 
 def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
@@ -97,8 +97,8 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
 def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     """Set hold mode.
 
-    `check_mode_first` (also of `return_home` and `land`): even the first command waits for a new heartbeat
-    with one of this program's own modes.
+    `check_mode_first`: the first command also waits for a new heartbeat with one of this program's own modes.
+    The same applies to `return_home` and `land`.
     """
     return Done(
         (yield from _set_mode_urgently(ctx, ctx.dialect.hold_mode, check_mode_first=check_mode_first))
@@ -129,7 +129,7 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
     The speed is valid until the mode changes.
     """
     flies = in_modes({ctx.dialect.mission_mode}, armed=True)
-    params = float(ctx.dialect.speed_type), speed_m_s, NO_CHANGE
+    params = float(ctx.dialect.speed_type), speed_m_s, SAME_THROTTLE
     factory = command(ctx, mavlink.MAV_CMD_DO_CHANGE_SPEED, params)
     try:
         return Done((yield from send_acknowledged(ctx, factory, flies)))
@@ -140,9 +140,9 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
 def _set_mode_urgently(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str | None]:
     """Set a mode at once, with several tries; return the failure.
 
-    Only the first command is sent without a new heartbeat. With `check_mode_first`, for commands that no
-    operator has given, the first command also waits for a heartbeat. The procedure ends when a heartbeat
-    shows a mode chosen by another party: neither the earlier mode nor an own mode.
+    Only the first command is sent without a new heartbeat; with `check_mode_first` that command also waits.
+    The procedure ends when a heartbeat shows a mode that is neither the earlier mode nor an own mode: another
+    party has chosen that mode.
     """
     dialect, failure = ctx.dialect, None
     own_modes = {mode, ctx.state.mode}

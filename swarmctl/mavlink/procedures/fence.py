@@ -21,7 +21,7 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 MAX_VERTICES = 60
-"""ArduCopter's storage ends at about 70"""
+"""limit below the capacity of ArduCopter's storage, about 70 vertices"""
 
 _VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 
@@ -75,11 +75,11 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
 
 
 def enforce_fence(ctx: Context) -> Procedure[Done]:
-    """Enable on a disarmed ArduPilot the fences that its parameters name.
+    """Enable the fences of FENCE_TYPE on a disarmed ArduPilot.
 
     Since 4.6 ArduPilot reads FENCE_TYPE at boot and when FENCE_ENABLE changes. A fence that a command has
-    switched off stays off, so parameters do not show the fences in force (`AC_Fence::update`,
-    `AC_Fence::enable`). ArduPilot acknowledges after the change.
+    switched off stays off, so parameters do not show the enabled fences (`AC_Fence::update`,
+    `AC_Fence::enable`). ArduPilot acknowledges the command after the change.
     """
     if ctx.state.armed:
         return Done("the vehicle is armed; enable its fence while it is disarmed on the ground [armed]")

@@ -25,7 +25,7 @@ WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
 StateCondition = Callable[[VehicleState], bool]
 CommandFactory = Callable[[int], Conversation[CommandResult]]
-"""returns the conversation for one try; its argument is the number of earlier tries"""
+"""function that returns the conversation for one try; its argument is the number of earlier tries"""
 
 
 class NotInControl(Exception):
@@ -51,7 +51,7 @@ def describe_takeover(state: VehicleState) -> str:
 
 
 def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
-    """Check by a heartbeat younger than this call that the vehicle is as `expected`. Raises NotInControl."""
+    """Request a heartbeat and check that the vehicle's state is `expected`. Raises NotInControl."""
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
         raise NotInControl(
             f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so the mode is unknown; no command is sent [silent]"
@@ -73,7 +73,7 @@ def set_mode(
     armed: bool | None = None,
     skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """Set a mode by `send_guarded` unless the vehicle is in it; return the failure."""
+    """Set a mode by `send_guarded` unless the mode is already set; return the failure."""
     factory = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
     after = in_modes({mode}, armed=armed)
     return (

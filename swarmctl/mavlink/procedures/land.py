@@ -45,7 +45,7 @@ def land_by_mission(
                 yield from send_guarded(ctx, disarm, is_own_mode, lambda s: not s.armed, skip_if_done=True)
             )
         if items and lands(ctx.state):
-            return None  # another command would restart the approach
+            return None  # a second command would restart the approach
         if dialect.lands_at_nearest:
             factory = command(ctx, land_command)
             return (
@@ -93,9 +93,9 @@ def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
 
 
 def is_other_landing(items: tuple[MissionItem, ...], seq: int) -> bool:
-    """Return whether an item belongs to a landing that the list's waypoints do not lead to.
+    """Return whether an item belongs to a landing and is not the circle after the waypoints.
 
-    The first jump of the list leads from the waypoints to the circle of their landing.
+    The first jump of the list leads from the waypoints to that circle.
     """
     leads_to = next((int(item.param1) for item in items if item.command == JUMP), None)
     return seq in landing_items(items) and seq != leads_to

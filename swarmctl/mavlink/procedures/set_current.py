@@ -11,7 +11,7 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import RequestUntil
 
 CURRENT_WAIT_S = 3.0
-"""longest wait: MISSION_CURRENT arrives once a second, and several may be lost"""
+"""longest wait for a MISSION_CURRENT, requested every second: several may be lost"""
 
 
 def await_current_item(ctx: Context, is_right: Callable[[int], bool]) -> Procedure[bool]:

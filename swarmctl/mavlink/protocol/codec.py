@@ -1,6 +1,7 @@
-"""Bytes to frames to messages and back, on pymavlink's generated dialect (MAVLink 1 and 2 in, 2 out).
+"""Codec: bytes to frames and messages, and messages to bytes, by pymavlink's generated dialect.
 
-Frame layouts: https://mavlink.io/en/guide/serialization.html
+Received frames are MAVLink 1 or 2, sent frames are MAVLink 2. Layouts:
+https://mavlink.io/en/guide/serialization.html
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ GCS_SYSID = 255
 GCS_COMPID = int(mavlink.MAV_COMP_ID_MISSIONPLANNER)
 
 _V1, _V2 = 0xFE, 0xFD
-_V1_OVERHEAD, _V2_OVERHEAD = 8, 12
-_V2_HEADER = 10
-_SIGNED = 0x01
-_SIGNATURE = 13
+_V1_OVERHEAD_BYTES, _V2_OVERHEAD_BYTES = 8, 12
+_V2_HEADER_BYTES = 10
+_SIGNED_FLAG = 0x01
+_SIGNATURE_BYTES = 13
 _CRC_EXTRA: dict[int, int] = {msgid: kind.crc_extra for msgid, kind in mavlink.mavlink_map.items()}
 
 
@@ -34,17 +35,14 @@ class Frame(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Return whether the dialect knows the message, so that its checksum was verified.
-
-        In other frames even the header is uncertain.
-        """
+        """Return whether the dialect has the message; checksum and header of other frames are unverified."""
         return self.msgid in _CRC_EXTRA
 
 
 class FrameSplitter:
     """Splitter of one byte stream into frames; it never raises.
 
-    All other bytes are skipped: plain text that autopilots print at boot, line noise, parts of frames.
+    Bytes outside of frames are skipped: text that autopilots print at boot, line noise, parts of frames.
     """
 
     def __init__(self) -> None:
@@ -74,10 +72,10 @@ class FrameSplitter:
 
     def _accept(self, data: bytes, plausible_end: bool) -> Frame | None:
         if data[0] == _V2:
-            if data[2] & ~_SIGNED:
+            if data[2] & ~_SIGNED_FLAG:
                 return None
             frame = Frame(data, data[5], data[6], data[7] | data[8] << 8 | data[9] << 16)
-            end = len(data) - (_SIGNATURE if data[2] & _SIGNED else 0)
+            end = len(data) - (_SIGNATURE_BYTES if data[2] & _SIGNED_FLAG else 0)
         else:
             frame = Frame(data, data[3], data[4], data[5])
             end = len(data)
@@ -101,8 +99,8 @@ def _frame_length(buffer: bytearray, at: int) -> int | None:
     if len(buffer) < at + 3:
         return None
     if buffer[at] == _V1:
-        return buffer[at + 1] + _V1_OVERHEAD
-    return buffer[at + 1] + _V2_OVERHEAD + (_SIGNATURE if buffer[at + 2] & _SIGNED else 0)
+        return buffer[at + 1] + _V1_OVERHEAD_BYTES
+    return buffer[at + 1] + _V2_OVERHEAD_BYTES + (_SIGNATURE_BYTES if buffer[at + 2] & _SIGNED_FLAG else 0)
 
 
 def _may_end_at(buffer: bytearray, end: int) -> bool:
@@ -110,7 +108,7 @@ def _may_end_at(buffer: bytearray, end: int) -> bool:
 
 
 class Decoder:
-    """Decoder of verified frames, without state between them."""
+    """Decoder of verified frames; it keeps no state between frames."""
 
     def __init__(self) -> None:
         self._mav = mavlink.MAVLink(None)
@@ -136,7 +134,7 @@ def extension(message: Message, at: int) -> int:
     frame = bytes(message.get_msgbuf() or b"")
     if not frame or frame[0] != _V2:
         return 0
-    payload = frame[_V2_HEADER : _V2_HEADER + frame[1]]
+    payload = frame[_V2_HEADER_BYTES : _V2_HEADER_BYTES + frame[1]]
     return int.from_bytes(payload[at : at + 4], "little")
 
 

@@ -39,7 +39,7 @@ class CommandResult:
 
     @property
     def may_have_happened(self) -> bool:
-        """Return whether the command may have taken effect: NO_ANSWER may be the loss of the answer."""
+        """Return whether the command may have taken effect; NO_ANSWER may mean a lost answer."""
         return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.NO_ANSWER)
 
 
@@ -61,7 +61,7 @@ def is_forced_arming(message: Message) -> bool:
 
 
 def _is_forced(command: int, param2: float) -> bool:
-    # 21196 forces, and for arming an ArduPilot also 2989. PX4 rounds, so every value but 0 counts.
+    # 21196 forces; 2989 forces the arming of an ArduPilot. PX4 rounds, so every value but 0 is refused.
     return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param2 != 0.0
 
 
@@ -71,10 +71,10 @@ class Command(Conversation[CommandResult]):
     The procedure repeats the command, because each try needs a check of the vehicle's state.
     """
 
-    ANSWER_S = 1.0
-    IN_PROGRESS_S = 10.0
-    """wait after each IN_PROGRESS"""
+    ANSWER_WAIT_S, IN_PROGRESS_WAIT_S = 1.0, 10.0
+    """longest wait for the first answer, and after each IN_PROGRESS"""
     IN_PROGRESS_LIMIT = 6
+    """number of IN_PROGRESS answers to one try"""
 
     def __init__(self, peer: MavlinkPeer, command: int, *params: float, confirmation: int = 0) -> None:
         super().__init__()
@@ -87,7 +87,7 @@ class Command(Conversation[CommandResult]):
         self._last_answer = ""
 
     def _begin(self, now: float) -> list[Message]:
-        self.next_deadline = now + self.ANSWER_S
+        self.next_deadline = now + self.ANSWER_WAIT_S
         return [self._message]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
@@ -103,11 +103,11 @@ class Command(Conversation[CommandResult]):
             self._in_progress += 1
             if self.state is ConversationState.WAITING:
                 self._enter(ConversationState.EXCHANGING)
-            self.next_deadline = now + self.IN_PROGRESS_S
+            self.next_deadline = now + self.IN_PROGRESS_WAIT_S
         elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             # An immediate retry would get the same answer, so this try lasts until its deadline.
             self._outcome = CommandOutcome.NOT_NOW
-            self.next_deadline = now + self.ANSWER_S
+            self.next_deadline = now + self.ANSWER_WAIT_S
         else:
             self._end(CommandOutcome.REFUSED)
         return []

@@ -63,7 +63,7 @@ class Append(Conversation[AppendResult]):
     MAX_COPIES = 3
     """copies of each message: one more after each loss"""
     MAX_BURSTS = 2
-    """bursts without effect that show that the vehicle does not support partial lists"""
+    """number of bursts without a stored item after which partial lists count as unsupported"""
 
     def __init__(
         self,
@@ -139,7 +139,7 @@ class Append(Conversation[AppendResult]):
         return self._on_request(int(message.seq) - self._n_before, now)
 
     def _on_answer(self, now: float) -> None:
-        """Note the round-trip time and postpone the next deadline."""
+        """Store the round-trip time and postpone the next deadline."""
         if self.state is ConversationState.WAITING:
             self._enter(ConversationState.EXCHANGING)
         if self._burst_at is not None:

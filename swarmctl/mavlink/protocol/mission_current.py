@@ -12,10 +12,10 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 class SetCurrent(Conversation[CommandResult]):
     """One try of MISSION_SET_CURRENT, answered by a MISSION_CURRENT with that item.
 
-    For vehicles without MAV_CMD_DO_SET_MISSION_CURRENT. As for `Command`, the procedure repeats the try.
+    It replaces MAV_CMD_DO_SET_MISSION_CURRENT, which PX4 lacks. The procedure repeats the try.
     """
 
-    ANSWER_S = 1.0
+    ANSWER_WAIT_S = 1.0
 
     def __init__(self, peer: MavlinkPeer, seq: int) -> None:
         super().__init__()
@@ -23,7 +23,7 @@ class SetCurrent(Conversation[CommandResult]):
         self._seq = seq
 
     def _begin(self, now: float) -> list[Message]:
-        self.next_deadline = now + self.ANSWER_S
+        self.next_deadline = now + self.ANSWER_WAIT_S
         return [mavlink.MAVLink_mission_set_current_message(self._peer.sysid, self._peer.compid, self._seq)]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:

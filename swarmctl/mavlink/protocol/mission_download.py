@@ -17,7 +17,7 @@ from swarmctl.mavlink.protocol.mission_upload import MISSION
 class DownloadOutcome(Enum):
     COMPLETE = "complete"
     REFUSED = "refused"
-    """error answer of the vehicle; DENIED while it is still in an upload"""
+    """error answer of the vehicle; DENIED during an unfinished upload"""
     NO_ANSWER = "no answer"
     """MISSION_COUNT did not arrive"""
     BROKEN_OFF = "broken off"
@@ -31,7 +31,7 @@ class DownloadResult:
 
     outcome: DownloadOutcome
     items: tuple[MissionItem, ...]
-    """items from the first requested one on; empty unless COMPLETE"""
+    """items from `first` on; empty unless COMPLETE"""
     text: str
 
 
@@ -40,13 +40,13 @@ class Download(Conversation[DownloadResult]):
 
     window: number of items requested at a time; with 1 each item takes a round trip
     copies: number of times that each request is sent
-    in_order: True for PX4. PX4 ends the transfer after any request but for the next item or the last served
-        item. With a window, a lost item cannot be requested again: the download fails and is restarted.
+    in_order: True for PX4, which serves only the next item and the last served item. Any other request ends
+        the transfer. So with a window no lost item can be requested again; the download has to be restarted.
     """
 
     REPEAT_S, MAX_REPEAT_S = 1.0, 4.0
     TRIES = 12
-    """With 30 % loss, half of all transfers of 50 items lose a request or its answer six times in a row."""
+    """Number of tries of a request. With 30 % loss, six tries fail in half of all transfers of 50 items."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Download(Conversation[DownloadResult]):
         return self._request_items()
 
     def _request_items(self) -> list[Message]:
-        """Return requests for the items in the window that are not stored and not requested yet."""
+        """Return requests for the items in the window that are neither received nor requested yet."""
         end = min(self._next + self._window, self._count)
         wanted = [seq for seq in range(self._requested_to, end) if seq not in self._items]
         self._requested_to = max(self._requested_to, end)
@@ -132,8 +132,8 @@ class Download(Conversation[DownloadResult]):
         return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
 
     def _on_ack(self, code: int) -> None:
-        # Acceptance, cancellation and refusals of duplicates belong to an earlier upload. ArduPilot also
-        # answers ERROR to a repeated last item of an upload, but never to MISSION_REQUEST_LIST.
+        # Acceptance, cancellation and refusals of duplicates answer an earlier upload. ArduPilot also answers
+        # ERROR to a repeated last item of an upload, but never to MISSION_REQUEST_LIST.
         stale = (
             mavlink.MAV_MISSION_ACCEPTED,
             mavlink.MAV_MISSION_OPERATION_CANCELLED,

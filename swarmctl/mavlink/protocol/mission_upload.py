@@ -31,7 +31,7 @@ MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 class UploadOutcome(Enum):
     ACCEPTED = "accepted"
     REJECTED = "rejected"
-    """refused by the vehicle; another try would be refused as well"""
+    """refused by the vehicle; another try would also be refused"""
     DENIED = "denied"
     """refused because of another transfer"""
     CANCELLED = "cancelled by the vehicle"
@@ -47,7 +47,7 @@ class UploadOutcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class UploadResult:
-    """Outcome of an upload."""
+    """Outcome of an upload, with a text for the operator."""
 
     outcome: UploadOutcome
     text: str
@@ -56,31 +56,29 @@ class UploadResult:
 
 
 WINDOW = 8
-"""Items under way at a time: some 400 bytes, which fit into the receive buffer of a serial port. After a loss
-each item is sent twice. The vehicle requests items lost by an overflow again."""
+"""Number of items under way at a time: some 400 bytes, which fit into the receive buffer of a serial port.
+After a loss each item is sent twice. If the buffer overflows, the vehicle requests the lost items again."""
 
 
 class Upload(Conversation[UploadResult]):
     """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
     current: item marked as current, if any
-    flown: item that the vehicle flies now, for a link that always has to mark an item
+    flown: item that the vehicle flies now, and keeps if no item is marked; MAVSDK always marks an item
     too_late: called with the round-trip time [s] when the vehicle requests the last item; True withholds
         that item
     """
 
-    OVERDUE = 1.25
+    OVERDUE_ROUND_TRIPS = 1.25
     MAX_OVERDUE_S = 2.5
-    """An item counts as lost after OVERDUE round trips, at most MAX_OVERDUE_S. After a loss each item is sent
-    twice."""
+    """time after which an item counts as lost: a number of round trips, and its limit"""
     REPEAT_S = 1.0
-    """period for repeating the count until the first request, and an item that is requested again"""
+    """period of repeating the count until the first request, and of repeating a requested item"""
     FIRST_LIMIT_S = 12.0
     """limit for the first request: with 30 % loss and 2 s per answer, 1 in 20 takes longer than 6 s"""
-    IDLE_LIMIT_S = 6.0
-    STUCK_LIMIT_S = 30.0
-    """Limit for progress to a further item. ArduPilot gives up after 8 s without an item, PX4 after 5 s. The
-    whole transfer has no limit."""
+    IDLE_LIMIT_S, STUCK_LIMIT_S = 6.0, 30.0
+    """Longest time without a request, and without a request for a further item. ArduPilot gives up after 8 s
+    without an item, PX4 after 5 s. The whole transfer has no limit."""
 
     def __init__(
         self,
@@ -104,7 +102,7 @@ class Upload(Conversation[UploadResult]):
         self._next_to_send = 0
         """item to send after those under way"""
         self._sent_s: dict[int, float] = {}
-        """last time that each item was sent"""
+        """time when each item was last sent, by item"""
         self._requested: set[int] = set()
         """items requested since they were sent"""
         self._resent: set[int] = set()
@@ -113,7 +111,7 @@ class Upload(Conversation[UploadResult]):
         """shortest observed time from a message to its answer"""
         self._is_lossy = False
         self._repeated_s = 0.0
-        """last time that a single item was repeated"""
+        """time when a single item was last repeated"""
         self._last_nack = ""
         self._begin_s = self._idle_at = self._stuck_at = 0.0
 
@@ -177,7 +175,7 @@ class Upload(Conversation[UploadResult]):
 
     def _withhold_last(self, last: int, now: float) -> list[Message]:
         """Withhold the last item; if a copy is under way, wait for its effect first."""
-        answered_s = self.OVERDUE * self._round_trip_s
+        answered_s = self.OVERDUE_ROUND_TRIPS * self._round_trip_s
         if last in self._sent_s and now - max(self._sent_s[last], self._repeated_s) < answered_s:
             return []
         self._end(UploadOutcome.TOO_LATE, "the last item was not sent")
@@ -218,7 +216,7 @@ class Upload(Conversation[UploadResult]):
         # After accepting an item the vehicle requests the next item once. A request for an earlier item
         # restarts the transfer from that item.
         asks_again = seq in self._requested or seq < self._last_requested
-        overdue_s = min(self.OVERDUE * self._round_trip_s, self.MAX_OVERDUE_S)
+        overdue_s = min(self.OVERDUE_ROUND_TRIPS * self._round_trip_s, self.MAX_OVERDUE_S)
         return asks_again and now - self._sent_s[seq] >= overdue_s
 
     @property

@@ -31,7 +31,7 @@ _PACKED: Mapping[int, str] = {
     int(mavlink.MAV_PARAM_TYPE_INT32): "<i",
     _REAL32: "<f",
 }
-_V2, _V1_HEADER, _V2_HEADER = 0xFD, 6, 10
+_V2, _V1_HEADER_BYTES, _V2_HEADER_BYTES = 0xFD, 6, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def _value_bytes(message: Message) -> bytes:
     if not message.get_msgbuf():  # an outgoing message
         return struct.pack("<f", message.param_value)
     frame = bytes(message.get_msgbuf())
-    start = _V2_HEADER if frame[0] == _V2 else _V1_HEADER
+    start = _V2_HEADER_BYTES if frame[0] == _V2 else _V1_HEADER_BYTES
     return frame[start : start + 4]
 
 

@@ -41,7 +41,7 @@ class Context:
         return self.telemetry.state
 
     def after_heartbeat(self, condition: Callable[[VehicleState], bool]) -> Callable[[], bool]:
-        """Return a condition: a heartbeat (mode and arming) has arrived since this call, and `condition`."""
+        """Return a condition: a heartbeat has arrived after this call, and `condition` holds."""
         before = self.telemetry.heartbeats
         return lambda: self.telemetry.heartbeats > before and condition(self.state)
 

@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class WaitUntil(Conversation[bool]):
-    """Waiting for a condition: True as soon as `condition()` holds after a message, False after `timeout_s`.
+    """Wait for a condition: True as soon as `condition()` holds, False after `timeout_s`.
 
     `condition` reads the vehicle's state, which the session updates before it passes the message on.
     """
@@ -45,11 +45,10 @@ def wait(seconds: float) -> WaitUntil:
 
 
 class RequestUntil(Conversation[bool]):
-    """Request of a message: True when the message has arrived and `condition()` holds, else False.
+    """Request of a message: True once the message has arrived and `condition()` holds; False at the time-out.
 
     The message is usually a heartbeat, the only message with mode and arming. ArduPilot sends a heartbeat
-    soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway. The result is
-    False after `timeout_s`.
+    soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.
     """
 
     REPEAT_S = 1.0
@@ -91,7 +90,7 @@ class RequestUntil(Conversation[bool]):
 
 
 class RequestMessage(Conversation[Message]):
-    """Request of one message (MAV_CMD_REQUEST_MESSAGE), repeated until it arrives or the caller cancels."""
+    """Request of one message (MAV_CMD_REQUEST_MESSAGE), repeated until that message arrives."""
 
     REPEAT_S = 1.0
 

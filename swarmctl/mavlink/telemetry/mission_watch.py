@@ -5,8 +5,8 @@ mission; `mission_id` changes with the mission's content, and is 0 if unsupporte
 
 - PX4 sends `mission_id` from 1.15 on, and in the MISSION_ACK of an upload (`MavlinkMissionManager`).
 - ArduPilot sends no id (`GCS_MAVLINK::send_mission_current`), but serves single items outside of a transfer
-  (`MissionItemProtocol::handle_mission_request_int`). The watch requests one item now and then, and soon
-  after a message from another station's transfer.
+  (`MissionItemProtocol::handle_mission_request_int`). The watch requests one item every 5 s, and 1 s after a
+  message from another station's transfer.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from swarmctl.mavlink.protocol.mission_download import item_of
 from swarmctl.mavlink.protocol.mission_upload import MISSION
 
 SETTLING_S = 2.0
-"""time after an own procedure in which messages do not count: late messages show the earlier mission"""
+"""time after an own procedure during which messages are ignored: late messages show the earlier mission"""
 OTHER_MISSION_LASTS_S = 1.0
 """shortest deviation that counts: one MISSION_CURRENT (2 Hz) may be late"""
 REQUEST_PERIOD_S = 5.0
@@ -57,7 +57,7 @@ class MissionWatch:
         """True if the vehicle has reported the expected number of items: then 0 is not "unsupported"."""
         self._own_id: int | None = None
         """the vehicle's id of the own mission"""
-        self._acknowledged = 0
+        self._acknowledged_id = 0
         self._reports_ids = False
         self._request_at_s = math.inf
         self._requested_seq: int | None = None
@@ -67,26 +67,26 @@ class MissionWatch:
         self._n_requests = 0
 
     def receive_own_transfer(self, message: Message) -> None:
-        """Note the mission's id in a MISSION_ACK while an own procedure runs."""
+        """Store the mission's id from a MISSION_ACK, while an own procedure runs."""
         if message.get_type() != "MISSION_ACK" or not self._is_for_us(message):
             return
         if message.type == mavlink.MAV_MISSION_ACCEPTED:
-            self._acknowledged = extension(message, _OPAQUE_ID_AT)
+            self._acknowledged_id = extension(message, _OPAQUE_ID_AT)
 
     def own_procedure_ended(self, own_items: tuple[MissionItem, ...], now: float) -> None:
         """Start watching. `own_items`: the mission verified on the vehicle; empty: none."""
         if own_items != self._own_items:
-            self._own_items, self._own_id = own_items, self._acknowledged or None
-        elif self._acknowledged not in (0, self._own_id):
+            self._own_items, self._own_id = own_items, self._acknowledged_id or None
+        elif self._acknowledged_id not in (0, self._own_id):
             self._own_id = None  # the mission was uploaded again and may have a new id
-        self._acknowledged = 0
+        self._acknowledged_id = 0
         self._settled_at_s, self._other_since_s = now + SETTLING_S, None
         self._requested_seq = self._suspect_seq = None
         can_request = self._dialect.serves_single_items and len(own_items) > 1
         self._request_at_s = now + REQUEST_PERIOD_S if can_request else math.inf
 
     def shows_other_mission(self, message: Message, now: float) -> bool:
-        """Return whether the vehicle has shown another mission than the own one, twice or for a while."""
+        """Return whether the vehicle has shown another mission by two items, or for OTHER_MISSION_LASTS_S."""
         if not self._own_items or now < self._settled_at_s:
             return False
         kind = message.get_type()
@@ -132,7 +132,7 @@ class MissionWatch:
         return None if self._reports_ids or math.isinf(self._request_at_s) else self._request_at_s
 
     def tick(self, flown: int | None, now: float) -> list[Message]:
-        """Return the request that is due, if any. `flown`: the vehicle's current item."""
+        """Return the request that is due, if any. `flown`: index of the vehicle's current item."""
         if self.next_deadline is None or now < self._request_at_s or now < self._settled_at_s:
             return []
         self._request_at_s = now + REQUEST_PERIOD_S
@@ -141,7 +141,7 @@ class MissionWatch:
         return [mavlink.MAVLink_mission_request_int_message(*to, self._requested_seq, mission_type=MISSION)]
 
     def _next_seq(self, flown: int | None) -> int:
-        """Return the next item to request; never item 0, which the vehicle overwrites with home."""
+        """Return the index of the next item to request; never 0: the vehicle overwrites item 0 with home."""
         last = len(self._own_items) - 1
         turn, is_odd = divmod(self._n_requests, 2)
         self._n_requests += 1

@@ -45,19 +45,19 @@ class Presence:
     def __init__(self, lost_after_s: float = 5.0) -> None:
         self.state = LinkState.NEVER_HEARD
         self._lost_after_s = lost_after_s
-        self._last = -inf
+        self._last_heartbeat_s = -inf
 
     def age_s(self, now: float) -> float:
         """Return the time since the last heartbeat [s]; infinite before the first."""
-        return now - self._last
+        return now - self._last_heartbeat_s
 
     @property
     def next_deadline(self) -> float | None:
-        return self._last + self._lost_after_s if self.state is LinkState.ALIVE else None
+        return self._last_heartbeat_s + self._lost_after_s if self.state is LinkState.ALIVE else None
 
     def on_heartbeat(self, now: float) -> LinkState:
-        """Note a heartbeat; return the state before it."""
-        before, self.state, self._last = self.state, LinkState.ALIVE, now
+        """Record a heartbeat; return the earlier state."""
+        before, self.state, self._last_heartbeat_s = self.state, LinkState.ALIVE, now
         return before
 
     def tick(self, now: float) -> bool:

@@ -9,14 +9,14 @@ import re
 
 from swarmctl.mavlink.protocol.codec import Message
 
-CHUNK = 50
+CHUNK_LENGTH = 50
 _STRIKE = re.compile(r"STRIKE (\d+) over -?\d+,-?\d+ from -?\d+,-?\d+\Z")
 
 
 class TextAssembler:
     """Assembler of texts from chunks.
 
-    A text with a lost chunk is returned with a gap, when the next text begins.
+    When a chunk is lost, the text is returned with a gap after the next text has begun.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class TextAssembler:
         self._id = int(message.id)
         self._severity = int(message.severity)
         self._chunks[int(message.chunk_seq)] = str(message.text)
-        if len(message.text) < CHUNK:
+        if len(message.text) < CHUNK_LENGTH:
             done += self._flush()
         return done
 

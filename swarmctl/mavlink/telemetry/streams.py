@@ -1,4 +1,4 @@
-"""Telemetry streams: requested until they arrive, and again when they stop, as after a reboot."""
+"""Telemetry streams: requested until they arrive, and again when they stop, for example after a reboot."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
-_REPEAT_S = 3.0
-_REPEAT_LIMIT_S = 30.0
+_REPEAT_S, _REPEAT_LIMIT_S = 3.0, 30.0
+"""first and longest pause between requests for a missing stream"""
 AFTER_SILENCE_S = 1.5
-"""delay of new requests after a silence: without a reboot the streams continue by themselves"""
+"""delay of new requests after a silence: without a reboot the streams continue unrequested"""
 
 _POSITION = int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
 _STOPPED_US = -1.0
 """the interval of MAV_CMD_SET_MESSAGE_INTERVAL that ends a stream"""
-_STREAMS_WITHIN_S = 3.0
-"""longest interval of a stream; after a longer interval a message counts as a single message"""
-_STOP_EVERY_S = 0.2
-"""spacing of commands that end streams: all at once would fill a slow link"""
+_MAX_STREAM_INTERVAL_S = 3.0
+"""longest interval between messages of one stream; after a longer interval a message is a single message"""
+_STOP_SPACING_S = 0.2
+"""pause between commands that end streams: without pauses they would fill a slow link"""
 _STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0
-"""first and longest pause before a stream is ended again: another station on the link may use it"""
+"""first and longest pause before a stream is ended again: another station may have requested the stream"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,9 @@ class Streaming:
     """Settings of a vehicle's streams."""
 
     position_hz: float | None = None
-    """rate of positions; a rate below the dialect's slows the other streams in proportion; None: the
-    dialect's rates"""
+    """Rate of positions; None: the dialect's rate. A lower rate slows all other streams in proportion."""
     stops_others: bool = False
-    """True if streams that this program does not use are ended"""
+    """True if this program ends the streams that it does not use"""
 
     def rates_hz(self, usual_hz: Mapping[int, float]) -> dict[int, float]:
         """Return the rates to request over this link (message id -> rate), from a dialect's rates."""
@@ -89,7 +88,7 @@ class StreamKeeper:
 
     def _on_unused(self, msgid: int, now: float) -> None:
         received_s, self._received_s[msgid] = self._received_s.get(msgid), now
-        if received_s is None or now - received_s > _STREAMS_WITHIN_S or msgid in self._to_stop:
+        if received_s is None or now - received_s > _MAX_STREAM_INTERVAL_S or msgid in self._to_stop:
             return
         if msgid in self._stopped:
             stopped_s, again_s = self._stopped[msgid]
@@ -108,7 +107,7 @@ class StreamKeeper:
     def _stop(self, now: float) -> list[Message]:
         if not self._to_stop or now < self._stop_at:
             return []
-        self._stop_at = now + _STOP_EVERY_S
+        self._stop_at = now + _STOP_SPACING_S
         msgid = self._to_stop.popleft()
         _, again_s = self._stopped.get(msgid, (now, _STOP_AGAIN_S / 2.0))
         self._stopped[msgid] = now, min(2.0 * again_s, _STOP_AGAIN_LIMIT_S)
@@ -172,5 +171,5 @@ UNUSED_IDS = frozenset(
         "WIND_COV",
     )
 )
-"""Ids of streams for a pilot's instruments, which this program does not use; the preflight check requests
-GPS_RAW_INT. The set leaves out messages between components (trackers, remote identification)."""
+"""Ids of streams that this program does not use, mostly for a pilot's instruments. Preflight requests single
+GPS_RAW_INT messages. Messages between components (trackers, remote identification) are not in the set."""

@@ -18,23 +18,22 @@ from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
 
 STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 """a vehicle in the air below both speeds stands still"""
-REBOOT_S = 3.0
-"""a larger step back of the clock is a reboot; a smaller one is a late datagram"""
-YOUNGER_S = 1.0
-"""Margin for late messages. A clock that has run for less than the last silence minus this margin was
+REBOOT_STEP_S = 3.0
+"""limit of a late datagram: a larger step back of the vehicle's clock is a reboot"""
+LATE_MESSAGE_S = 1.0
+"""Margin for late messages. A clock that has run for less than the last silence, less this margin, has
 restarted."""
-
 CLOCK_WRAP_S = 2**32 / 1000.0
 """period of time_boot_ms, which has 32 bits: 49.7 days"""
-
-POSITION_KEPT_S = 3.0
-"""Longest use of a position, by the local clock. ArduPilot reports the loss of its position; PX4 just stops
-sending positions."""
-POSITIONS_COUNTED, FEWEST_POSITIONS = 10, 3
-SNAPSHOT_S = 0.9
-"""without a position, a heartbeat or SYS_STATUS this long after the last snapshot makes a new one"""
+MAX_POSITION_AGE_S = 3.0
+"""Age after which a position is dropped, by the local clock. ArduPilot reports the loss of its position; PX4
+stops sending positions."""
+MAX_POSITIONS, MIN_POSITIONS = 10, 3
+"""largest and smallest number of positions for their mean interval"""
+SNAPSHOT_PERIOD_S = 0.9
+"""shortest time between two snapshots that heartbeats or SYS_STATUS cause while no positions arrive"""
 MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
-"""limits of altitudes above sea level or home; other altitudes count as invalid"""
+"""limits of a valid altitude above sea level or home"""
 TEXTS_KEPT = 256
 
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
@@ -69,14 +68,14 @@ class Telemetry:
         self._clock_before_s = 0.0
         """total of the clock's earlier periods of 49.7 days"""
         self._snapshot_s = -math.inf
-        self._positions_s: deque[float] = deque(maxlen=POSITIONS_COUNTED)
+        self._positions_s: deque[float] = deque(maxlen=MAX_POSITIONS)
         """arrival times of the last positions"""
         self._assembler = TextAssembler()
         self._prearm_ok: bool | None = None
         self._ekf_flags: int | None = None
         self._had_gps = False
         self._complaints: tuple[str, ...] = ()
-        self._missing = set(dialect.required)
+        self._missing = set(dialect.readiness_ids)
         self._roles: dict[str, ModeRole] = {
             dialect.land_mode: "land",  # overwritten below if the mission mode lands
             dialect.hold_mode: "hold",
@@ -115,7 +114,7 @@ class Telemetry:
         if was_missing or message.get_type() in _READINESS_SOURCES:
             self._update_readiness()
         if not snapshot and message.get_type() in _SNAPSHOT_SOURCES:
-            snapshot = now - self._snapshot_s >= SNAPSHOT_S
+            snapshot = now - self._snapshot_s >= SNAPSHOT_PERIOD_S
         if snapshot:
             self._snapshot_s = now
         return snapshot
@@ -131,9 +130,9 @@ class Telemetry:
         return 0.0 if reported_s is None else self._now - reported_s
 
     def position_every_s(self, now: float) -> float | None:
-        """Return the mean time between the last positions [s]; None after fewer than FEWEST_POSITIONS."""
+        """Return the mean time between the last positions [s]; None after fewer than MIN_POSITIONS."""
         times_s = self._positions_s
-        return (now - times_s[0]) / len(times_s) if len(times_s) >= FEWEST_POSITIONS else None
+        return (now - times_s[0]) / len(times_s) if len(times_s) >= MIN_POSITIONS else None
 
     def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
         """Return the kept texts that came after the first `n_texts`."""
@@ -158,10 +157,10 @@ class Telemetry:
     @property
     def _position_is_old(self) -> bool:
         reported_s = self.state.position_s
-        return reported_s is None or self._now - reported_s > POSITION_KEPT_S
+        return reported_s is None or self._now - reported_s > MAX_POSITION_AGE_S
 
     def _system_time(self, message: Message) -> bool:
-        """Update the vehicle's clock while no positions come; positions carry the clock too."""
+        """Update the vehicle's clock while no positions arrive; positions also carry the clock."""
         time_boot_s = self._clock_s(message)
         if (
             not self._notice_reboot(time_boot_s)
@@ -194,7 +193,7 @@ class Telemetry:
     def _count_standing(self, time_boot_s: float) -> None:
         """Add the time since the last position to `stood_still_s` if the vehicle held or stood still.
 
-        Braking in hold mode counts as well.
+        Braking in hold mode also counts.
         """
         last = self.state
         still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
@@ -205,14 +204,14 @@ class Telemetry:
     def _clock_s(self, message: Message) -> float:
         """Return the time since boot, also across the clock's wrap after 49.7 days.
 
-        A wrap counts only when the local clock expects it; otherwise a restart of the clock is a reboot.
+        A restarted clock has wrapped if the local clock expects a wrap; otherwise the vehicle has rebooted.
         """
         reported_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
         if self._clock_before_s and reported_s - self._clock_reported_s > CLOCK_WRAP_S / 2.0:
             return reported_s - CLOCK_WRAP_S  # late message from before the wrap
         if self._clock_received_s is not None:
             ran_s = reported_s + CLOCK_WRAP_S - self._clock_reported_s
-            if abs(ran_s - (self._now - self._clock_received_s)) <= REBOOT_S:
+            if abs(ran_s - (self._now - self._clock_received_s)) <= REBOOT_STEP_S:
                 self._clock_before_s += CLOCK_WRAP_S
                 return reported_s + CLOCK_WRAP_S
         return reported_s
@@ -224,10 +223,10 @@ class Telemetry:
             self._now,
             time_boot_s,
         )
-        went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
+        went_back = time_boot_s < self.state.time_boot_s - REBOOT_STEP_S
         ran_s = time_boot_s - last_wrap_s  # below 0: late message from before the wrap
-        is_younger = received_s is not None and 0.0 <= ran_s < self._now - received_s - YOUNGER_S
-        if not (went_back or is_younger):
+        has_restarted = received_s is not None and 0.0 <= ran_s < self._now - received_s - LATE_MESSAGE_S
+        if not (went_back or has_restarted):
             return False
         # Heartbeats come without a request, so their fields stay; all others are from before the reboot.
         last = self.state
@@ -245,7 +244,7 @@ class Telemetry:
         self._prearm_ok = self._ekf_flags = None
         self._had_gps = False
         self._complaints = ()
-        self._missing = set(self._dialect.required)
+        self._missing = set(self._dialect.readiness_ids)
         self.reboots += 1
         return True
 

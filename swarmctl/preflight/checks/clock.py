@@ -15,7 +15,7 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, "no time of day in SYSTEM_TIME", wanted, "wait for the first satellites")
     agrees = abs(offset_s) <= facts.clock_tolerance_s
     cure = (
-        "set this machine's clock by NTP; a vehicle has the time of satellites, a simulated vehicle has a "
-        "clock of its own (preflight.clock_tolerance_s)"
+        "set this machine's clock by NTP, or raise preflight.clock_tolerance_s; a vehicle's clock follows "
+        "satellites, a simulated vehicle has its own clock"
     )
     return Finding(agrees, f"{offset_s:+.1f} s", wanted, "" if agrees else cure)

@@ -8,12 +8,12 @@ NAME = "gps"
 WAIVABLE = True
 FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX"""
-SATELLITES = 6
-HDOP = 2.0
+MIN_SATELLITES = 6
+MAX_HDOP = 2.0
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a 3D fix, {SATELLITES} satellites or more, HDOP {HDOP:g} or less"
+    wanted = f"a 3D fix, {MIN_SATELLITES} satellites or more, HDOP {MAX_HDOP:g} or less"
     gps = facts.instruments.gps if facts.instruments is not None else None
     if gps is None:
         return Finding(
@@ -25,8 +25,8 @@ def check(facts: PreflightFacts) -> Finding:
     good = (
         gps.fix_type >= FIX_3D
         and gps.satellites is not None
-        and gps.satellites >= SATELLITES
+        and gps.satellites >= MIN_SATELLITES
         and gps.hdop is not None
-        and gps.hdop <= HDOP
+        and gps.hdop <= MAX_HDOP
     )
     return Finding(good, found, wanted, "" if good else "wait under open sky")

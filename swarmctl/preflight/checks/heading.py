@@ -8,7 +8,7 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "heading"
 WAIVABLE = True
-MAX_OFF_DEG = 25.0
+MAX_ANGLE_DEG = 25.0
 """greatest angle between the heading and the first leg"""
 
 
@@ -25,9 +25,9 @@ def check(facts: PreflightFacts) -> Finding:
         facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg),
     )
     leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
-    wanted = f"{leg_deg:.0f} degrees, along the first leg, within {MAX_OFF_DEG:g}"
+    wanted = f"{leg_deg:.0f} degrees, along the first leg, within {MAX_ANGLE_DEG:g}"
     if state.heading_deg is None:
         return Finding(False, "no heading in the vehicle's messages", wanted, "check the compass")
     off_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
-    cure = "" if off_deg <= MAX_OFF_DEG else "turn the vehicle toward the first leg"
-    return Finding(off_deg <= MAX_OFF_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)
+    cure = "" if off_deg <= MAX_ANGLE_DEG else "turn the vehicle toward the first leg"
+    return Finding(off_deg <= MAX_ANGLE_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)

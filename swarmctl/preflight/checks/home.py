@@ -7,17 +7,17 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "home"
 WAIVABLE = True
-NEAR_M = 50.0
-"""greatest distance of home before arming, which sets home again; a farther home is from another place"""
+MAX_DISTANCE_M = 50.0
+"""greatest distance between home and vehicle: a home from another place is farther; arming sets home again"""
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a home within {NEAR_M:g} m of the vehicle"
+    wanted = f"a home within {MAX_DISTANCE_M:g} m of the vehicle"
     state = facts.state
     if state.home_lat_deg is None or state.home_lon_deg is None:
         return Finding(False, "no HOME_POSITION", wanted, "wait for the first position")
     if state.lat_deg is None or state.lon_deg is None:
         return Finding(False, "no position of the vehicle", wanted, "wait for the first position")
     away_m = distance_m((state.home_lat_deg, state.home_lon_deg), (state.lat_deg, state.lon_deg))
-    near = away_m <= NEAR_M
+    near = away_m <= MAX_DISTANCE_M
     return Finding(near, f"home {away_m:.0f} m away", wanted, "" if near else "set home at the vehicle")

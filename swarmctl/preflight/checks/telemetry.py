@@ -6,17 +6,17 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "telemetry"
 WAIVABLE = True
-AT_LEAST_EVERY_S = 2.5
-"""a position counts as unknown 3 s after its arrival (`mavlink.telemetry`)"""
+MAX_PERIOD_S = 2.5
+"""longest mean time between positions; after 3 s a position counts as unknown (`mavlink.telemetry`)"""
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a position every {AT_LEAST_EVERY_S:g} s or sooner"
+    wanted = f"a position every {MAX_PERIOD_S:g} s or sooner"
     every_s = facts.instruments.position_every_s if facts.instruments is not None else None
     if every_s is None:
         return Finding(False, "too few positions", wanted, "check the vehicle's link")
     found = f"one every {every_s:.1f} s"
-    if every_s > AT_LEAST_EVERY_S:
+    if every_s > MAX_PERIOD_S:
         cure = "the radio or the configured rate (PX4: MAV_0_RATE) is full: set links.stop_other_streams or "
         return Finding(False, found, wanted, f"{cure}links.position_hz, or use fewer vehicles on one radio")
     return Finding(True, found, wanted)

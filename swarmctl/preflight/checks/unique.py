@@ -1,4 +1,4 @@
-"""Check `unique`: no other sender has the system id, and no two vehicles are one autopilot."""
+"""Check `unique`: no other sender has the system id, and no other vehicle has the same autopilot."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check(facts: PreflightFacts) -> Finding:
 
 
 def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
-    """Return whether two identities are one board, by AUTOPILOT_VERSION.uid2; all zeros mean unknown."""
+    """Return whether two vehicles have one board, by AUTOPILOT_VERSION.uid2; all zeros mean unknown."""
     mine = facts.identity
     if mine is None or other is None:
         return False

@@ -7,11 +7,11 @@ parameters: ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC
 AP_BattMonitor_Params.cpp; commander/failsafe/failsafe.cpp.
 ArduPlane's RTL_ALTITUDE, AIRSPEED_CRUISE, AIRSPEED_MIN and ROLL_LIMIT_DEG have these names from 4.5 on
 (before: ALT_HOLD_RTL, TRIM_ARSPD_CM, ARSPD_FBW_MIN, LIM_ROLL_CD; ArduPlane/Parameters.cpp converts them).
-The behaviour of older and later versions at a lost link is unknown, so they have no table.
+The behaviour of older and later versions at a lost link is unknown, so these versions have no table.
 
 Reactions to a lost remote control are not declared. ArduCopter does not arm without a remote control unless
-FS_THR_ENABLE is 0 ("RC not found"). PX4 regards a remote control that is missing at arming as not intended
-(NAV_RCL_ACT), and is never flown in OFFBOARD (COM_OBL_RC_ACT).
+FS_THR_ENABLE is 0 ("RC not found"). PX4 reacts only to the loss of a remote control that was present at
+arming (NAV_RCL_ACT). This program never flies PX4 in OFFBOARD (COM_OBL_RC_ACT).
 """
 
 from __future__ import annotations

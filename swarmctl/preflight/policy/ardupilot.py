@@ -24,7 +24,7 @@ _COPTER_LOST_LINK = {"return": (1.0, 3.0), "land": (5.0,), "hold": (7.0,), "cont
 _COPTER_BATTERY = {"return": (2.0, 3.0), "land": (1.0,)}
 _COPTER_CRITICAL = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0)  # 5: Terminate
 _COPTER_FENCE = {"return": (1.0, 3.0), "land": (2.0,), "hold": (4.0,)}
-_GOES_ON_IN_AUTO = 1  # bit of FS_OPTIONS
+_CONTINUE_IN_AUTO_BIT = 1  # of FS_OPTIONS
 _HEIGHT_AND_POLYGON = 5.0  # FENCE_TYPE; without the circle around home, which no configuration declares
 
 
@@ -35,7 +35,7 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         *(
             (
                 exactly("FS_GCS_TIMEOUT", behaviour.lost_link_after, policy.lost_link_after_s),
-                RequiredParameter("FS_OPTIONS", behaviour.lost_link, bit=_GOES_ON_IN_AUTO),
+                RequiredParameter("FS_OPTIONS", behaviour.lost_link, bit=_CONTINUE_IN_AUTO_BIT),
                 exactly(_gcs(version), behaviour.lost_link, behaviour.gcs_sysid),
             )
             if policy.lost_link != "continue"
@@ -52,23 +52,21 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
     )
 
 
-_LANDS = 1.0  # of FS_EKF_ACTION, and 3 from all modes; 2: altitude hold for a pilot; 0: only a report
-_TRUSTS_UP_TO = 1.0  # greatest FS_EKF_THRESH; 0 turns the check off
+_EKF_LAND, _EKF_LAND_ALWAYS = 1.0, 3.0  # of FS_EKF_ACTION; 2: altitude hold for a pilot; 0: only a report
+_MAX_EKF_THRESH = 1.0  # of FS_EKF_THRESH; 0 turns the check off
 
 
 def _copter_position_loss() -> tuple[RequiredParameter, ...]:
     """Return the parameters of a landing after the loss of the position estimate."""
     declared = "a landing without a position estimate"
     return (
-        RequiredParameter("FS_EKF_ACTION", declared, _LANDS, (_LANDS, 3.0)),
-        RequiredParameter("FS_EKF_THRESH", declared, 0.8, least=0.1, most=_TRUSTS_UP_TO),
+        RequiredParameter("FS_EKF_ACTION", declared, _EKF_LAND, (_EKF_LAND, _EKF_LAND_ALWAYS)),
+        RequiredParameter("FS_EKF_THRESH", declared, 0.8, least=0.1, most=_MAX_EKF_THRESH),
     )
 
 
 _PRESENT_ALTITUDE = -1.0  # of RTL_ALTITUDE
-_LANDS_ONCE_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission a plane does not arm
-
-
+_LAND_AT_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission a plane does not arm
 _PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 need a quadplane, or 4.7
 
 
@@ -101,17 +99,16 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
 
 
 def _plane_circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
-    """Return the parameters of circles, of the return, and of the least speed.
+    """Return the parameters of circles, of the return to a landing, and of the least speed.
 
-    Circles are no wider than plans assume; the sign of a radius is the direction. The return ends in a
-    landing.
+    Circles are no wider than plans assume; the sign of a radius is the direction.
     """
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     radius = f"wings.loiter_radius_m: {most_m:g}"
     return (
         RequiredParameter("WP_LOITER_RAD", radius, most_m, least=-most_m, most=most_m),
         RequiredParameter("RTL_RADIUS", radius, 0.0, least=-most_m, most=most_m),
-        exactly("RTL_AUTOLAND", "a return that ends in a landing", _LANDS_ONCE_HOME),
+        exactly("RTL_AUTOLAND", "a return that ends in a landing", _LAND_AT_HOME),
         RequiredParameter(
             "RTL_ALTITUDE",
             "a return at the flight altitude" if behaviour.among_others else behaviour.fence,
@@ -141,12 +138,12 @@ def _plane_flight(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]
 
 
 def _critical(behaviour: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
-    """Return the parameter of a critical battery: no action, a return or a landing, but no motor stop."""
+    """Return the parameter of a critical battery; `values` are the actions without a motor stop."""
     return RequiredParameter("BATT_FS_CRT_ACT", behaviour.low_battery, 0.0, values)
 
 
 def _battery(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
-    """Return the parameters of the battery monitor. Each depends on the vehicle, and has to be above 0."""
+    """Return the parameters of the battery monitor: values above 0 that depend on the vehicle."""
     return tuple(
         above_zero(name, behaviour.low_battery)
         for name in ("BATT_MONITOR", "BATT_LOW_VOLT", "BATT_LOW_TIMER")

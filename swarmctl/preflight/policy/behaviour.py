@@ -49,10 +49,10 @@ class DeclaredBehaviour:
 
     @property
     def returns_at_most_m(self) -> float:
-        """Return the greatest height above home of a return that begins lower [m].
+        """Return the greatest height above home to which a return may climb [m].
 
-        The return schedule assumes this height, and the fence's ceiling is not lower. Vehicles that return
-        at the same time do not climb to the same height.
+        The return schedule assumes this height. The vehicles of a swarm do not climb above their different
+        flight altitudes.
         """
         return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 
@@ -72,7 +72,7 @@ def ceiling(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:
     )
 
 
-_SPEED_OFF_M_S = 0.5
+_SPEED_TOLERANCE_M_S = 0.5
 _G_M_S2 = 9.81
 
 
@@ -89,5 +89,5 @@ def cruise_and_bank(
 def cruise_speed(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:
     """Return the parameter of the cruise speed [m/s], by its name. Only the owner sets it."""
     speed_m_s = behaviour.speed_m_s
-    least, most = speed_m_s - _SPEED_OFF_M_S, speed_m_s + _SPEED_OFF_M_S
+    least, most = speed_m_s - _SPEED_TOLERANCE_M_S, speed_m_s + _SPEED_TOLERANCE_M_S
     return RequiredParameter(name, f"speed_m_s: {speed_m_s:g}", least=least, most=most)

@@ -18,8 +18,8 @@ from swarmctl.agent.traffic.return_schedule import FASTER
 from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, cruise_speed
 from swarmctl.preflight.policy.required import RequiredParameter, Version, exactly
 
-_METRES_SINCE: Version = (4, 7)
-_BEFORE = {
+_FIRST_IN_METRES: Version = (4, 7)
+_OLD_NAMES = {
     "LAND_ALT_LOW_M": "LAND_ALT_LOW",
     "LAND_SPD_HIGH_MS": "LAND_SPEED_HIGH",
     "LAND_SPD_MS": "LAND_SPEED",
@@ -46,17 +46,17 @@ def flight(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
 def returns(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     """Return the parameters of the return to launch."""
     own = (_for_version(parameter, version) for parameter in _returns(behaviour))
-    hover = RequiredParameter("RTL_LOIT_TIME", _LANDS, _DEFAULT_HOVER_MS, least=0.0, most=_LONGEST_HOVER_MS)
+    hover = RequiredParameter("RTL_LOIT_TIME", _LANDS, _DEFAULT_HOVER_MS, least=0.0, most=_MAX_HOVER_MS)
     return (*own, hover)
 
 
 def _for_version(parameter: RequiredParameter, version: Version) -> RequiredParameter:
     """Return a parameter of version 4.7 with the name and unit of `version`."""
-    if version >= _METRES_SINCE:
+    if version >= _FIRST_IN_METRES:
         return parameter
     return replace(
         parameter,
-        name=_BEFORE[parameter.name],
+        name=_OLD_NAMES[parameter.name],
         set_to=None if parameter.set_to is None else _cm(parameter.set_to),
         values=tuple(_cm(value) for value in parameter.values),
         least=_cm(parameter.least),
@@ -92,7 +92,7 @@ def _landing(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
 
 
 _TOLERANCE = 0.1
-"""accepted deviation of a rate from the assumed rate, as a share"""
+"""accepted deviation from the rate that plans assume, as a share"""
 
 
 def _rate(name: str, declared: str, rate: float, behaviour: DeclaredBehaviour) -> RequiredParameter:
@@ -109,7 +109,7 @@ _LAND_AT_HOME = 0.0  # RTL_ALT_FINAL_M 0: the copter lands; above 0 it hovers at
 _USE_WP_SPD = 0.0  # RTL_SPEED_MS 0: the copter returns at WP_SPD
 _DEFAULT_RETURN_ALT_M = 15.0  # of RTL_ALT
 _DEFAULT_HOVER_MS = 5000.0  # of RTL_LOIT_TIME
-_LONGEST_HOVER_MS = 20_000.0  # the return schedule allows this long (`return_schedule.SINK_M_S`)
+_MAX_HOVER_MS = 20_000.0  # the return schedule allows for this time (`return_schedule.SINK_M_S`)
 
 
 def _returns(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:

@@ -13,10 +13,10 @@ from swarmctl.preflight.policy.required import NoParameterTable, RequiredParamet
 _LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": (0.0,)}
 _BATTERY = {"return": (3.0,), "land": (2.0,)}
 _FENCE = {"return": (3.0,), "land": (5.0,), "hold": (2.0,)}
-_MISSION_EXCEPTED = 0  # bit of COM_DLL_EXCEPT, a parameter since 1.16
-_RETURNS_AT_M = 30.0  # default of RTL_RETURN_ALT
+_MISSION_BIT = 0  # of COM_DLL_EXCEPT, a parameter since 1.16: no reaction to a lost link in a mission
+_DEFAULT_RETURN_ALT_M = 30.0  # default of RTL_RETURN_ALT
 _STRAIGHT_HOME = 0.0  # of RTL_TYPE; other values may lead to the mission's landing, at the goal
-_MOST_DELAY_S = 300.0  # of RTL_LAND_DELAY; -1: the copter stays in the air over home
+_MAX_DELAY_S = 300.0  # of RTL_LAND_DELAY; -1: the copter stays in the air over home
 
 _CORNERS = f"turns within {CORNER_RADIUS_M:g} m of a waypoint"
 
@@ -29,7 +29,7 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         *_heights(behaviour),
         exactly("RTL_TYPE", "a return to the take-off position", _STRAIGHT_HOME),
         RequiredParameter(
-            "RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MOST_DELAY_S
+            "RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MAX_DELAY_S
         ),
         # The default is 5 m/s, half the default speed of plans.
         cruise_speed("MPC_XY_CRUISE", behaviour),
@@ -38,14 +38,13 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
     )
 
 
-# AUTO.LAND of a fixed wing descends in a circle at its present position, and a hold outside the fence is a
-# circle too: neither may be declared.
+# No "land": AUTO.LAND of a fixed wing descends in a circle at its present position.
 _PLANE_LOST_LINK = {"return": (2.0,), "hold": (1.0,), "continue": (0.0,)}
-_TO_THE_MISSIONS_LANDING = 1.0  # of RTL_TYPE
-_LEAST_RADIUS_M = 1.0
-_WITHOUT_TERRAIN = 0  # bit of FW_LND_ABORT, set by default: it aborts the landing and circles over touchdown
-_STEEPER_DEG = 0.5  # margin over the planned slope, for rounding
-_ALTITUDE_OFF_M = 10.0  # default of NAV_FW_ALT_RAD
+_MISSION_LANDING = 1.0  # of RTL_TYPE
+_MIN_RADIUS_M = 1.0
+_TERRAIN_BIT = 0  # of FW_LND_ABORT, set by default: without terrain data the vehicle circles over touchdown
+_SLOPE_MARGIN_DEG = 0.5  # over the planned slope, for rounding
+_DEFAULT_ALT_RAD_M = 10.0  # default of NAV_FW_ALT_RAD
 
 
 def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
@@ -55,6 +54,7 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
     return (
         *_link(behaviour, version, _PLANE_LOST_LINK),
         one_of("COM_LOW_BAT_ACT", behaviour.low_battery, {"return": (3.0,)}, policy.low_battery),
+        # No "hold": a fixed wing would circle outside of the fence.
         one_of("GF_ACTION", behaviour.fence_breach, {"return": (3.0,)}, policy.fence_breach),
         *_heights(behaviour),
         *_circles(behaviour, wings),
@@ -70,24 +70,24 @@ def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredPa
     """
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     steep_deg = wings.glide_from_circle_deg
-    climbs_m = max(behaviour.altitude_m - wings.takeoff_height_m, _ALTITUDE_OFF_M)
+    climbs_m = max(behaviour.altitude_m - wings.takeoff_height_m, _DEFAULT_ALT_RAD_M)
     return (
-        exactly("RTL_TYPE", "a return that ends in a landing", _TO_THE_MISSIONS_LANDING),
+        exactly("RTL_TYPE", "a return that ends in a landing", _MISSION_LANDING),
         RequiredParameter(
             "NAV_LOITER_RAD",
             f"wings.loiter_radius_m: {most_m:g}",
             most_m,
-            least=_LEAST_RADIUS_M,
+            least=_MIN_RADIUS_M,
             most=most_m,
         ),
         RequiredParameter(
             "FW_LND_ANG",
             f"a landing by the section wings, {steep_deg:.1f} degrees steep",
-            float(math.ceil(steep_deg + _STEEPER_DEG)),
+            float(math.ceil(steep_deg + _SLOPE_MARGIN_DEG)),
             least=steep_deg,
             most=90.0,
         ),
-        RequiredParameter("FW_LND_ABORT", "a landing that needs no range finder", bit=_WITHOUT_TERRAIN),
+        RequiredParameter("FW_LND_ABORT", "a landing that needs no range finder", bit=_TERRAIN_BIT),
         RequiredParameter(
             "NAV_ACC_RAD",
             "turns no earlier than turn_radius_m before a waypoint",
@@ -120,7 +120,7 @@ def _link(
             else ()
         ),
         *(
-            (RequiredParameter("COM_DLL_EXCEPT", behaviour.lost_link, bit=_MISSION_EXCEPTED),)
+            (RequiredParameter("COM_DLL_EXCEPT", behaviour.lost_link, bit=_MISSION_BIT),)
             if watched and version >= (1, 16)
             else ()
         ),
@@ -134,7 +134,7 @@ def _heights(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
         RequiredParameter(
             "RTL_RETURN_ALT",
             behaviour.returns,
-            min(_RETURNS_AT_M, behaviour.returns_at_most_m),
+            min(_DEFAULT_RETURN_ALT_M, behaviour.returns_at_most_m),
             least=0.0,
             most=behaviour.returns_at_most_m,
         ),

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from swarmctl.mavlink.protocol.parameters import same_value
 
 Version = tuple[int, int]
-LEAST = 1e-6
+MIN_ABOVE_ZERO = 1e-6
 """least value above 0"""
 
 
 class NoParameterTable(Exception):
-    """A firmware with unknown parameters for the declared behaviour, or without that behaviour."""
+    """No table: the firmware's parameters are unknown, or cannot express the declared behaviour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class RequiredParameter:
     declared: str
     """the declared behaviour that needs the parameter, as text"""
     set_to: float | None = None
-    """value to write in place of another; None: only the owner sets it. Without effect if `bit` is given"""
+    """value to write in place of a refused value; None: only the owner sets it; unused with `bit`"""
     values: tuple[float, ...] = ()
     least: float = math.nan
     most: float = math.nan
@@ -56,7 +56,7 @@ class RequiredParameter:
             return f"without bit {self.bit}"
         texts = [f"{v:g}" for v in self.values]
         if not math.isnan(self.least):
-            above = "above 0" if self.least <= LEAST else f"{self.least:g} or more"
+            above = "above 0" if self.least <= MIN_ABOVE_ZERO else f"{self.least:g} or more"
             texts.append(above if math.isinf(self.most) else f"{self.least:g} to {self.most:g}")
         return " or ".join(texts)
 
@@ -77,4 +77,4 @@ def exactly(name: str, declared: str, value: float) -> RequiredParameter:
 
 def above_zero(name: str, declared: str) -> RequiredParameter:
     """Return a parameter that accepts every value above 0."""
-    return RequiredParameter(name, declared, least=LEAST, most=math.inf)
+    return RequiredParameter(name, declared, least=MIN_ABOVE_ZERO, most=math.inf)

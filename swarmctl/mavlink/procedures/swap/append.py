@@ -1,8 +1,8 @@
-"""Append swap: the new route is stored after the old one, for autopilots that follow each item once written.
+"""Append swap: the new route is stored after the old route, for autopilots that use each item once stored.
 
-No item of the old route changes. When the new route is stored and read back, one command makes its first
-item current. An ArduCopter brakes and speeds up again; other vehicles turn without braking. If the link ends
-before that command, the vehicle flies its old route and lands.
+No item of the old route changes. After the read-back one command makes an item of the new route current. An
+ArduCopter brakes and speeds up again; other vehicles turn without braking. If the link ends before that
+command, the vehicle flies its old route and lands.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.procedures.guarded import TakenOver, confirm_state, in_modes, send_guarded
 from swarmctl.mavlink.procedures.swap.in_hold import swap_in_hold
-from swarmctl.mavlink.procedures.swap.route_progress import CORNER_S, SAME_PLACE_M, RoutePosition
+from swarmctl.mavlink.procedures.swap.route_progress import CORNER_MARGIN_S, SAME_PLACE_M, RoutePosition
 from swarmctl.mavlink.procedures.swap.steps import (
     MAX_ITEMS,
     PAST_SPLICE,
@@ -37,7 +37,7 @@ CLEAR_WAIT_S = 10.0
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Append the new route to the old one, read it back and make it current; otherwise `swap_in_hold`.
+    """Append the new route, read it back and make it current; after a failure run `swap_in_hold`.
 
     Raises NotInControl.
     """
@@ -55,7 +55,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if appended.is_late:
         yield from confirm_state(ctx, mission)
-        # A list that was not read is unknown, so the next plan is written as a whole.
+        # Without a read-back the stored items are unknown, so the next plan is written as a whole.
         ctx.verified_items = () if failure else kept + found
         return Swapped(PAST_SPLICE, "old", is_late=True)
     if not failure:
@@ -108,7 +108,7 @@ def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
     if not plan.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
     at = plan.position(ctx, later_s)
-    return at.is_late or (at.corner_s > CORNER_S and not _brakes_past_item(ctx, at))
+    return at.is_late or (at.corner_s > CORNER_MARGIN_S and not _brakes_past_item(ctx, at))
 
 
 def _brakes_past_item(ctx: Context, at: RoutePosition) -> bool:
@@ -126,7 +126,10 @@ def _brakes_past_item(ctx: Context, at: RoutePosition) -> bool:
 def _make_tail_current(
     ctx: Context, begin: int, tail: tuple[MissionItem, ...], first: Callable[[], int]
 ) -> Procedure[str | None]:
-    """Make an item of the tail current; return the failure. `first` returns its index before each command."""
+    """Make an item of the tail current; return the failure.
+
+    `first` is called before each command and returns the item's index in the tail.
+    """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
     def follows(state: VehicleState) -> bool:

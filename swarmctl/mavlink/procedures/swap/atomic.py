@@ -47,9 +47,9 @@ REJECTION_TEXTS = (
 
 
 def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Upload and read back the new mission and confirm that it is flown; otherwise return to the old mission.
+    """Upload and read back the new mission and confirm that it is flown; after a failure fly the old mission.
 
-    A plan with a splice point ahead of the vehicle (`leaves_ahead`) follows the flown items of the old plan.
+    A plan with a splice point ahead (`leaves_ahead`) is uploaded after the old plan's items up to that point.
     All item numbers stay, so the vehicle keeps its current item. In any other plan the item to fly is marked.
 
     The vehicle flies on during the upload, so the upload is tried once. If the vehicle has passed the splice
@@ -131,9 +131,9 @@ def _upload(
 def _confirm_new_mission(
     ctx: Context, plan: SwapPlan, marked: int | None, kept: int, n_texts: int
 ) -> Procedure[str | None]:
-    """Wait until the vehicle flies the new mission from item `marked` (None: `kept`); return the failure.
+    """Wait until the vehicle flies the new mission from item `marked`, or from `kept` if `marked` is None.
 
-    `n_texts`: number of the vehicle's texts before the upload.
+    Return the failure. `n_texts`: number of the vehicle's texts before the upload.
     """
     items = ctx.verified_items
     if _has_landed_after(ctx, items):
@@ -143,7 +143,7 @@ def _confirm_new_mission(
             # The next MISSION_CURRENT is about the new mission.
             yield from await_current_item(ctx, lambda _now: True)
             if is_other_landing(items, ctx.state.mission_seq or 0):
-                # The current number belonged to the old mission's landing, and now to another landing.
+                # The current item number belongs to different landings in the two missions.
                 return "the vehicle reached its landing before the new mission was complete [landing-reached]"
             return (yield from _fly_mission_from(ctx, plan, kept))
         return (
@@ -167,8 +167,8 @@ def _has_landed_after(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
 def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: int) -> bool:
     """Return whether the vehicle has begun at the marked item, given its current item `now`.
 
-    A number below `kept`, the item flown before, proves this. With another number the vehicle may have kept
-    its old item number, so the vehicle has to be near the leg to `now`.
+    A number below `kept`, the item flown before, proves this. A higher number may be the old item number, so
+    the vehicle has to be near the leg to `now`.
     """
     first = ctx.dialect.first_waypoint_seq
     if marked <= now < kept or now == marked:
@@ -179,7 +179,7 @@ def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: i
 def _rejection_in_hold(ctx: Context, n_texts: int) -> str | None:
     """Return the vehicle's text if it holds because it rejects the new mission, else None.
 
-    PX4 accepts a mission that it cannot fly, sends a text, and leaves mission mode by itself.
+    PX4 accepts a mission that it cannot fly, sends a text, and leaves mission mode.
     """
     return rejection_text(ctx, n_texts) if ctx.state.mode == ctx.dialect.hold_mode else None
 
@@ -198,7 +198,7 @@ def _still_flies_old(ctx: Context, old: OldPlan, found: tuple[MissionItem, ...])
 
 
 def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str | None]:
-    """Return a vehicle that is still on the old route to the old mission; return the failure."""
+    """Make a vehicle that is still on the old route fly the old mission; return the failure."""
     yield from confirm_state(ctx, _in_own_modes(plan))
     seq = old.next_item(ctx)
     if seq is None:

@@ -6,7 +6,7 @@ autopilot:
 | swap | condition | during the swap the vehicle |
 |---|---|---|
 | `swap_atomic` | the autopilot exchanges whole missions | flies on |
-| `swap_append` | the autopilot follows each item once written | flies on; the new route is appended |
+| `swap_append` | the autopilot uses each item once stored | flies on; the new route is appended |
 | `swap_in_hold` | appending is impossible or failed | holds |
 """
 
@@ -54,11 +54,12 @@ def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
     The estimate compares numbers of round trips.
     """
     windows = math.ceil(n_items / WINDOW)
-    up, down = 2 + windows, 1 + windows  # number of items, windows, and for uploads the last item alone
+    # Round trips: number of items, windows of items, and for an upload the last item alone.
+    n_upload, n_read_back = 2 + windows, 1 + windows
     if dialect.uploads_atomically:
-        return upload_s * up / (up + down)
-    # Write, read back, confirm, make current.
-    return upload_s * (windows + down + 2) / (up + down)
+        return upload_s * n_upload / (n_upload + n_read_back)
+    # Append, read back, confirm, make current.
+    return upload_s * (windows + n_read_back + 2) / (n_upload + n_read_back)
 
 
 def swap(
@@ -66,11 +67,11 @@ def swap(
 ) -> Procedure[Swapped]:
     """Fly `new` from its first waypoint; after a failure fly the old mission, or hold. Return the outcome.
 
-    `leaves_ahead`: the new mission begins like the rest of the old mission, up to a splice point. The vehicle
-    continues with the item ahead of it. If the vehicle has passed the splice point, the swap fails.
+    leaves_ahead: True if the new mission begins like the rest of the old mission, up to a splice point. The
+        vehicle continues with its next item. If the vehicle has passed the splice point, the swap fails.
+    from_hold: True if this program has set hold mode; otherwise hold mode is another party's choice
 
-    No command is sent once another party has chosen a mode. `from_hold`: this program has set hold mode;
-    otherwise hold mode is another party's choice.
+    No command is sent once another party has chosen a mode.
     """
     begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}

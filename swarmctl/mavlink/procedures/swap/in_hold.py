@@ -63,7 +63,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
 def _fly_back(
     ctx: Context, plan: SwapPlan, old: OldPlan, is_over: Callable[[], bool]
 ) -> Procedure[str | None]:
-    """Return a vehicle that is still on the old route to the old mission; return the failure."""
+    """Make a vehicle that is still on the old route fly the old mission; return the failure."""
     seq = old.next_item(ctx)
     if seq is None:
         return NOT_ON_OLD_MISSION

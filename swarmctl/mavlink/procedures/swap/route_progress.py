@@ -16,12 +16,12 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
-CORNER_S = 0.75
+CORNER_MARGIN_S = 0.75
 """time around a corner without commands: a command could arrive before or after the corner"""
 MAX_CROSS_TRACK_M = 12.0
-"""longest distance from the new route of a vehicle on that route"""
+"""greatest distance from a route at which a vehicle counts as on that route"""
 SAME_PLACE_M = 1.0
-"""longest distance from the old route of a corner on that route"""
+"""greatest distance from the old route at which a corner counts as on that route"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class RoutePosition:
 class RouteProgress:
     """A new route (items with positions) from the vehicle's position at `begin` on.
 
-    `flown`: the route that the vehicle flies until then, from its current item on, if known.
+    `flown`: items of the route before the swap, from the current item on; empty if unknown.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class RouteProgress:
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
     def _n_common_corners(self, flown: Sequence[PlanarPoint]) -> int:
-        """Return the number of first corners that both routes share; 0 if unknown."""
+        """Return the number of corners at the begin of the new route that the flown route shares."""
         if len(flown) < 2:
             return 0
         return sum(
@@ -80,7 +80,7 @@ class RouteProgress:
     def at(self, state: VehicleState, later_s: float = 0.0) -> RoutePosition:
         """Return the position on the route `later_s` after `state`, at the same speed along the route.
 
-        While the vehicle's position is unknown, the next item is the first one.
+        While the vehicle's position is unknown, the next item is item 0.
         """
         lat_lon = _lat_lon(state)
         if self._frame is None or lat_lon is None or not self.is_known:
@@ -99,7 +99,7 @@ class RouteProgress:
 
     @property
     def is_known(self) -> bool:
-        """Return whether the vehicle's position at the beginning is known."""
+        """Return whether the vehicle's position at `begin` and a first item with a position are known."""
         return len(self._points) >= 2
 
     def first_leg_passes(self, item: MissionItem) -> bool:

@@ -16,6 +16,7 @@ MAX_ITEMS = 400
 """Longest list with flown items; a longer list is replaced by the new plan alone. ArduPilot stores 650 items
 or more."""
 MOVE_WAIT_S = 10.0
+"""longest wait until the vehicle flies to its new item"""
 MAX_CROSS_TRACK_TURNING_M = 150.0
 """longest cross-track distance of a fixed wing in a turn or a circle of its plan"""
 PAST_SPLICE = "the vehicle has flown past the point where the new plan leaves the old one [past-splice]"
@@ -47,10 +48,7 @@ class OldPlan:
         return cls(items, seq, RouteProgress(ctx.state, items[seq:]))
 
     def next_item(self, ctx: Context) -> int | None:
-        """Return the item ahead of the vehicle; None if the vehicle is off this plan or reports no position.
-
-        From such a position no way back to the plan is planned.
-        """
+        """Return the index of the vehicle's next item; None off this plan or without a position."""
         if not (self.items and self.progress.is_known and ctx.state.has_position):
             return None
         at = self.progress.at(ctx.state)
@@ -78,7 +76,7 @@ class SwapPlan:
     """last position on the new plan"""
 
     def position(self, ctx: Context, later_s: float) -> RoutePosition:
-        """Return the position on the new plan in `later_s`; the last result while no position is known.
+        """Return the position on the new plan after `later_s`, or the last result while no position is known.
 
         Positions are rare over a slow radio.
         """
@@ -87,7 +85,7 @@ class SwapPlan:
         return self._position
 
     def lacks_position(self, ctx: Context) -> bool:
-        """Return whether the plan begins midway but the vehicle's position is unknown."""
+        """Return whether the plan begins at the vehicle's next item, but the position is unknown."""
         return self.leaves_ahead and not ctx.state.has_position
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
