@@ -1,11 +1,11 @@
 """The decisions of one vehicle, pure: `step(state, event, now) -> (state, effects)`.
 
 `step` has one handler for each event and calls the parts in order. `state` is the agent's whole knowledge.
-New information only marks the plan dirty; the next `Tick` plans once with all of it.
+New information only marks the plan dirty. The next `Tick` plans once with all new information.
 
 | part | decision |
 |---|---|
-| `replan/` | route, and when a new mission pays |
+| `replan/` | route, and the change of the mission |
 | `traffic/` | distance from other vehicles: launch, route, landing, return |
 | `arrival/` | simultaneous arrival |
 | `failsafes/` | one file for each rule |

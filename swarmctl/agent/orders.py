@@ -1,6 +1,6 @@
-"""Orders of an operator or of the own process, and the answers to the operator. Pure.
+"""Orders of an operator or of the agent's own process, and the answers to the operator. Pure.
 
-Notes of answers end in a code where other programs or the handbook refer to them.
+A note ends in a code if other programs or the handbook refer to the note.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import msgspec
 
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase, Task
+from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PAST_PLANNING, AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
 
@@ -23,7 +23,7 @@ TOUCHING_DOWN_M = 2.0
 
 
 def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
-    """Follow an order. An operator gets an answer, the own process does not."""
+    """Follow an order, and answer the order if an operator gave it."""
     remote = event.command is not None
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
@@ -68,13 +68,13 @@ def holding_radius_m(task: Task) -> float:
 
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
-    """Return whether the vehicle follows this order in flight, until another order."""
+    """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
     is_temporary = state.return_turn_boot_s is not None or state.interrupted_plan is not None
     return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not is_temporary
 
 
 def urgent_return_reason(state: AgentState) -> str:
-    """Return the reason of a failsafe that demands a return without waiting; "" if there is none."""
+    """Return the reason why a failsafe demands an immediate return; "" without such a demand."""
     return _demanded(state, DemandKind.RETURN)
 
 
@@ -84,7 +84,7 @@ def _demanded(state: AgentState, kind: DemandKind) -> str:
 
 
 def _keeps_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """Return whether a failsafe lands the vehicle, so that a recall does not stop the landing."""
+    """Return whether an order is a recall that must not stop a failsafe's landing."""
     is_recall = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
     return is_recall and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
@@ -138,7 +138,7 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
         return "taken", "the vehicle is about to take off [launching]"
     if state.phase not in ON_GROUND:
         return "taken", "the vehicle has launched already [launched-already]"
-    # A vehicle must not arm at a later time, when the operator no longer watches it.
+    # A vehicle must not arm later, after the operator has stopped watching the vehicle.
     if state.lost:
         return "refused", "the link is lost; repeat the order when the link is back [launch-without-link]"
     if state.phase is not Phase.STANDBY:
@@ -192,7 +192,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:
     """Use new weights (the paper's sliders) from the next plan on; an upload in progress continues."""
-    if state.phase in PLANS_NO_MORE:
+    if state.phase in PAST_PLANNING:
         why = f"the vehicle does not plan routes in this phase: {state.phase}"
         why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
@@ -218,7 +218,7 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
-    `by_person`: an operator has just given the order, so it is sent in every mode of the vehicle.
+    `by_person`: an operator has just given the order, so the order is sent in every mode of the vehicle.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})

@@ -15,7 +15,7 @@ def own_mode_roles(state: AgentState) -> frozenset[str]:
     if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
         return frozenset({"hold", "mission"})
     if state.ordered in (None, ev.FlightOrder.LAUNCH):
-        # A swap may set hold, and checks by itself for a hold set by another operator.
+        # A swap may set hold. The swap checks for another operator's hold.
         in_hold = state.pending is not None or state.hold_is_own
         return frozenset({"mission", "hold"} if in_hold else {"mission"})
     ordered = {ROLE_OF_ORDER[state.ordered]}

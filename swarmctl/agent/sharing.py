@@ -17,19 +17,21 @@ SHARE_STATE_EVERY_S = 1.0
 
 
 def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> StepResult:
+    """Merge and publish the own observations that add to the belief or contradict it."""
     # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle publishes an observation that
     # contradicts a received one: one of the two sensors errs, or a sender lies.
-    against = state.belief.contradicted(event.cells)
-    new = (*state.belief.uncertain(event.cells), *against)
+    contradicting = state.belief.contradicted(event.cells)
+    new = (*state.belief.uncertain(event.cells), *contradicting)
     effects: list[ev.Effect] = []
     for i in range(0, len(new), MAX_CELLS):
         seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)
         state = _learn(replace(state, next_seq=state.next_seq + 1), (seen,))
-        effects.append(ev.Publish(seen, tuple((r, c) for r, c, _ in against)))
+        effects.append(ev.Publish(seen, tuple((r, c) for r, c, _ in contradicting)))
     return state, effects
 
 
 def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: float) -> StepResult:
+    """Merge received observations, and count the impossible ones."""
     try:
         return _learn(state, event.items), []
     except ValueError:  # a cell outside the area, or one name with two contents: merge the items one by one
@@ -51,7 +53,7 @@ def _learn(state: AgentState, items: tuple[BeliefItem, ...]) -> AgentState:
 
 
 def share_state(state: AgentState) -> StepResult:
-    """Publish the vehicle's state once a second; without a new position, the last one with its age."""
+    """Publish the vehicle's state once a second, with the last known position and its age."""
     vehicle, last = state.vehicle, state.last_position
     if last.lat_deg is None or last.lon_deg is None or last.alt_rel_m is None:
         return state, []

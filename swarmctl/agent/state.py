@@ -64,7 +64,7 @@ class Phase(StrEnum):
 ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
 ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
 IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
-PLANS_NO_MORE = ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING}
+PAST_PLANNING = ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING}
 PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
 
 
@@ -72,8 +72,8 @@ PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
 class Task:
     """Task of one vehicle and its rules; constant during a run.
 
-    `strength` and `w` are initial values: an operator may change the agent's own (`AgentState`), as with the
-    paper's sliders. ψ does not change with them.
+    `strength` and `w` are initial values. An operator may change the values in `AgentState`, as with the
+    paper's sliders. ψ stays constant.
     """
 
     uav: int
@@ -93,12 +93,13 @@ class Task:
     """greatest P_s of a cell that a route may enter"""
     no_fly: frozenset[Cell] = frozenset()
     landing_index: int = 0
+    """index of this vehicle's landing spot in the goal cell"""
     landing_count: int = 1
-    """this vehicle's landing spot in the goal cell, and the number of spots"""
+    """number of landing spots in the goal cell"""
     any_angle: ExposureMeasure | None = None
     """exposure measure for straightened routes; None: the vehicle flies lattice routes"""
     turn_radius_m: float = 0.0
-    """least turn radius on routes that are pulled straight; 0: turns on the spot"""
+    """least turn radius on straightened routes [m]; 0: turns on the spot"""
     wings: FixedWing | None = None
     """parameters of a fixed wing; None: a copter"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
@@ -127,7 +128,7 @@ class DeconflictionCounts:
 
 @dataclass(frozen=True, slots=True)
 class FlightComparison:
-    """Own and another vehicle's flight, and the clash found between them."""
+    """A comparison of the own flight with another vehicle's intent."""
 
     own: Trajectory
     other: NeighbourIntent
@@ -172,13 +173,15 @@ class AgentState:
     braking_until_boot_s: float = -math.inf
     """end of the braking that the mission change causes, if any"""
     dirty: bool = False
+    """True: the agent has to decide on a plan"""
     because: tuple[ev.ObservationId, ...] = ()
-    """observations merged since the last decision"""
+    """names of the observations merged since the last decision"""
     exposure: NDArray[np.float64] | None = None
     """P_s as of the last decision, (rows, cols)"""
     route_exposure: NDArray[np.float64] | None = None
     """P_s at the last decision to keep or take the route being flown, (rows, cols)"""
     retry_at_s: float = -math.inf
+    """earliest next decision"""
     failed_swaps: int = 0
     """number of consecutive failed mission changes"""
     launch_ordered: bool = False
@@ -233,11 +236,11 @@ class AgentState:
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
     interrupted_plan: ev.SwapMission | None = None
-    """plan left to hold for other vehicles; None: not giving way"""
+    """plan that the vehicle interrupted to give way; None: the vehicle does not give way"""
     gave_way_to: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """last states of the vehicles to which this one gives way; a silent vehicle may still be there"""
+    """last states of the vehicles to which this vehicle gives way"""
     height_offset_m: float = 0.0
-    """height above the task's altitude, to stay clear of others"""
+    """height above the task's altitude, for separation from other vehicles [m]"""
     must_change: bool = False
     """True: the next plan is flown even if it is no better"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
@@ -246,7 +249,7 @@ class AgentState:
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
-    """comparisons of others' intents with the own intent"""
+    """comparisons of other vehicles' intents with the own intent"""
     predicted_conflicts: frozenset[int] = frozenset()
     """vehicles in conflict with the flown route, to which this vehicle has to give way"""
     deferred_for: frozenset[int] = frozenset()
@@ -259,11 +262,11 @@ class AgentState:
     descent_checked_boot_s: float = -math.inf
     """time of the last check of the descent"""
     others_earliest_s: Mapping[int, float] = field(default_factory=dict)
-    """earliest arrivals of others over their goals, by this vehicle's clock"""
+    """earliest arrivals of other vehicles over their goals, by this vehicle's clock"""
     due_s: float | None = None
-    """common arrival time"""
+    """common arrival time, by this vehicle's clock"""
     spare_time_due_s: float | None = None
-    """common arrival time for which spare time was planned; None: none was planned"""
+    """common arrival time for which spare time was planned; None: no spare time was planned"""
     speed_m_s: float | None = None
     """commanded speed on the present plan; None: the vehicle's own; 0: unknown"""
     speed_given_s: float = -math.inf
@@ -279,7 +282,7 @@ class AgentState:
     last_shared_s: float = -math.inf
     searches: int = 0
     replans: int = 0
-    """mission changes in flight"""
+    """number of mission changes in flight"""
     flown_m: float = 0.0
     flown_cells: tuple[Cell, ...] = ()
     flown_exposure: float = 0.0
@@ -287,9 +290,9 @@ class AgentState:
     flown_safety: float = 1.0
     """∏(1 − P_s) over the same cells"""
     no_fly_entered: int = 0
-    """entries into cells that no route may enter"""
+    """number of entries into cells that no route may enter"""
     refused: int = 0
-    """impossible observations received"""
+    """number of impossible observations received"""
     given_up: bool = False
     """True: the flight has failed, and the vehicle returns or lands"""
     outcome: str = ""
@@ -321,7 +324,7 @@ class AgentState:
         rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
         over_s = away(10.0 * self.late_s - rounding) / 10.0
         return (
-            f"no route keeps the time bound of {arrival}; predicted arrival over its goal: {over_s:.1f} s "
+            f"no route keeps the time bound of {arrival}; predicted arrival over the goal: {over_s:.1f} s "
             "[no-timely-route]"
         )
 
@@ -331,4 +334,5 @@ class AgentState:
 
 
 def begin(task: Task, belief: Belief) -> AgentState:
+    """Return the state of an agent before its flight."""
     return AgentState(task=task, belief=belief, w=task.w, strength=task.strength)

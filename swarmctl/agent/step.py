@@ -1,4 +1,4 @@
-"""The fold over events: one handler for each."""
+"""The agent's event handlers, one for each kind of event, and the condition for a new decision."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.route_to_mission import route_index_at
 from swarmctl.agent.replan.splice import is_urgent, may_learn_of_walls
-from swarmctl.agent.replan.stopping import stopped_at
+from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
@@ -41,15 +41,16 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Unreachable
 
 RETRY_AFTER_S = 5.0
+"""Time until a failed order or mission change is tried again [s]."""
 MAX_FAILED_SWAPS = 3
 
 
 def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
-    """Fold one event. `now` is the run's clock [s]."""
+    """Return the agent's next state and the effects of an event at `now`, by the run's clock [s]."""
     return _HANDLERS[type(event)](state, event, now)
 
 
-def wants_tick(state: AgentState, now: float) -> bool:
+def needs_tick(state: AgentState, now: float) -> bool:
     """Return whether the agent has to decide on a plan now."""
     return (
         state.dirty
@@ -120,7 +121,7 @@ def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepR
 
 
 def _with_note(effect: ev.Effect, note: str) -> ev.Effect:
-    """Return an answer with a note, and any other effect unchanged."""
+    """Return the answer to a taken order with a note, and any other effect unchanged."""
     if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
         return effect
     answer = msgspec.structs.replace(effect.answer, note=note)
@@ -235,10 +236,10 @@ def _entered(state: AgentState, cell: Cell) -> AgentState:
         state = replace(state, progress=index)
     if state.exposure is None:
         return state
-    first, p_s = not state.flown_cells, float(state.exposure[cell])
+    is_first, p_s = not state.flown_cells, float(state.exposure[cell])
     state = replace(state, flown_cells=(*state.flown_cells, cell))
-    if first:
-        return state  # a planned route does not count its start cell either
+    if is_first:
+        return state  # the exposure of a planned route does not count the start cell
     if math.isinf(p_s):
         return replace(state, no_fly_entered=state.no_fly_entered + 1)
     return replace(
@@ -270,7 +271,7 @@ def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> St
 
 
 def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
-    if not wants_tick(state, now):
+    if not needs_tick(state, now):
         return state, []
     try:
         state, effects = deconflict(state, decide(state), now)
@@ -286,7 +287,7 @@ def _without_swap_trouble(state: AgentState) -> AgentState:
 
 
 def _without_route(state: AgentState) -> StepResult:
-    """Act if no route leads from the vehicle's cell to a goal."""
+    """Keep the present route, or end the flight, because no route leads from the vehicle's cell to a goal."""
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
@@ -308,7 +309,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if state.phase in IN_FLIGHT:
         if event.took_s is not None:
             state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
-        state = replace(state, braking_until_boot_s=stopped_at(state))
+        state = replace(state, braking_until_boot_s=stop_end_s(state))
         return replace(state, replans=state.replans + 1, swapped_boot_s=state.vehicle.time_boot_s), []
     if event.took_s is not None:
         state = replace(state, swap_times=SwapTimes.expecting(event.took_s))

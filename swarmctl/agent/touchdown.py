@@ -11,7 +11,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
 
 AT_HOME_M = 15.0
-"""Distance from the landing target within which a copter touches down [m]."""
+"""Greatest distance from home at which a returned copter counts as at home [m]."""
 
 
 def note_disarming(state: AgentState) -> AgentState:
@@ -22,7 +22,7 @@ def note_disarming(state: AgentState) -> AgentState:
 
 
 def may_be_armed(state: AgentState) -> bool:
-    """Return whether the vehicle is armed, or may still be.
+    """Return whether the vehicle is or may be armed.
 
     A single disarmed heartbeat may be wrong, unless the vehicle also reports that it is on the ground.
     """
@@ -64,7 +64,7 @@ def _distance_text(state: AgentState) -> str:
 
 
 def _rolled_out(state: AgentState) -> bool:
-    """Return whether a fixed wing stands within its roll-out distance of the planned touchdown."""
+    """Return whether a fixed wing is within its roll-out distance of the planned touchdown."""
     vehicle, swap = state.vehicle, state.route
     if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False

@@ -1,4 +1,4 @@
-"""The composition root: it builds resources, members and one task tree from a `Scenario`."""
+"""The composition root of a flight: resources, members and one task tree, built from a `Scenario`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from swarmctl.report.record import Recorder
 from swarmctl.report.summary import FlightStatistics, summary
 from swarmctl.report.ui import SafeUi, Ui, UiObserver
 
-EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
+EXPECTED_ERRORS = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class FlightOptions:
     """the vehicle whose operator service this process offers; None: the station's, for all vehicles"""
     orders_closed: Callable[[Sequence[Member]], str] | None = None
     """function that returns the reason why operators' orders are refused now, or an empty text. None: one
-    process flies all vehicles, and takes the orders of its own machine"""
+    process flies all vehicles, and `operator_orders.orders_closed` decides"""
     signing: CommandSigning = UNSIGNED
     """verifier of operators' commands and signer of answers"""
     frame_codec: FrameCodec | None = None
@@ -90,8 +90,8 @@ async def fly(
 ) -> Report:
     """Fly the scenario and return its report; write `run.mcap`, the evidence and the tlogs to `folder`.
 
-    `outputs` writes the other files. `bus` is an open transport; None opens the configured transport, or a
-    bus in memory on a virtual clock.
+    `report.outputs` writes the other files. `bus` is an open transport; None opens the configured transport,
+    or a bus in memory on a virtual clock.
     """
     if clock == "real":
         scenario = with_free_port(scenario)
@@ -151,7 +151,7 @@ class _Run:
     def failed(self, error: Exception) -> None:
         self.failures += _leaves(error)
         for leaf in self.failures:
-            if isinstance(leaf, EXPECTED):
+            if isinstance(leaf, EXPECTED_ERRORS):
                 self.trouble += str(leaf).splitlines()
             else:
                 self.bug = error
@@ -249,13 +249,13 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
 
 
 def _return_queue(run: _Run, network: Network) -> ReturnQueue | None:
-    """Return the queue of a vehicle of a swarm in several processes; None if this process flies them all."""
+    """Return the queue of a vehicle of a swarm in several processes; None if this process flies the swarm."""
     uav = run.options.operator_service_of
     return None if uav is None else ReturnQueue(uav, partial(network.states, uav))
 
 
 async def _run_flight(run: _Run, director: Director, network: Network, resources: FlightResources) -> None:
-    """Run the task tree; bring airborne vehicles down if the tree fails or is abandoned."""
+    """Run the task tree; order armed vehicles to `flight.on_exit` if the tree fails or is abandoned."""
     flight, say = run.scenario.config.flight, run.ui.say
     order = FlightOrder(flight.on_exit)
     show_states = partial(show, run.members, run.statistics, run.ui, run.scenario, director, network)
@@ -295,14 +295,14 @@ def _waived(evidence: Evidence, checked: CheckResult) -> None:
 
 
 def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
-    """Record a message that a vehicle's network refused, or a sender that contradicts its observations."""
+    """Note a refused message, or a report that contradicts the own observations of vehicle `uav`."""
     now = asyncio.get_running_loop().time()
     for observer in observers:
         observer.noted(uav, text, now, to_operator=False)
 
 
 def _reachable(members: Sequence[Member], simulator_task: asyncio.Task[None] | None) -> list[Member]:
-    """Return the members without the vehicles of a simulator that has ended."""
+    """Return the members, without simulated vehicles if the simulator has ended."""
     return [
         m for m in members if not (m.spec.simulated and simulator_task is not None and simulator_task.done())
     ]

@@ -36,7 +36,7 @@ from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import CommandVerifier, sign_answer
 
 FIRST_LINK_S = 3.0
-"""time without a network after which a message reports it"""
+"""time without a network until a message reports this [s]"""
 POLL_S = 0.5
 REACHED = "the swarm's network is reached [network-reached]"
 
@@ -51,7 +51,7 @@ def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenar
     if url is not None:
         spec = replace(spec, url=url, simulated=False)
     elif spec.simulated:
-        # A simulator of its own: other agents on this machine may have theirs.
+        # A free port: other agents on this machine may run simulators too.
         spec = replace(spec, url=str(replace(parse_url(spec.url), port=0)))
     return replace(alone, specs=(spec,))
 
@@ -74,8 +74,8 @@ def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
 def ended_by_operator(report: Report) -> list[str]:
     """Return the names of the vehicles that ended their flight by following an operator's order.
 
-    A stopped run has no such vehicles: its process gives the orders itself. A vehicle that was given up,
-    released or disarmed on its way has failed, with any order.
+    A stopped run has no such vehicles, because its own process gives the orders. A vehicle that was given up,
+    released or disarmed on its way has failed, even after an order.
     """
     if report.ended != "ended":
         return []
@@ -152,13 +152,13 @@ async def fly(
 
 
 class _KeyringSigning:
-    """The check of requests that the operator signs from now on, and the signing of the vehicle's answers."""
+    """Verifier of requests that the operator signs after the start, and signer of the vehicle's answers."""
 
     def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
         tolerance_s = scenario.config.communication.clock_tolerance_s
         self._swarm = scenario.config.name
         self._sign = keyring.signer.sign
-        self._verifier = CommandVerifier(self._swarm, keyring.is_operators, time.time(), tolerance_s)
+        self._verifier = CommandVerifier(self._swarm, keyring.is_signed_by_operator, time.time(), tolerance_s)
 
     def verify_command(self, key: str, payload: bytes) -> bytes:
         return self._verifier.verify(key, payload, time.time())

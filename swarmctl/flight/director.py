@@ -1,4 +1,4 @@
-"""The course of a flight: all vehicles answer, become ready, hold a verified mission, then launch.
+"""The course of a flight: all vehicles answer, become ready, receive a verified mission, then launch.
 
 Before the launch all vehicles are on the ground, and one failed vehicle stops the whole flight. After the
 launch a failed vehicle is reported, and the others fly on.
@@ -25,10 +25,10 @@ from swarmctl.links.base import LinkError
 from swarmctl.report.final_state import FlightEnd, describe_final_state, is_released_in_air
 
 START_TOLERANCE_M = 100.0
-"""greatest distance between a vehicle and its configured start; a vehicle farther away is a wrong vehicle"""
+"""greatest distance between a vehicle and its configured start [m]; a vehicle farther away is wrong"""
 NOT_READY_S = 20.0
-"""time between two messages about a vehicle that does not become ready. The estimator of a healthy vehicle
-takes up to about this long after power-up"""
+"""time between two messages about a vehicle that is not ready [s]; a healthy estimator needs about this time
+after power-up"""
 PARTIAL_CHECKS_S = 10.0
 """time limit for the checks of the vehicles that have answered, when preflight is stopped"""
 EARLY_CHECKS_S = 3.0
@@ -37,8 +37,8 @@ RETRY_S = 5.0
 """time between a failed preparation of a waiting vehicle and the next attempt"""
 
 Launch = Literal["when-ready", "ordered", "never"]
-"""ordered: the director keeps the vehicle ready until an operator orders the launch. never: preflight checks
-only; no vehicle gets the permission to arm"""
+"""when-ready: the director launches the vehicles. ordered: the director keeps the vehicles ready until an
+operator orders the launch. never: preflight checks only; no vehicle gets the permission to arm"""
 
 
 class PreflightFailed(Exception):
@@ -54,7 +54,7 @@ Permission = Callable[[Sequence[Member]], None]
 
 
 class Clearance(Protocol):
-    """The preflight checks; none of them arms a vehicle."""
+    """The preflight checks, which never arm a vehicle."""
 
     async def set_up(self, subject: Member) -> None:
         """Prepare a vehicle's parameters before it becomes ready. Raises LinkError."""
@@ -105,7 +105,7 @@ class Director:
         return "end, with released vehicles in the air" if released else "end"
 
     async def fly(self) -> Literal["ended", "stopped"]:
-        """Run the flight from first heartbeat to last landing. Raises PreflightFailed before arming."""
+        """Run the flight to its end, and return the kind of end. Raises PreflightFailed before arming."""
         flight = asyncio.create_task(self._fly())
         stop = asyncio.create_task(self.stop.wait())
         try:
@@ -178,9 +178,10 @@ class Director:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 
     def _is_released(self, member: Member) -> bool:
-        """Return whether another station or a pilot has armed the vehicle; the others then fly without it.
+        """Return whether the flight continues without this vehicle, because it was released.
 
-        The link and the heartbeats to the vehicle continue. In a run of checks only, such a vehicle fails.
+        The link and the heartbeats to the vehicle continue. In a run of checks only, a released vehicle
+        counts as failed.
         """
         return not self._checks_only and member.state.phase is Phase.RELEASED
 
@@ -321,7 +322,7 @@ class Director:
         member.waiting_for, member.is_overdue, member.not_ready_because = (), False, ""
         where = member.runner.link.state()
         if where.lat_deg is None or where.lon_deg is None:
-            raise PreflightFailed([f"{member.name}: ready, but its telemetry has no position"])
+            raise PreflightFailed([f"{member.name}: ready, but its telemetry has no position; check its GPS"])
         away_m = distance_m((where.lat_deg, where.lon_deg), member.spec.start)
         if away_m > START_TOLERANCE_M:
             raise PreflightFailed([_misplaced(member, away_m)])

@@ -18,7 +18,7 @@ ORDER_TIMEOUT_S = 10.0
 async def at_once(
     reason: str, members: Sequence[Member], order: FlightOrder, say: Callable[[str], None]
 ) -> None:
-    """Order all armed vehicles at the same time, because the operator does not wait."""
+    """Order all armed vehicles except released vehicles at the same time: the operator does not wait."""
     armed = _armed_and_unreleased(members)
     if armed:
         say(f"{reason}; {names(armed)} ordered to {order} at the same time; watch them [emergency]")
@@ -34,7 +34,7 @@ async def in_turns(
     within_s: float,
     speedup: float,
 ) -> None:
-    """Order armed vehicles whose agents have crashed, but no released vehicles.
+    """Order all armed vehicles except released vehicles, after the agents have crashed.
 
     Returning vehicles hold until their turn, at most `within_s`, so that no two meet. `speedup` is vehicle
     seconds in one second of the loop. No operator has given these orders, so each order first checks that the

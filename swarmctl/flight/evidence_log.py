@@ -41,7 +41,7 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
 
 
 def operator_evidence_signer(scenario: Scenario) -> EvidenceSigner | None:
-    """Return the operator's signer if the configured folder of keys has its key, else None.
+    """Return the operator's signer; None if the configured folder of keys has no key of the operator.
 
     Raises KeyringError if the key exists and cannot be used.
     """

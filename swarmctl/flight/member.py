@@ -37,7 +37,7 @@ class Member:
         return self.spec.name
 
     def silent_for(self, limit_s: float) -> bool:
-        """Return whether the vehicle is lost and was last heard more than `limit_s` ago."""
+        """Return whether the link is lost and the vehicle's last message is older than `limit_s`."""
         return self.state.lost and self.runner.link.age_s() > limit_s
 
 

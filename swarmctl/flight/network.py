@@ -33,7 +33,7 @@ def options_of(scenario: Scenario) -> NodeOptions:
 def radio_settings(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
     """Return the radio between vehicles of these names (system id: name).
 
-    Raises ValueError if a word matches no vehicle or two, or if the losses contradict each other.
+    Raises ValueError if a configured name does not match one vehicle, or if the losses contradict each other.
     """
     c = communication
     return RadioSettings(
@@ -76,7 +76,7 @@ def network_of(
     frame_codec: FrameCodec | None = None,
     say: Callable[[int, str], None] = lambda _uav, _text: None,
 ) -> Network:
-    """Return the network of a swarm, of which this process flies some vehicles or all."""
+    """Return the network of a swarm; this process flies some or all of the vehicles."""
     names = {spec.sysid: spec.name for spec in scenario.swarm}
     return Network(
         transport,

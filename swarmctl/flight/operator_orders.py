@@ -29,7 +29,7 @@ def operator_service_for(
     """Return the service of the vehicle `uav`, or the station's for all vehicles (None).
 
     `members` may be filled later. `closed_by` returns the reason why orders are refused now, or an empty
-    text. None: one process flies all vehicles, and `orders_closed` decides.
+    text. If `closed_by` is None, one process flies all vehicles, and `orders_closed` decides.
     """
 
     def closed(command: Request) -> str:

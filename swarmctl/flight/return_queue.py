@@ -1,7 +1,7 @@
 """The return queue of a vehicle whose swarm is flown by several processes.
 
-No process assigns the turns. Each vehicle broadcasts about once a second whether it returns. A vehicle begins
-its return when its path home meets no path of a returning vehicle. The lowest system id goes first.
+No process assigns the turns. Each vehicle broadcasts its return about once a second. A vehicle begins its
+return when its path home meets no path of a returning vehicle. The lowest system id goes first.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.messages import VehiclePosition
 
 SLOT_S = 5.0
-"""head start of each waiting vehicle with a lower system id; longer than a state message takes to arrive"""
+"""head start of each waiting vehicle with a lower system id [s], longer than the delay of a state message"""
 
 
 @dataclass(slots=True)
 class _ReceivedState:
     state: StateShared
     at_s: float
-    """by the clock of `may_return`"""
+    """time of receipt, by the clock of `may_return`"""
 
 
 @dataclass(slots=True)
@@ -42,7 +42,7 @@ class ReturnQueue:
     states: Callable[[], Mapping[int, StateShared]]
     _received: dict[int, _ReceivedState] = field(default_factory=dict)
     _free: tuple[object, float] | None = None
-    """the vehicles ahead in the queue, the returning ones, and the time since which the path is free [s]"""
+    """(vehicles ahead in the queue, returning vehicles), and the time since which the path is free [s]"""
 
     def may_return(self, place: VehiclePosition, now_s: float) -> bool:
         """Return whether the vehicle may begin its return from `place`. Call several times a second."""
@@ -94,5 +94,5 @@ class ReturnQueue:
 
 
 def _may_wait(received: _ReceivedState, now_s: float) -> bool:
-    """Return whether the vehicle may wait for its turn too, by a recent state."""
+    """Return whether another vehicle may wait for its turn to return, by a recent state."""
     return received.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - received.at_s <= SILENT_S

@@ -1,7 +1,8 @@
-"""The I/O shell of one agent: reports of link, sensor and bus go in as events, effects come out.
+"""The I/O shell of one agent.
 
-The runner alone performs effects, and feeds their outcomes back as events. The agent makes all decisions; the
-runner adds only the last check before arming (`_check_launch`).
+Reports of link, sensor and bus become events of the agent. The runner performs the agent's effects, and
+returns their outcomes as events. The agent makes all decisions except the last check before arming
+(`_check_launch`).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from swarmctl.agent.state import ON_GROUND, AgentState, Task, begin
-from swarmctl.agent.step import step, wants_tick
+from swarmctl.agent.step import needs_tick, step
 from swarmctl.agent.traffic.launching import launch_conflict
 from swarmctl.agent.traffic.neighbours import is_relevant
 from swarmctl.bus.network import Network
@@ -48,15 +49,15 @@ from swarmctl.links.base import (
 UPLOADS = Backoff(attempts=3, first_s=2.0)
 IDENTIFY_TIMEOUT_S = 15.0
 NEIGHBOURS_EVERY_S = 0.5
-"""time between two readings of the neighbours' states, by the vehicle's clock"""
+"""time between two readings of the neighbours' states, by the vehicle's clock [s]"""
 CLEARANCE_TIMEOUT_S = 30.0
-"""time for preflight checks that are still under way when the launch is ordered"""
+"""longest wait of an ordered launch for its preflight checks [s]"""
 CLEARANCE_LASTS_S = 30.0
-"""age from which checks are repeated before a launch: batteries drain, other stations change fences"""
+"""age above which checks are repeated before a launch [s]: batteries drain, other stations change fences"""
 
 
 class Observer(Protocol):
-    """A follower of the flight, such as the recorder, the summary or the user interface."""
+    """A receiver of all events of the flight, such as the recorder, the summary or the user interface."""
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
@@ -92,7 +93,7 @@ class Runner:
         self.armable: Identity | None = None
         """the vehicle that may be armed; no other vehicle is launched at this address"""
         self.cleared = asyncio.Event()
-        """the event of passed preflight checks since the last boot; the launch waits for this event"""
+        """set if preflight checks have passed since the last boot; the launch waits for this event"""
         self.check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
         """a function that repeats the preflight checks and returns a line for each failure"""
         self._cleared_s = -math.inf
@@ -129,7 +130,7 @@ class Runner:
         return self.cleared.is_set() and age_s <= CLEARANCE_LASTS_S
 
     def post(self, event: ev.Event) -> None:
-        """Queue an event; `run` folds it in its turn."""
+        """Queue an event for `run`."""
         self._inbox.append(event)
         self._wake.set()
 
@@ -199,12 +200,12 @@ class Runner:
                 self._wake.clear()
                 while self._inbox or self._received:
                     if self._received:
-                        # One event for all observations in the queue: merging many costs no more than one.
+                        # One event for all observations in the queue: a merge costs the same for any number.
                         items, self._received = tuple(self._received), []
                         await self._fold(ev.ObservationsReceived(items), jobs)
                     if self._inbox:
                         await self._fold(self._inbox.popleft(), jobs)
-                if wants_tick(self.state, asyncio.get_running_loop().time()):
+                if needs_tick(self.state, asyncio.get_running_loop().time()):
                     await self._fold(ev.Tick(), jobs)
 
     async def _fold(self, event: ev.Event, jobs: asyncio.TaskGroup) -> None:
@@ -312,7 +313,7 @@ class Runner:
     async def _forbidden(self) -> str:
         """Return the reason why the vehicle must not be armed now; empty if it may be armed.
 
-        The link sends nothing for a launch before this check.
+        The link sends no launch command before this check.
         """
         try:
             await self._check_launch()

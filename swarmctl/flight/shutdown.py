@@ -48,7 +48,7 @@ class Shutdown:
         stopped = [m for m in in_flight if m not in returning]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
             self._say(
-                f"{names(released)}: released in the air, so they get no order; {HEARTBEATS_END} "
+                f"{names(released)}: released in the air, and therefore without an order; {HEARTBEATS_END} "
                 "[released-in-air]"
             )
         self._say(f"stopping: {names(stopped) or 'no vehicle'} ordered to hold [stopping]")
@@ -76,10 +76,9 @@ class Shutdown:
             await self._within(HOLD_DEADLINE_S, _returns, late)
 
     async def _when_others_are_clear(self, flying: Sequence[Member]) -> list[Member]:
-        """Wait until no vehicle of another process returns on a path that meets these vehicles' paths.
+        """Return the vehicles to order home, after their paths are clear of other processes' vehicles.
 
-        Return the vehicles to order, without those that left their hold during the wait (low battery, or an
-        operator's order).
+        The result omits vehicles that left their hold during the wait (low battery, or an operator's order).
         """
         if self._return_queue is None:
             return list(flying)
@@ -103,7 +102,7 @@ class Shutdown:
         return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]
 
     async def _land(self, flying: Sequence[Member]) -> None:
-        """Land each vehicle where it holds; a vehicle above another waits until the lower one is down."""
+        """Land each vehicle where it holds; a vehicle above another waits until the lower has landed."""
         waiting = [m for m in flying if self._is_above_another(m, flying)]
         if waiting:
             self._say(f"{names(waiting)}: landing when the vehicles below are down [waits-to-land]")

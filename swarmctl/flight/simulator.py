@@ -1,4 +1,4 @@
-"""The simulator process beside a flight; the two share only a file and a port."""
+"""The simulator process beside a flight. Both processes share only a file and a port."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
-"""battery capacity of simulated ArduCopters. It gives the flight time of a simulated PX4, as needed by swarms
-that are stacked hundreds of metres high."""
+"""battery capacity of simulated ArduPilot vehicles [mAh]. Swarms stacked hundreds of metres high need this
+flight time; a simulated PX4 has the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +66,12 @@ AddressOf = Callable[[int, float], Address | None]
 
 
 def undisturbed(sysid: int, _now: float) -> Address | None:
+    """Return the address of a vehicle whose link is never cut."""
     return ("simulated", sysid)
 
 
 class SimulatorFailed(Exception):
-    """An early end of the simulator; the text has its last lines."""
+    """An early end of the simulator; the text has the last lines of its log."""
 
 
 def scenario_json(scenario: Scenario) -> dict[str, Any]:
@@ -127,7 +128,7 @@ def _heading_deg(scenario: Scenario, spec: Spec) -> float:
 
 @contextlib.asynccontextmanager
 async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[asyncio.Task[None]]:
-    """Run a simulator process that sends to `url`; yield a task that raises SimulatorFailed if it ends."""
+    """Run a simulator process that sends to `url`; yield a task that raises SimulatorFailed at its end."""
     simulate = scenario.config.simulate
     assert simulate is not None
     file, log = folder / "scenario.json", folder / "simulator.log"
@@ -138,7 +139,7 @@ async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[a
         "--ready-s", str(simulate.ready_s), "--parent-pid", str(os.getpid()),
     ]  # fmt: skip
     with log.open("wb") as output:
-        # A session of its own: the ground station still needs its vehicles after Ctrl-C.
+        # In a new session Ctrl-C does not end the simulator, whose vehicles the shutdown still needs.
         process = await asyncio.create_subprocess_exec(
             *command, stdin=asyncio.subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
         )

@@ -1,4 +1,4 @@
-"""Retries by a policy, and the end of tasks."""
+"""Retries by a policy, and the cancellation of tasks."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ async def _watch_simulator(simulator_task: asyncio.Task[None], members: Sequence
 
 @contextlib.contextmanager
 def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
-    """Call `interrupted` on SIGINT, SIGTERM and SIGHUP: the first asks for an orderly end, the next exits."""
+    """Call `interrupted` on SIGINT, SIGTERM and SIGHUP."""
     loop = asyncio.get_running_loop()
     wanted = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
@@ -118,7 +118,7 @@ async def show(
     network: Network,
 ) -> None:
     """Refresh the user interface several times a second until cancelled, and once more at the end."""
-    marks: list[tuple[float, float]] = []
+    marks: list[tuple[float, float]] = []  # (wall time, latest vehicle clock) [s]
 
     def refresh() -> None:
         nonlocal marks

@@ -1,6 +1,6 @@
 """The simulator inside the ground station's own loop, for runs on the virtual clock.
 
-Only this module imports both packages. Here too they exchange only bytes.
+Only this module imports both `swarmctl` and `sim_vehicle`. Here too the packages exchange only bytes.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from swarmctl.links.transports.base import Address
 from swarmctl.links.transports.memory import MemoryWire
 
 STEP_S = 0.05
+"""time between two steps of the simulation [s]"""
 
 
 @contextlib.asynccontextmanager

@@ -67,7 +67,7 @@ async def open_resources(
     say: Callable[[str], None],
     evidence: Evidence,
 ) -> AsyncIterator[FlightResources]:
-    """Open the resources of a flight, and close them at its end. `bus`: an open transport to use."""
+    """Open the resources of a flight, and close them at its end. `bus`: an open transport, used if given."""
     wire, began_ns = MemoryWire(), epoch_ns(clock)
     loop = asyncio.get_running_loop()
 
@@ -106,7 +106,7 @@ async def open_resources(
                 url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
                 simulator_task = await stack.enter_async_context(simulator.running(scenario, url, folder))
         if not is_small(scenario.grid.n_cells):
-            # Loading machine code takes a second, so it precedes the first heartbeat.
+            # Loading the planner's machine code takes a second, so this comes before the first heartbeat.
             if clock == "real":
                 await asyncio.to_thread(warm_up)
             else:

@@ -11,7 +11,7 @@ from collision_stories import MID_M, Approached, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
-from swarmctl.agent.step import wants_tick
+from swarmctl.agent.step import needs_tick
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.report.separation import SeparationStatistics
@@ -30,7 +30,7 @@ def test_the_higher_system_id_holds_and_reports_it() -> None:
     assert codes(effects) == ["alarm-yields"]
     assert "vehicle 1" in operator_texts(effects)[0]
     assert story.state.phase is Phase.FLYING
-    assert not wants_tick(replace(story.state, dirty=True), story.now)
+    assert not needs_tick(replace(story.state, dirty=True), story.now)
 
 
 def test_the_lower_system_id_continues_and_reports_it() -> None:

@@ -19,15 +19,15 @@ from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
-from swarmctl.agent.step import wants_tick
+from swarmctl.agent.step import needs_tick
 from swarmctl.agent.traffic.intents import (
-    EVERY_S,
     HOLD_DURATION_S,
     LAST_POSITION_S,
     MAX_AGE_S,
     MAX_UNCERTAINTY_M,
+    REPEAT_EVERY_S,
 )
-from swarmctl.agent.traffic.route_deconfliction import AGAIN_S, clashes_of
+from swarmctl.agent.traffic.route_deconfliction import RETRY_S, clashes_of
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
@@ -89,7 +89,7 @@ def test_an_intent_in_flight_reaches_to_the_landing() -> None:
 def test_an_intent_is_repeated_at_its_interval() -> None:
     story = Flier()
     since_s, east_m = 0.0, 75.0
-    while since_s < EVERY_S - 1.5:
+    while since_s < REPEAT_EVERY_S - 1.5:
         since_s, east_m = since_s + 1.0, east_m + 10.0
         assert intents(story.at(east_m)) == []
     story.at(east_m + 10.0)
@@ -178,7 +178,7 @@ def test_without_a_free_height_a_new_plan_is_deferred() -> None:
     assert story.state.pending is None
     assert story.state.deconfliction.by_waiting == story.state.deconfliction.predicted >= 1
     assert story.tick() == []
-    story.now += AGAIN_S
+    story.now += RETRY_S
     for uav in (1, 3):
         story.other(uav, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     assert heights(story.tick()) == [30.0]
@@ -350,7 +350,7 @@ class Swarm:
                 self.position(uav)
                 if story.state.pending is None:
                     story.now = self.now_s
-                    if wants_tick(story.state, self.now_s):
+                    if needs_tick(story.state, self.now_s):
                         self.fold(uav, ev.Tick())
 
     def learns(self, uav: int, cell: tuple[int, int], seq: int) -> None:
@@ -391,7 +391,7 @@ def test_no_two_plans_conflict_after_all_intents_have_arrived(
         swarm.run(after_s)
         swarm.learns(min(uav, len(ways)), cell, seq)
     swarm.carry = lambda _a, _b: 0.1
-    swarm.run(4.0 * EVERY_S + 2.0 * swap_s)
+    swarm.run(4.0 * REPEAT_EVERY_S + 2.0 * swap_s)
     for one, other in combinations(swarm.stories.values(), 2):
         a, b = one.state, other.state
         if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:

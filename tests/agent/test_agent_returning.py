@@ -20,7 +20,7 @@ from swarmctl.agent.orders import place_for_return
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import schedule_for
-from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SETTLES_S
+from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SETTLING_S
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
@@ -236,7 +236,7 @@ def test_a_return_under_way_is_not_stopped() -> None:
     story = Low()
     assert orders(story.at(23)) == [RETURN]
     story(ev.OrderDone(RETURN))
-    story.now += SETTLES_S
+    story.now += SETTLING_S
     story.goes_home(1)
     assert orders(story.returns()) == []
 

@@ -14,7 +14,7 @@ from swarmctl.agent.arrival.common_time import (
     least_m_s,
     speed_for,
 )
-from swarmctl.agent.failsafes.not_following import STANDS_M_S
+from swarmctl.agent.failsafes.not_following import MAX_STILL_M_S
 
 RANK = {1: 0, 4: 1, 9: 2}
 
@@ -58,5 +58,5 @@ def test_the_speed_meets_the_arrival_time(due: float, speed: float) -> None:
 
 @pytest.mark.parametrize("most_m_s", [0.9, 1.5, 2.5, 4.0])
 def test_the_least_speed_is_well_above_a_standstill(most_m_s: float) -> None:
-    assert most_m_s >= least_m_s(most_m_s) >= 1.8 * STANDS_M_S
+    assert most_m_s >= least_m_s(most_m_s) >= 1.8 * MAX_STILL_M_S
     assert speed_for(lambda m_s: 1000.0 / m_s, 1e6, most_m_s) == least_m_s(most_m_s)

@@ -83,7 +83,7 @@ def flown(flier: ReturningVehicle, begins_s: float, t: float, pace: float) -> tu
     speed = flier.speed_m_s * (
         return_schedule.SLOWER + pace * (return_schedule.FASTER - return_schedule.SLOWER)
     )
-    share = min(max(t - departs_s, 0.0) * speed / max(flier.way_m, 1e-9), 1.0)
+    share = min(max(t - departs_s, 0.0) * speed / max(flier.home_distance_m, 1e-9), 1.0)
     if t > begins_s + flier.takes_s:
         return flier.home, "down"
     east, north = (a + share * (b - a) for a, b in zip(flier.here, flier.home, strict=True))

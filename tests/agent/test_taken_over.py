@@ -9,7 +9,7 @@ from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import taken_over
 from swarmctl.agent.failsafes.base import Activity, DemandKind
-from swarmctl.agent.failsafes.taken_over import BOOTS_S
+from swarmctl.agent.failsafes.taken_over import FOREIGN_ON_GROUND_S
 from swarmctl.core.vehicle import STALE_MODE_S
 
 LOITER = at(0.0, 0.0, mode="LOITER", mode_role="other")
@@ -61,8 +61,8 @@ def test_a_boot_mode_releases_only_after_some_time() -> None:
         own_roles=frozenset({"hold", "mission"}),
     )
     rule = RuleRunner(taken_over)
-    assert [rule(second, on_ground) for second in (0.0, 1.0, BOOTS_S - 0.1)] == [None] * 3
-    demand = rule(BOOTS_S, on_ground)
+    assert [rule(second, on_ground) for second in (0.0, 1.0, FOREIGN_ON_GROUND_S - 0.1)] == [None] * 3
+    demand = rule(FOREIGN_ON_GROUND_S, on_ground)
     assert demand is not None
     assert "STABILIZE" in demand.reason
 

@@ -10,7 +10,7 @@ import pytest
 from flying_bench import HOME, FlyingBench
 
 from swarmctl.agent.state import ON_GROUND, Phase, Task, begin
-from swarmctl.agent.step import step, wants_tick
+from swarmctl.agent.step import needs_tick, step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LocalFrame
@@ -72,7 +72,7 @@ class Flight:
             self._perform(effect)
 
     def tick(self) -> None:
-        if wants_tick(self.state, self.bench.now):
+        if needs_tick(self.state, self.bench.now):
             self(ev.Tick())
 
     def _perform(self, effect: ev.Effect) -> None:

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 
 from swarmctl.agent.state import Phase, Task, begin
-from swarmctl.agent.step import step, wants_tick
+from swarmctl.agent.step import needs_tick, step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.grid import Cell, Grid
@@ -51,7 +51,7 @@ class Story:
         return self.effects
 
     def tick(self) -> list[ev.Effect]:
-        return self(ev.Tick()) if wants_tick(self.state, self.now) else []
+        return self(ev.Tick()) if needs_tick(self.state, self.now) else []
 
     def swap(self) -> ev.SwapMission:
         (effect,) = (e for e in self.tick() if isinstance(e, ev.SwapMission))

@@ -1,1 +1,1 @@
-"""Simultaneous arrival: one arrival time for all vehicles, and the speed or route of each that meets it."""
+"""Simultaneous arrival: one arrival time for all vehicles, and a speed or route of each for that time."""

@@ -1,4 +1,4 @@
-"""The common arrival time: each agent computes it from the same numbers, so that no negotiation is needed."""
+"""The common arrival time. Each agent computes the time from the same numbers, without negotiation."""
 
 from __future__ import annotations
 
@@ -48,9 +48,10 @@ def least_m_s(most_m_s: float, slowest_m_s: float = 0.0) -> float:
 def speed_for(
     arrives_s: Callable[[float], float], due_s: float, most_m_s: float, slowest_m_s: float = 0.0
 ) -> float:
-    """Return the speed [m/s] at which a vehicle arrives at `due_s`; `arrives_s(speed)` falls with speed.
+    """Return the speed at which a vehicle arrives at `due_s` [m/s].
 
-    If no speed between `least_m_s` and `most_m_s` meets the time, the result is the nearer limit.
+    `arrives_s` maps a speed to an arrival time and decreases. If no speed between `least_m_s` and `most_m_s`
+    meets the time, the result is the nearer limit.
     """
     low, high = least_m_s(most_m_s, slowest_m_s), most_m_s
     if arrives_s(high) >= due_s:

@@ -21,15 +21,16 @@ from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
 
-EVERY_S = 2.0
+MIN_INTERVAL_S = 2.0
 """least time between two speed changes [s]"""
 MIN_CHANGE_M_S = 0.2
 """least speed change that is sent [m/s]"""
-NEAR_S = 4.0
+FIXED_SPEED_WITHIN_S = 4.0
 """time to the goal below which the speed is not changed [s], because the vehicle brakes there"""
 UNKNOWN_M_S = 0.0
-"""value for an unknown speed, after a failed change"""
-WAITED_FOR = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
+"""value for an unknown speed, after a failed change [m/s]"""
+BEFORE_ARRIVAL = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
+"""phases in which other vehicles wait for the arrival of this vehicle"""
 
 
 def earliest_in_s(state: AgentState) -> float | None:
@@ -42,7 +43,7 @@ def earliest_in_s(state: AgentState) -> float | None:
         return None
     if state.arrived_boot_s is not None and (state.phase is Phase.LANDING or state.outcome == ARRIVED):
         return state.arrived_boot_s - state.vehicle.time_boot_s
-    path = _path_to_goal(state) if state.phase in WAITED_FOR else None
+    path = _path_to_goal(state) if state.phase in BEFORE_ARRIVAL else None
     return None if path is None else path.arrives_in_s(state.task.arrival.speed_m_s)
 
 
@@ -66,11 +67,11 @@ def adjust_speed(state: AgentState) -> StepResult:
     is_under_way = state.phase is Phase.FLYING and state.route is not None and state.pending is None
     if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
         return state, []
-    if 0.0 <= now_s - state.speed_given_s < EVERY_S:
+    if 0.0 <= now_s - state.speed_given_s < MIN_INTERVAL_S:
         return state, []
     full_m_s = state.task.arrival.speed_m_s
     path = _path_to_goal(state)
-    if path is None or (soonest_s := path.arrives_in_s(full_m_s)) < NEAR_S:
+    if path is None or (soonest_s := path.arrives_in_s(full_m_s)) < FIXED_SPEED_WITHIN_S:
         return state, []
     known = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav in group.rank}
     due = due_s(group, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
@@ -93,7 +94,7 @@ class _PathToGoal:
     """The flight from a vehicle to its goal cell."""
 
     track: Sequence[PlanarPoint]
-    """points from the vehicle on"""
+    """points from the vehicle to the centre of the goal cell"""
     edge_m: float
     """distance from the edge of the goal cell to the end of the track [m]"""
     begins_m_s: float

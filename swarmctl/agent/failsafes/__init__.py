@@ -1,8 +1,8 @@
 """Failsafe rules in flight: one rule a file. Pure.
 
-A rule is a module with `NAME`, its `Params`, and `evaluate(params, memory, facts, now)`, which returns its
-memory and its demand, if any. The agent follows the strongest demand (`base.STRENGTH`). A new rule is a file,
-a line in `RULES`, and its key in `swarmctl.config.failsafes`. Imports core.
+A rule is a module with `NAME`, `Params` and `evaluate` (`base.Rule`). The agent follows the strongest demand
+(`base.STRENGTH`). A new rule is a file, a line in `RULES`, and a key in `swarmctl.config.failsafes`. Imports
+core.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def evaluate(
 ) -> tuple[tuple[Any, ...], tuple[Demand | None, ...]]:
     """Return the memories and the demands of all rules, in order.
 
-    `memories` is the result of the last call, and empty at first.
+    `memories` are the memories that the previous call returned, or empty at first.
     """
     results = [
         active.rule.evaluate(active.params, memory, facts, now)

@@ -46,13 +46,13 @@ IN_FLIGHT = frozenset(ACTIVITY_AS_DEMAND)
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """A rule's demand."""
+    """The reaction that a rule demands."""
 
     kind: DemandKind
     reason: str
     """text for the operator: found and expected values"""
     urgent: bool = True
-    """followed without waiting; a return that is not urgent first holds until its path is clear"""
+    """True: the vehicle reacts at once; False: before a return, it holds until the return path is clear"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class FailsafeFacts:
 
 
 class Rule(Protocol):
-    """A module without state: it returns its memory and gets it back at the next call."""
+    """A module without state: each call of `evaluate` receives the memory that the previous call returned."""
 
     @property
     def NAME(self) -> str: ...  # noqa: N802
@@ -121,7 +121,7 @@ class Rule(Protocol):
     ) -> tuple[Any, Demand | None]:
         """Return (memory, demand) at `now` [s]; the demand is None if all is well.
 
-        `memory` is None at first. A demand lasts as long as each evaluation repeats it.
+        `memory` is None at first. A demand lasts while each evaluation repeats the demand.
         """
 
 

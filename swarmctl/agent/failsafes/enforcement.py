@@ -41,16 +41,16 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     memories, demands = failsafes.evaluate(state.task.rules, state.memories, failsafe_facts(state), now)
     state = replace(state, memories=memories, demands=demands)
     new_demands = tuple(
-        demand if demand is not None and _is_new(state, was, demand) else None
-        for was, demand in zip(before, demands, strict=True)
+        demand if demand is not None and _is_new(state, previous, demand) else None
+        for previous, demand in zip(before, demands, strict=True)
     )
     strongest = failsafes.strongest(new_demands)
     if strongest is not None and strongest.kind is DemandKind.RELEASE:
         return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
         ev.NotifyOperator(f"{active.rule.NAME.replace('_', ' ')} has ended {_code(active)}")
-        for active, was, demand in zip(state.task.rules, before, demands, strict=True)
-        if was is not None and was.kind is DemandKind.WARN and demand is None
+        for active, previous, demand in zip(state.task.rules, before, demands, strict=True)
+        if previous is not None and previous.kind is DemandKind.WARN and demand is None
     ]
     followed = _follow(state, strongest) if strongest is not None and _changes(state, strongest) else None
     for active, demand in zip(state.task.rules, new_demands, strict=True):
@@ -63,12 +63,11 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     return state, [*effects, *ordered]
 
 
-def _is_new(state: AgentState, was: Demand | None, demand: Demand) -> bool:
+def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
     """Return whether a demand is the first, of another kind, or newly urgent for a waiting vehicle."""
-    is_newly_urgent = (
-        was is not None and demand.urgent and not was.urgent and state.return_turn_boot_s is not None
-    )
-    return was is None or was.kind is not demand.kind or is_newly_urgent
+    if previous is None or previous.kind is not demand.kind:
+        return True
+    return demand.urgent and not previous.urgent and state.return_turn_boot_s is not None
 
 
 def _reaction(after: AgentState, demand: Demand) -> str:

@@ -8,7 +8,7 @@ Routes are inside the fence, leg by leg, so a vehicle on its route turns or stop
 | off its route, would cross the fence while stopping | hold; a fixed wing returns, as it cannot stop |
 | outside the fence | return |
 
-A single position may be wrong: the demand is the weaker of the last two.
+A single position may be wrong, so the rule takes the weaker demand of the last two positions.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from swarmctl.core.section import Section
 
 NAME = "fence_ahead"
 
-BRAKES_M_S2 = 2.5
+DECELERATION_M_S2 = 2.5
 """Deceleration [m/s²]: the default of ArduCopter's WPNAV_ACCEL."""
-MOVED_M = 0.5
+MIN_MOVEMENT_M = 0.5
 """Least movement that gives a course [m]."""
 
 
@@ -34,9 +34,9 @@ class Params(Section):
     """Limits of the rule."""
 
     off_route_m: float = Field(
-        15.0, gt=0.0, description="greatest distance from the route that counts as on it [m]"
+        15.0, gt=0.0, description="distance from the route above which the vehicle is off its route [m]"
     )
-    seconds: float = Field(2.0, gt=0.0, description="time from the order until it brakes [s]")
+    seconds: float = Field(2.0, gt=0.0, description="time from the order until the vehicle brakes [s]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,9 @@ class FenceAheadMemory:
     evaluated_s: float | None = None
     """time of the last evaluated position"""
     found: Demand | None = None
-    """demand of that position alone"""
+    """demand of the last evaluated position alone"""
     demanded: Demand | None = None
+    """demand of the rule: the weaker demand of the last two positions"""
 
 
 def evaluate(
@@ -93,7 +94,7 @@ def _moved(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemo
     if memory is None:
         return FenceAheadMemory(here)
     metres = dist(memory.here, here)
-    if metres < MOVED_M:
+    if metres < MIN_MOVEMENT_M:
         return memory
     course = ((here[0] - memory.here[0]) / metres, (here[1] - memory.here[1]) / metres)
     return FenceAheadMemory(here, course)
@@ -113,6 +114,6 @@ def _leaves(
     if distance_to_track(here, track) <= params.off_route_m:
         return False
     speed = facts.vehicle.ground_speed_m_s
-    stops_m = speed * params.seconds + (facts.turn_radius_m or speed * speed / (2.0 * BRAKES_M_S2))
+    stops_m = speed * params.seconds + (facts.turn_radius_m or speed * speed / (2.0 * DECELERATION_M_S2))
     there = (here[0] + stops_m * memory.course[0], here[1] + stops_m * memory.course[1])
     return not contains(corners, there)

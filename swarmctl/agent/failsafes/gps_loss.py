@@ -1,7 +1,7 @@
 """GPS loss: a vehicle without a GPS fix, or without a position in its telemetry.
 
-The autopilot notices the loss first and mostly acts by itself; the agent then releases the vehicle
-(`taken_over`). Otherwise the rule acts:
+The autopilot detects the loss first and usually reacts. The agent then releases the vehicle (`taken_over`).
+If the autopilot does not react, this rule acts:
 
 | condition | after `seconds` | after `land_s` | after twice `land_s` |
 |---|---|---|---|
@@ -27,7 +27,7 @@ class Params(Section):
 
     seconds: float = Field(2.0, ge=0.0, description="time without a fix or a position until the warning [s]")
     land_s: float = Field(
-        20.0, gt=0.0, description="time until the landing, if the autopilot does not act by itself [s]"
+        20.0, gt=0.0, description="time until the landing, if the autopilot does not react [s]"
     )
 
 
@@ -52,7 +52,7 @@ def evaluate(
         return GpsLossMemory(landing=memory.landing), None
     status_s = vehicle.status_s
     since_s = None if status_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, status_s)
-    # A duration counts between two SYS_STATUS: without a new SYS_STATUS it does not grow.
+    # This duration grows only with each new SYS_STATUS.
     no_fix_s = None if since_s is None or status_s is None else status_s - since_s
     blind_since_s = holds_since(memory.blind_since_s, not vehicle.has_position, now)
     blind_s = None if blind_since_s is None else now - blind_since_s

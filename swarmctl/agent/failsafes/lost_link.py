@@ -1,7 +1,7 @@
 """Lost link: no telemetry arrives from a vehicle, and no order reaches it.
 
-The vehicle's reaction was set before the take-off (`preflight.policy`); the ground station can only announce
-it. If telemetry returns after the vehicle's own failsafe began, the vehicle is released (`taken_over`).
+The vehicle's reaction was set before the take-off (`preflight.policy`), and this rule only announces it. If
+telemetry returns after the vehicle's own failsafe began, the vehicle is released (`taken_over`).
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _CONTINUES: dict[ModeRole, str] = {
 
 
 class Params(Section):
-    """The policy with which the vehicle's parameters were compared."""
+    """The lost-link policy with which preflight compared the vehicle's parameters."""
 
     does: Literal["return", "land", "hold", "continue"] = "continue"
     after_s: float = 10.0
-    """time without the ground station's heartbeat, by the vehicle's clock"""
+    """time without the ground station's heartbeat until the reaction, by the vehicle's clock [s]"""
 
 
 def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -> tuple[None, Demand | None]:

@@ -66,7 +66,7 @@ def evaluate(
         return LowBatteryMemory(), None
     if percent is None or status_s is None or facts.lost:
         return LowBatteryMemory(demanded=memory.demanded), memory.demanded
-    # A duration counts between two SYS_STATUS: without a new SYS_STATUS it does not grow.
+    # These durations grow only with each new SYS_STATUS.
     return_since_s = holds_since(memory.return_since_s, percent < params.return_percent, status_s)
     land_since_s = holds_since(memory.land_since_s, percent < params.land_percent, status_s)
     demanded = memory.demanded
@@ -74,12 +74,12 @@ def evaluate(
         demanded = _stronger(demanded, DemandKind.LAND, percent, params.land_percent)
     elif has_lasted(return_since_s, params.seconds, status_s):
         demanded = _stronger(demanded, DemandKind.RETURN, percent, params.return_percent)
-        demanded = replace(demanded, urgent=demanded.urgent or percent < _waits_above_percent(params))
+        demanded = replace(demanded, urgent=demanded.urgent or percent < _least_waiting_percent(params))
     return LowBatteryMemory(return_since_s, land_since_s, demanded), demanded
 
 
-def _waits_above_percent(params: Params) -> float:
-    """Return the charge above which a return may wait."""
+def _least_waiting_percent(params: Params) -> float:
+    """Return the charge from which a return may wait [%]."""
     return max(params.return_percent - params.wait_percent, params.land_percent)
 
 

@@ -13,15 +13,19 @@ from swarmctl.core.section import Section
 
 NAME = "not_following"
 
-STANDS_M_S = 0.5
-STANDS_CLIMB_M_S = 0.2
+MAX_STILL_M_S = 0.5
+"""Ground speed below which a vehicle may count as not moving [m/s]."""
+MAX_STILL_CLIMB_M_S = 0.2
+"""Climb or sink rate below which a vehicle may count as not moving [m/s]."""
 
 
 class Params(Section):
     """Limits of the rule and its demand."""
 
-    metres: float = Field(60.0, gt=0.0, description="distance from its route [m]")
-    seconds: float = Field(15.0, gt=0.0, description="time off its route, or without moving [s]")
+    metres: float = Field(60.0, gt=0.0, description="greatest distance of the vehicle from its route [m]")
+    seconds: float = Field(
+        15.0, gt=0.0, description="time off the route, or without moving, until the reaction [s]"
+    )
     action: Literal["warn", "hold", "return", "land"] = Field("return", description="reaction")
 
 
@@ -49,7 +53,9 @@ def evaluate(
         track = (here, *(facts.frame.to_local(*point) for point in route.points))
         memory = NotFollowingMemory(route.plan_id, track)
     away_m = distance_to_track(here, memory.track_m)
-    still = facts.vehicle.ground_speed_m_s < STANDS_M_S and abs(facts.vehicle.climb_m_s) < STANDS_CLIMB_M_S
+    still = (
+        facts.vehicle.ground_speed_m_s < MAX_STILL_M_S and abs(facts.vehicle.climb_m_s) < MAX_STILL_CLIMB_M_S
+    )
     off_since_s = holds_since(memory.off_since_s, away_m > params.metres, now)
     still_since_s = holds_since(memory.still_since_s, still, now)
     demanded = memory.demanded

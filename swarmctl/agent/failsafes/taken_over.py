@@ -1,8 +1,7 @@
 """Taken over: a pilot by radio control, another ground station, or the vehicle's own failsafe flies it.
 
-A heartbeat reports the mode, but not the station or failsafe that has selected it. In a mode that this agent
-did not select, the vehicle is released to that operator. The same holds if the vehicle flies a mission of
-another station.
+A heartbeat reports the mode, but not the cause of a mode change. The agent releases a vehicle in a mode that
+the agent did not select, and a vehicle that flies another station's mission.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ from swarmctl.core.vehicle import STALE_MODE_S
 
 NAME = "taken_over"
 
-BOOTS_S = 10.0
-"""Time allowed on the ground in a foreign mode [s]. A rebooting vehicle shows its boot mode before its clock
-shows the reboot. A launch order in that time releases the vehicle."""
+FOREIGN_ON_GROUND_S = 10.0
+"""Longest time on the ground in a foreign mode without a release [s]. A rebooting vehicle reports its boot
+mode before its clock shows the reboot. During this time a launch order releases the vehicle."""
 TEXT_BEFORE_S = 1.5
 """Greatest time from a status text to the mode that the text explains [s]."""
 
@@ -32,7 +31,7 @@ class TakenOverMemory:
     orders: int = 0
     text: str = ""
     text_s: float | None = None
-    """time of that text; None: before the first evaluation"""
+    """time of receipt of `text`; None: received before the first evaluation"""
 
 
 def evaluate(
@@ -62,7 +61,7 @@ def evaluate(
     # The mode may be an earlier one of this agent: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
-    if facts.activity == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
+    if facts.activity == "ground" and not has_lasted(memory.foreign_since_s, FOREIGN_ON_GROUND_S, now):
         return memory, None
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
     recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S

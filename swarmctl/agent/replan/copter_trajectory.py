@@ -1,4 +1,4 @@
-"""The predicted trajectory of a flight plan, which collision avoidance compares with others. Pure.
+"""The predicted trajectory of a copter's flight plan. Pure.
 
 `wing_trajectory` has the trajectory of a fixed wing.
 """
@@ -26,7 +26,7 @@ LAND_M_S = 0.5
 LEVEL_S = 0.4
 """longest change of height that counts as level flight [s]"""
 SAME_TIME_S = 1e-3
-"""difference in time below which two points of a flight are one [s]"""
+"""difference in time below which two points of a flight count as the same point [s]"""
 LOW_M = 10.0
 """height above home at which the descent slows down [m]: the default of LAND_ALT_LOW"""
 
@@ -55,8 +55,8 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
 def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
     """Return the plan with one more waypoint, at the point where the vehicle reaches the plan's height.
 
-    The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints. So without the
-    added waypoint the vehicle would reach the height only at its first waypoint, which may be far.
+    The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints. Without the added
+    waypoint the vehicle would reach the height only at its first waypoint, which may be far away.
     """
     height_m, place = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
@@ -118,8 +118,7 @@ def fly_with_stop(
 def fly_along(
     here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float = 0.0
 ) -> Trajectory:
-    """Return the trajectory from `here`, with speed `begins_m_s`, along `path` at `height_m`, and a
-    landing."""
+    """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `begins_m_s`."""
     corners, passed_s = travel_time.timed([here[:2], *path], speed_m_s, begins_m_s=begins_m_s)
     if len(corners) > 1 and path[0] not in corners[:2] and path[0] != here[:2]:
         # This point is no corner, but the flight is level from this point on.

@@ -1,4 +1,4 @@
-"""The choice of a route, and the decision to change the mission for it or not."""
+"""The choice of a route, and the decision to keep or change the mission."""
 
 from __future__ import annotations
 
@@ -164,7 +164,11 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_i
 
 
 def _planning_start(state: AgentState) -> Cell:
-    """Return the cell under the vehicle: the entry cell before the area, the next cell at a cut corner."""
+    """Return the cell from which to plan: usually the cell under the vehicle.
+
+    Outside the area the result is the last cell flown, or the entry cell. At a cut corner the result is the
+    next cell of the route.
+    """
     cell = state.cell
     if cell is None:
         in_flight = state.phase is Phase.FLYING and state.flown_cells

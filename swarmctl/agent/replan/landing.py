@@ -1,7 +1,7 @@
 """The two landings of a fixed wing: at its goal and at home. Pure.
 
-Each place has one approach for the whole flight, independent of new observations. So a check before the
-flight can show that the approaches of different vehicles do not meet.
+New observations do not change the approaches. So a check before the flight can show that the approaches of
+different vehicles do not meet.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _chosen(
     from_pose: Pose,
     is_flown_to: bool,
 ) -> LandingPattern:
-    p_s = np.ones((grid.rows, grid.cols))  # so the pattern over the fewest cells of the area is best
+    p_s = np.ones((grid.rows, grid.cols))  # selects the pattern over the fewest cells of the area
     for cell in no_fly:
         p_s[cell] = math.inf
     threat = ThreatMap.of(p_s)

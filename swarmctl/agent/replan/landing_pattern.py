@@ -16,7 +16,7 @@ from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, Waypoint
 from swarmctl.core.planar import PlanarPoint, stays_inside
 
-HEADINGS = 16
+N_HEADINGS = 16
 """number of landing directions that are compared"""
 ROLL_OUT_M = 60.0
 """greatest roll-out, or float, beyond the touchdown [m]"""
@@ -29,12 +29,12 @@ EXPOSURE_TIE = 1e-9
 
 
 class NoApproach(ValueError):
-    """An error: no landing direction has enough room."""
+    """Too little room for a landing in every direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class FixedWing:
-    """The properties of a fixed wing that plans depend on."""
+    """The properties of a fixed wing on which plans depend."""
 
     loiter_radius_m: float
     """radius of the holding circles and of the descent circle [m]"""
@@ -49,7 +49,7 @@ class FixedWing:
     home: LatLon
     """place of take-off, and of the landing after a return"""
     landing_heading_deg: float | None = None
-    """landing heading, clockwise from north [deg]; None: the heading over the fewest cells of the area"""
+    """landing heading, clockwise from north [deg]; None: the plan chooses the heading"""
 
     @property
     def final_m(self) -> float:
@@ -110,7 +110,7 @@ def landing_pattern(
     """Return the pattern with this touchdown and landing heading, and its circle on one side of the final."""
     radius_m = wings.loiter_radius_m
     final = _offset(touchdown, heading_rad, -wings.final_m)
-    # One radius more, to level the wings and to settle on the line.
+    # One more radius to level the wings and to settle on the line.
     leaves = _offset(final, heading_rad, -radius_m)
     side_rad = math.pi / 2.0 if clockwise else -math.pi / 2.0
     centre = _offset(leaves, heading_rad + side_rad, radius_m)
@@ -131,7 +131,7 @@ def choose_pattern(
 ) -> LandingPattern:
     """Return the pattern of least exposure whose legs all stay inside the fence.
 
-    Of equal patterns the result needs the least turn from `from_pose`. With `is_flown_to` the path from
+    Among equal patterns, the result needs the least turn from `from_pose`. With `is_flown_to`, the path from
     `from_pose` to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path,
     infinite with a forbidden cell. Raises NoApproach.
     """
@@ -161,15 +161,15 @@ def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> I
     if wings.landing_heading_deg is not None:
         headings = [math.radians(wings.landing_heading_deg)]
     else:
-        for k in range(1, HEADINGS // 2 + 1):
-            headings += [along_rad + k * math.tau / HEADINGS, along_rad - k * math.tau / HEADINGS]
+        for k in range(1, N_HEADINGS // 2 + 1):
+            headings += [along_rad + k * math.tau / N_HEADINGS, along_rad - k * math.tau / N_HEADINGS]
     for heading_rad in headings:
         for clockwise in (True, False):
             yield landing_pattern(touchdown, heading_rad, wings, clockwise=clockwise)
 
 
 def path_to_circle(from_pose: Pose, pattern: LandingPattern, turn_radius_m: float) -> list[PlanarPoint]:
-    """Return the approximate path to the circle: a flight that turns towards the circle's centre."""
+    """Return the approximate path to the circle, flown by turning towards the circle's centre."""
     (east, north), heading = from_pose.point, from_pose.heading_rad
     most_rad = STEP_M / max(turn_radius_m, STEP_M)
     path = [from_pose.point]

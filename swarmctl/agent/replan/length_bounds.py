@@ -1,7 +1,7 @@
 """Conversion of a vehicle's time bound to bounds on the remaining length of its route. Pure.
 
-A time bound counts from the take-off to the arrival over the goal cell; the descent does not count. The
-take-off is the first time at which the vehicle reports to be armed. Times are by the vehicle's own clock.
+A time bound limits the time from the take-off to the arrival over the goal cell, without the descent. The
+take-off is the first report that the vehicle is armed. Times are by the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ UNBOUNDED = TimeBound()
 
 @dataclass(frozen=True, slots=True)
 class LeadIn:
-    """The flight before the planned route: the time elapsed, and the part left to the route's first cell."""
+    """The flight before the planned route: elapsed time, and remaining flight to the route's first cell."""
 
     elapsed_s: float
     """time since the take-off [s]"""
     climb_m: float
     """height still to climb [m]"""
     lead_m: float
-    """distance to the centre of the route's first cell [m]; negative for a vehicle past it"""
+    """distance to the centre of the route's first cell [m]; negative for a vehicle past the centre"""
     lost_s: float = 0.0
     """time lost by the lift-off, and by a stop at the start of the route [s]"""
 
@@ -86,8 +86,8 @@ class LengthBounds:
     def misses_by(self, length_cells: float, lost_cells: float = 0.0) -> float:
         """Return the distance of a length from the bounds [cells]; 0 inside, and for a rounding difference.
 
-        `lost_cells` is the length that could be flown in the time lost at turns. It counts toward the
-        greatest length only.
+        `lost_cells` is the length that could be flown in the time lost at turns. This length counts toward
+        the greatest length only.
         """
         missed = max(self.min_cells - length_cells, length_cells + lost_cells - self.max_cells)
         return missed if missed > ROUNDING_CELLS else 0.0
@@ -120,8 +120,8 @@ def swap_loss_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: fl
 def length_bounds(arrival: TimeBound, cell_size_m: float, lead_in: LeadIn) -> LengthBounds:
     """Return the bounds on the length of the route; both are 0 if no time is left.
 
-    The bounds do not count time lost at turns. The least length counts no losses at all, because it must
-    hold for a vehicle without losses.
+    The bounds do not count time lost at turns. The least length counts no losses, because it must hold for a
+    vehicle without losses.
     """
     if not arrival.is_bounded:
         return LengthBounds()

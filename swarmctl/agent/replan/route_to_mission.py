@@ -28,9 +28,9 @@ from swarmctl.core.planar import distance_to_leg
 from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot, track_plan
 from swarmctl.planners.base import Problem, Route, Unreachable
 
-BESIDE_M = 5.0
-"""Distance from the straight leg to the next corner within which a splice point needs no waypoint [m]. The
-error at other corners is at least as large."""
+NO_WAYPOINT_WITHIN_M = 5.0
+"""Distance from the direct leg within which a splice point needs no waypoint [m]. The error at other corners
+is at least as large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +76,9 @@ def lattice_route(route: Route) -> FlownRoute:
 def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     """Return the straightened track of a route; None if the vehicle flies the lattice route.
 
-    If wide turns cause a loss, the loss is kept small: by Eq. 5 for a planner that uses w, otherwise by
-    exposure alone. A track is never longer than its route, so it keeps the latest arrival. Raises Unreachable
-    if no track has turns wide enough.
+    Wide turns may raise the cost of a track. The cost is Eq. 5 for a planner that uses w, otherwise the
+    exposure; the result keeps the rise small. A track is never longer than its route, so the track keeps the
+    latest arrival. Raises Unreachable if no track has turns wide enough.
     """
     if task.any_angle is None:
         return None
@@ -159,7 +159,7 @@ def _goes_straight(task: Task, splice: Splice, first: Waypoint) -> bool:
         return False
     frame, (turns,) = task.grid.frame, splice.lead_waypoints
     place, there = (frame.to_local(at.lat_deg, at.lon_deg) for at in (turns, first))
-    return distance_to_leg(place, splice.path[0], there) <= BESIDE_M
+    return distance_to_leg(place, splice.path[0], there) <= NO_WAYPOINT_WITHIN_M
 
 
 def _along_lattice(task: Task, cells: Sequence[Cell], splice: Splice, landing: LatLon) -> FlightPlan:
@@ -191,8 +191,8 @@ def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: 
 def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
     """Return the corners of a track that are still ahead of a fixed wing.
 
-    The result omits the corner under or beside the vehicle, and corners at which the vehicle turns soon. To a
-    corner that it has passed the vehicle would fly a circle.
+    The result omits the corner under or beside the vehicle, and corners at which the vehicle turns soon. The
+    vehicle would fly a circle to a corner that it has passed.
     """
     grid = task.grid
     over, here = grid.cell_at(*position), grid.frame.to_local(*position)

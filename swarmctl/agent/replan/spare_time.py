@@ -16,8 +16,9 @@ MIN_EARLY_S = 10.0
 LAST_MARGIN_S = 0.5
 """Greatest spare time of the last vehicle [s]; the last vehicle determines the common time."""
 RESERVE_S = 5.0
-"""Spare time kept for delays [s], so that this vehicle does not become the last one."""
+"""Spare time kept for delays [s], so that this vehicle does not become the last vehicle."""
 LEAST_EXPOSED = Method("window", window, window.Params())
+"""Planning method for the least exposed route."""
 
 
 def is_early(due_s: float, soonest_s: float) -> bool:
@@ -26,9 +27,9 @@ def is_early(due_s: float, soonest_s: float) -> bool:
 
 
 def with_spare_time(state: AgentState, task: Task) -> Task:
-    """Return the task of an early vehicle: the least exposed route that arrives on time at a permitted speed.
+    """Return the task of an early copter: the least exposed route that arrives on time at a permitted speed.
 
-    The task stays the same for a vehicle that is not early, or that arrives alone.
+    Any other vehicle keeps its task.
     """
     vehicle, due_s = state.vehicle, state.due_s
     if (

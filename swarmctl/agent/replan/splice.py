@@ -1,11 +1,11 @@
 """The splice point: the point ahead of the vehicle at which a new route leaves the present one. Pure.
 
 The vehicle flies on during the swap. So the new route keeps the cells of the old route up to a centre that
-the vehicle reaches only after the swap. The vehicle never has to fly back. The distance follows from its
-speed and from the durations of its last swaps.
+the vehicle reaches only after the swap. The vehicle never has to fly back. The distance to that centre
+follows from the vehicle's speed and from the durations of its last swaps.
 
-If the old route has a wall before the splice point, a copter leaves the route at once. A fixed wing does not:
-it can neither turn on the spot nor wait.
+If the old route has a wall before the splice point, a copter leaves the route at once. A fixed wing stays on
+the route, because it can neither turn on the spot nor wait.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
-"""Greatest distance of a vehicle on its route [m]; beyond it, the vehicle drifts or cuts a corner."""
+"""Greatest distance of a vehicle on its route [m]; a vehicle farther away drifts or cuts a corner."""
 OVERHEAD_M = 1.0
 """Greatest distance of a vehicle that is over a centre [m]."""
 MOVING_M_S = 0.5
 """Least speed that shows a direction of flight [m/s]."""
 URGENT_CELLS = 3
-"""Number of cells ahead within which a wall needs a new plan at once."""
+"""Number of cells ahead in which a wall requires a new plan at once."""
 CHANGE_S = 2.0
 """Least time for which a fixed wing flies on by its old plan during a swap [s]."""
 TURN_OFF_RADII = math.tan(math.pi / 8.0)
@@ -40,12 +40,12 @@ TURN_OFF_RADII = math.tan(math.pi / 8.0)
 
 @dataclass(frozen=True, slots=True)
 class Splice:
-    """The part that a new route has in common with the present one."""
+    """The common part of the present route and a new route."""
 
     kept: tuple[Cell, ...]
     """common cells, from the cell beside the vehicle to the cell in which the new route may turn off"""
     leaves_ahead: bool = False
-    """True: the vehicle flies these cells by its old plan; False: it leaves the old plan at once"""
+    """True: the vehicle flies these cells by its old plan; False: the vehicle leaves the old plan at once"""
     previous: Cell | None = None
     """cell of the old route before `kept`"""
     is_first_passed: bool = False
@@ -59,7 +59,7 @@ class Splice:
 
 
 def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) -> Splice:
-    """Return the splice for a new route from the present one; `start` is the vehicle's route cell."""
+    """Return the splice for a new route from the present route; `start` is the vehicle's route cell."""
     task, swap = state.task, state.route
     if task.wings is not None:
         return Splice(kept_cells(state, start))
@@ -146,7 +146,7 @@ def may_learn_of_walls(state: AgentState) -> bool:
 
 
 def _place_on_route(state: AgentState) -> PlanarPoint | None:
-    """Return the position of a vehicle that flies along its lattice route; None for another vehicle."""
+    """Return the vehicle's position; None if the vehicle is not on its lattice route."""
     vehicle, swap, grid = state.vehicle, state.route, state.task.grid
     if state.phase is not Phase.FLYING or vehicle.mode_role != "mission" or swap is None:
         return None

@@ -2,8 +2,8 @@
 
 An ArduPilot copter brakes to a stop before it flies to another mission item, in any direction
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
-At speed v and deceleration b, braking costs v / 2b, and speeding up costs the same: together about 4 s at
-10 m/s.
+At speed v and deceleration b, braking costs the time v / 2b. Speeding up costs the same. Together the two
+cost about 4 s at 10 m/s.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class BrakingStop:
 
 
 def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:
-    """Return the distance flown by the plan in `seconds` [m] and the speed after it [m/s]."""
+    """Return the distance flown by the plan in `seconds` [m], and the final speed [m/s]."""
     planned_m_s, speed_m_s = state.speed_m_s or state.task.arrival.speed_m_s, state.vehicle.ground_speed_m_s
     top_m_s = max(speed_m_s, min(planned_m_s, speed_m_s + ACCELERATION_M_S2 * seconds))
     return 0.5 * (speed_m_s + top_m_s) * seconds, top_m_s
@@ -90,8 +90,11 @@ def _stop(state: AgentState, brakes_in_s: float) -> BrakingStop | None:
     return BrakingStop(brakes_in_s, brakes_in_m, speed_m_s, brakes_m_s2)
 
 
-def stopped_at(state: AgentState) -> float:
-    """Return the end of a stop that begins now, by the vehicle's clock; the present time without a stop."""
+def stop_end_s(state: AgentState) -> float:
+    """Return the end of a stop for which braking begins now, by the vehicle's clock [s].
+
+    Without a stop the result is the present time.
+    """
     stop = _stop(state, 0.0)
     return state.vehicle.time_boot_s + (0.0 if stop is None else stop.stops_in_s)
 
@@ -101,7 +104,7 @@ def split_track(
 ) -> tuple[list[PlanarPoint], list[PlanarPoint]] | None:
     """Return the two parts of a track, split after `at_m` [m]; None if the track is shorter.
 
-    Both parts have the split point. A corner at most CORNER_M after it counts as the split point.
+    Both parts have the split point. A corner at most CORNER_M after that point counts as the split point.
     """
     remaining_m = at_m
     for i, (a, b) in enumerate(pairwise(track), start=1):
@@ -117,9 +120,9 @@ def split_track(
 def after_stop(
     track: Sequence[PlanarPoint], begins_m_s: float, stop: BrakingStop | None
 ) -> tuple[float, Sequence[PlanarPoint], float]:
-    """Return the time until the stop [s], the track after it, and the start speed there [m/s].
+    """Return the time until the stop [s], the track after the stop, and the start speed on that track [m/s].
 
-    Without a stop on the track: 0, the whole track and `begins_m_s`.
+    Without a stop on the track the result is 0, the whole track and `begins_m_s`.
     """
     parts = None if stop is None else split_track(track, stop.stops_in_m)
     if stop is None or parts is None:

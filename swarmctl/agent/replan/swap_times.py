@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 N_KEPT = 3
-"""number of last swaps that are kept; the worst of them is expected"""
+"""number of last swaps that are kept; the longest of these durations is expected"""
 PRIOR_S = 1.5
 """least expected duration before the first measurement [s]"""
-MARGIN_S, MARGIN_SHARE = 0.5, 0.25
-"""margin over the measured duration: positions come 4 times a second, and links and plans differ"""
+MARGIN_S = 0.5
+"""constant margin over the measured duration [s]: positions come 4 times a second"""
+MARGIN_SHARE = 0.25
+"""margin as a share of the measured duration: links and plans differ"""
 MAX_EXPECTED_S = 60.0
 """greatest expected duration [s]"""
 MAX_STANDSTILL_S = 0.3
-"""longest standstill that does not count as a stop [s]; a slow turn can show this much in telemetry"""
+"""longest standstill that does not count as a stop [s]; in telemetry a slow turn may look the same"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,7 @@ class SwapTimes:
         return SwapTimes((*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times with a swap that missed its splice point, at twice the expected duration."""
+        """Return these times with one more swap of twice the expected duration, after a missed splice point."""
         return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MAX_EXPECTED_S))[-N_KEPT:])
 
     @property

@@ -1,4 +1,4 @@
-"""Routes within a time bound: the search for one, the check of the present one, and its lateness."""
+"""Routes within a time bound: the search, the check of the present route, and the lateness of a route."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ BETTER_BY = 1e-9
 """Share of cost by which a new route must beat the present one, so that rounding alone causes no swap."""
 
 MAX_TRIES = 5
-"""Number of searches for a route that meets its bound with its turns; the last is for the shortest route."""
+"""Greatest number of searches for a route within its bound; the last search is for the shortest route."""
 
 HALF_CELL = 0.5
-"""Distance from the edge of the goal cell to its centre, to which lengths count [cells]."""
+"""Distance from the edge of the goal cell to its centre [cells]; lengths count to the centre."""
 
 
 def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
-    """Return the bounds that the task's time bound leaves for the length of a route."""
+    """Return the bounds on the length of a route after `lead_in`, by the task's time bound."""
     return length_bounds(task.arrival, task.grid.cell_size_m, lead_in)
 
 
@@ -63,8 +63,8 @@ def lead_in_to(
 ) -> LeadIn:
     """Return the lead-in of a vehicle to a route from `start`.
 
-    The distance is measured along the present route if that leads to `start` (`splice`, `ahead`), otherwise
-    straight to the centre of `start`.
+    The distance is measured along the present route if that route leads to `start` (`splice`, `ahead`),
+    otherwise straight to the centre of `start`.
     """
     task, vehicle = state.task, state.vehicle
     if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
@@ -81,9 +81,9 @@ def lead_in_to(
 
 
 def change_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
-    """Return the cost of a swap now [cells]: the standstill, and a way back to the start of the new route.
+    """Return the cost of a swap now [cells]: the standstill, and a flight back to the start of the new route.
 
-    There is no way back if the new route begins ahead of the vehicle.
+    The vehicle does not fly back if the new route begins ahead of it.
     """
     task, vehicle = state.task, state.vehicle
     if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
@@ -152,7 +152,7 @@ def _in_cells(task: Task, seconds: float) -> float:
 def route_within_bounds(
     task: Task, problem: Problem, change: float = 0.0, joining: JoiningLeg = FROM_A_STOP
 ) -> Route:
-    """Return the best route that meets the bounds in spite of the cost `change` [cells] of the swap.
+    """Return the best route that meets the bounds, with the cost `change` [cells] of the swap.
 
     If no route does, the result is a route that meets the bounds without that cost. Raises Unreachable, or
     BoundTooTight if no route was found.
@@ -170,10 +170,10 @@ def route_within_bounds(
 
 
 def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
-    """Return a route that is no longer than `latest_cells`, with the time lost at turns counted as length.
+    """Return a route of at most `latest_cells`, with the time lost at turns counted as length.
 
-    Planners bound the length alone. So each route found tightens the bound by its loss, until a route fits.
-    The last try is the shortest route. Raises BoundTooTight.
+    Planners bound the length alone. So the loss of each route found tightens the bound of the next search,
+    until a route fits. The last search is for the shortest route. Raises BoundTooTight.
     """
     bounds = LengthBounds(problem.min_length_cells, latest_cells)
     greatest, seen = latest_cells, list[Route]()

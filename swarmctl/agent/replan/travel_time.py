@@ -11,7 +11,7 @@ early rather than late.
 | 10 m/s, estimated | 1.7 s | 3.7 s | 4.8 s |
 | 20 m/s | 4.8 s | 8.0 s | 9.0 s |
 
-Between short legs the loss is up to that of a stop.
+Between short legs, a turn may cost as much as a stop.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from swarmctl.core.planar import PlanarPoint
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
 BRAKING_M_S2 = 1.75
-"""part of WPNAV_ACCEL that is planned for braking"""
+"""deceleration used in estimates, less than WPNAV_ACCEL"""
 CORNER_RADIUS_M = 2.0
 """WPNAV_RADIUS: distance from a corner at which the vehicle turns off"""
 CORNER_SHARE = 0.75
-"""Share of the speed at which a vehicle could round a corner within CORNER_RADIUS_M. The vehicle is slower,
-because it has to leave its old direction too."""
+"""Speed at a corner as a share of the greatest speed for a turn within CORNER_RADIUS_M. The vehicle is slower
+than that speed, because it also has to leave its old direction."""
 SETTLE_S = 0.8
 """additional time at each turn until the vehicle follows the next leg"""
 SHORT_S = 4.5
-"""Duration of a leg at full speed below which the vehicle swerves at both ends [s]. A swerve costs up to a
-stop."""
+"""Duration of a leg at full speed below which the vehicle swerves at both ends [s]. A swerve may cost as much
+as a stop."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 

@@ -1,7 +1,7 @@
 """The predicted trajectory of a fixed wing: roll, straight climb, rounded corners and approach. Pure.
 
-The speed is constant. The autopilot chooses its climb and sink rates. The rates here are between the least
-needed and the greatest that the autopilot's parameters allow.
+The speed is constant. The autopilot chooses the climb and sink rates. The rates assumed here are between the
+least rate needed and the greatest rate that the autopilot's parameters allow.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
 def in_flight(
     task: Task, plan: FlightPlan, here: LocalPoint, left: Sequence[PlanarPoint], speed_m_s: float
 ) -> Trajectory:
-    """Return the trajectory from `here` at 0 s along the rest of a plan's track (`left`), and the landing."""
+    """Return the trajectory from `here` at 0 s, along the rest of a plan's track (`left`), to the stop."""
     builder = _TrajectoryBuilder(here, speed_m_s)
     _fly_and_land(builder, task, plan, [here[:2], *left])
     return builder.trajectory()
@@ -46,7 +46,7 @@ def in_flight(
 def approach_from(
     task: Task, plan: FlightPlan, here: LocalPoint, heading_rad: float, speed_m_s: float
 ) -> Trajectory:
-    """Return the trajectory of the approach from `here`, beyond the goal, at 0 s."""
+    """Return the trajectory of the approach from `here`, a point over or past the goal, from 0 s."""
     builder = _TrajectoryBuilder(here, speed_m_s)
     _land(builder, task, plan, heading_rad)
     return builder.trajectory()

@@ -1,13 +1,13 @@
-"""Collision avoidance: alarms by positions, and giving way without abandoning the mission. Pure.
+"""Collision avoidance: alarms by positions, and evasive holds and climbs. Pure.
 
 An alarm predicts that within `look_ahead_s` (10 s) this vehicle and another come closer than both separation
-limits. Exactly one of the two gives way.
+limits. One of the two vehicles gives way.
 
 | the other vehicle | gives way |
 |---|---|
-| flies its mission and acknowledges hearing this one | the vehicle with the higher system id |
-| cannot change its plan: lands, returns, holds by order, is released | this one |
-| does not acknowledge hearing this one | this one, so possibly both |
+| flies its mission and acknowledges this vehicle's state | the vehicle with the higher system id |
+| cannot change its plan: lands, returns, holds by order, is released | this vehicle |
+| does not acknowledge this vehicle's state | this vehicle, so possibly both |
 
 The evasive action is a hold. It is a climb if a hold would be too close, and for a fixed wing. A copter that
 holds resumes its route when the route is clear. After 60 s it tries to pass above the other vehicles.
@@ -77,7 +77,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
     ]
     done: list[ev.Effect] = []
     if state.interrupted_plan is not None and state.phase is Phase.LANDING:
-        pass  # `swarmctl.agent.traffic.landing_queue`
+        pass  # `landing_queue` ends this hold
     elif state.interrupted_plan is not None:
         state, done = _resume_if_clear(state, own, others)
     else:
@@ -88,7 +88,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
 
 
 def end_give_way(state: AgentState) -> AgentState:
-    """Return the state without giving way."""
+    """Return the state of a vehicle that does not give way."""
     return replace(
         state,
         interrupted_plan=None,
@@ -106,7 +106,7 @@ def _has_to_give_way(state: AgentState, other: int) -> bool:
 
 
 def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
-    """Return whether another vehicle acknowledges receiving this one; only then can it give way."""
+    """Return whether another vehicle acknowledges this vehicle's state; only then can it give way."""
     return state.task.uav in other.state.hears
 
 
@@ -187,7 +187,7 @@ def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory])
 def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
     """Return whether two vehicles that are already too close get no closer.
 
-    Their routes then count as clear; otherwise both vehicles would hold for ever.
+    The routes of such vehicles count as clear; otherwise both vehicles would hold for ever.
     """
     here, there = path.at(path.times_s[0]), other.at(path.times_s[0])
     at = closest(path, other, limits)
@@ -209,7 +209,7 @@ def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float 
 
 
 def _passes_silent(state: AgentState) -> bool:
-    """Return whether the route passes the last position of a silent vehicle that was given way."""
+    """Return whether the route passes the last position of a silent vehicle in `gave_way_to`."""
     own, limits = own_trajectory(state, SILENT_S), state.task.separation.limits
     return own is not None and any(
         intervals(own, there, limits) for there in silent_neighbours(state).values()
@@ -263,7 +263,7 @@ def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:
 
 def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if state.task.separation.action == "none":
-        return " [alarm]"
+        return "; evasive action is turned off [alarm]"
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):

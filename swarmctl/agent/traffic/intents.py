@@ -32,23 +32,26 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan
 
-EVERY_S = 5.0
+REPEAT_EVERY_S = 5.0
 """Interval between intents without a change [s]."""
 MIN_INTERVAL_S = 1.0
 """Least interval while the vehicle is off its announced position [s]."""
-DRIFT_S, DRIFT_M = 1.0, 3.0
-"""Limits of the error on a plan: the distance flown in this time [s] or this distance [m], whichever is
-greater."""
+TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
+"""Tolerance of the announced position: the distance flown in TOLERANCE_S, but at least TOLERANCE_M."""
 MAX_AGE_S = 20.0
-"""Greatest age of an intent in use [s]. At this age four intents in a row are lost, or the sender is."""
+"""Greatest age of an intent in use [s], for example after the loss of four intents in a row."""
 HOLD_DURATION_S = 30.0
 """Duration of the announced hold [s]."""
-LAST_POSITION_S, MAX_UNCERTAINTY_M = 180.0, 60.0
-"""For a vehicle without a position: the time for which the last one is announced [s], and its greatest
-uncertainty [m]. Such a vehicle soon stops, lands or returns."""
-AT_HOME_M, AT_LANDING_M = 5.0, 2.0
-"""Horizontal distances within which a vehicle climbs or descends vertically: from home after take-off, and
-from its landing spot [m]."""
+LAST_POSITION_S = 180.0
+"""Time for which a vehicle without a position announces its last position [s]; such a vehicle soon stops,
+lands or returns."""
+MAX_UNCERTAINTY_M = 60.0
+"""Greatest horizontal uncertainty of an announced position [m]."""
+AT_HOME_M = 5.0
+"""Horizontal distance from home within which a vehicle climbs vertically after take-off [m]."""
+AT_LANDING_M = 2.0
+"""Horizontal distance from the landing spot within which a vehicle at cruise height descends vertically [m];
+below the cruise height this distance is AT_HOME_M."""
 
 
 def share_intent(state: AgentState) -> StepResult:
@@ -59,7 +62,7 @@ def share_intent(state: AgentState) -> StepResult:
     if not (state.ended or state.phase in IN_FLIGHT or state.phase is Phase.LAUNCHING):
         return state, []
     since_s = now_s - state.intent_sent_boot_s
-    is_due = not 0.0 <= since_s < EVERY_S or state.ended
+    is_due = not 0.0 <= since_s < REPEAT_EVERY_S or state.ended
     if not is_due and (since_s < MIN_INTERVAL_S or not _is_off_intent(state)):
         return state, []
     return publish_intent(state, None if state.ended else planned_flight(state))
@@ -106,7 +109,7 @@ def _is_off_intent(state: AgentState) -> bool:
     at = intent.at(state.vehicle.time_boot_s)
     if at is None:
         return state.phase in IN_FLIGHT
-    tolerance_m = max(DRIFT_M, DRIFT_S * state.vehicle.ground_speed_m_s)
+    tolerance_m = max(TOLERANCE_M, TOLERANCE_S * state.vehicle.ground_speed_m_s)
     limits = state.task.separation.limits
     return math.dist(at[:2], here[:2]) > tolerance_m or abs(at[2] - here[2]) > limits.vertical_m
 
@@ -173,7 +176,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
 def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
     """Return a flight by the vehicle's clock, with heights above the sea.
 
-    The given flight begins at 0 s and has heights above home.
+    The given flight begins at 0 s and has heights above home. The result is None if the heights are unknown.
     """
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
@@ -255,8 +258,8 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
         flight = _received_flight(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:
-            # Heights separate routes but not landings. So collision avoidance handles a landing that can
-            # still change. A vehicle that lands or is about to land has priority: its landing counts.
+            # Heights separate routes but not landings. So `collision_avoidance` handles a landing that can
+            # still change. The landing of a vehicle that cannot change its plan counts here.
             flight = until_landing(flight) if intent.may_change else flight
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a greater one comes from a false sender

@@ -5,14 +5,14 @@ Vehicles with the same goal arrive at different heights, and a landing descends 
 
 | the other vehicle | priority |
 |---|---|
-| en route to the goal | this vehicle lands; the other one gives way (`route_deconfliction`) |
-| over the goal, lower | the other vehicle lands; this one waits |
-| over the goal, higher | this vehicle lands; the other one waits |
-| over the goal, same height within 1 m | the lower system id lands; the higher one waits |
+| en route to the goal | this vehicle lands; the other vehicle gives way (`route_deconfliction`) |
+| over the goal, lower | the other vehicle lands; this vehicle waits |
+| over the goal, higher | this vehicle lands; the other vehicle waits |
+| over the goal, same height within 1 m | the lower system id lands; the higher system id waits |
 
-A vehicle never waits for a higher one, so no two wait for each other. Below 5 m no wait begins. An urgent
-failsafe prevents or ends a wait. While the link is lost, the queue decides nothing. A fixed wing does not
-wait, because it cannot hover.
+By these rules no two vehicles wait for each other. Below 5 m no wait begins. An urgent failsafe prevents or
+ends a wait. While the link is lost, the queue does nothing. A fixed wing does not wait, because it cannot
+hover.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ CHECK_EVERY_S = 0.2
 WAIT_WITHIN_S = 15.0
 """Time within which a conflict causes a wait [s]; a later conflict may still change."""
 MIN_WAIT_S = 3.0
-"""Shortest wait [s]; after it the vehicle stands, and other vehicles have its intent."""
+"""Shortest wait [s], until the vehicle stands still and other vehicles have its intent."""
 CLEAR_FOR_S = 20.0
 """Time for which the descent has to be clear before the vehicle lands [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
@@ -59,8 +59,8 @@ STARTS_AFTER_S = (0.0, 2.0, 4.0)
 AT_PLACE_M = 1.0
 """Horizontal distance from the landing spot within which the vehicle lands where it is [m]."""
 MIN_HEIGHT_M = 5.0
-"""Height above home below which a vehicle lands in any case [m]."""
-STOPS_BEFORE_S = 3.0
+"""Height above home below which a vehicle lands without waiting [m]."""
+HOLD_BEFORE_DESCENT_S = 3.0
 """Time before the descent at which the hold is ordered [s]: near the landing spot, but still at height."""
 SAME_HEIGHT_M = 1.0
 """Difference in height below which the system id decides [m]."""
@@ -142,9 +142,9 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     others = _others(state)
     below = {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
     lands_s = landing_start_s(flight)
-    # Until shortly before the descent only conflicts of the level flight count. For a conflict of the descent
-    # the vehicle stops later, near its landing spot.
-    until_s = lands_s if lands_s > now_s + STOPS_BEFORE_S else math.inf
+    # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
+    # descent, the vehicle stops later, near its landing spot.
+    until_s = lands_s if lands_s > now_s + HOLD_BEFORE_DESCENT_S else math.inf
     clashes = [
         clash
         for clash in clashes_with(flight, below, state.task.separation.limits)
@@ -201,7 +201,7 @@ def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
 
 
 def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourIntent) -> bool:
-    """Return whether this vehicle waits for another: it is higher, or level with the higher system id."""
+    """Return whether this vehicle is higher than another, or as high and has the higher system id."""
     above_m = here[2] - _height_now_m(state, intent)
     return above_m > SAME_HEIGHT_M or (above_m >= -SAME_HEIGHT_M and state.task.uav > uav)
 

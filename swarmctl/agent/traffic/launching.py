@@ -5,7 +5,7 @@ The first route is checked three times, because preflight checks between them ta
 | check | conflict found |
 |---|---|
 | when the launch is ordered | waits up to 180 s, then the launch is cancelled |
-| before arming | waits on, within the same 180 s |
+| before arming | continues to wait, within the same 180 s |
 | before take-off | disarms; the launch is cancelled and needs a new order |
 """
 
@@ -27,7 +27,7 @@ from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 
 MAX_LAUNCH_WAIT_S = 180.0
-"""Longest wait on the ground [s]; then the launch is cancelled."""
+"""Longest wait on the ground before the launch is cancelled [s]."""
 STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
 """Start times checked, from now [s]: arming takes some seconds, and the climb may be faster or slower."""
 
@@ -68,7 +68,7 @@ def launch_conflict(state: AgentState) -> str:
 
 
 def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
-    """Wait on the ground again, or cancel the launch of an armed vehicle: one order arms it only once."""
+    """Wait on the ground again, or cancel the launch after arming, because an order arms only once."""
     if state.phase is not Phase.LAUNCHING or state.ordered is not ev.FlightOrder.LAUNCH:
         return state, []
     if event.was_armed:
@@ -102,7 +102,7 @@ def cancel_launch(state: AgentState, why: str) -> StepResult:
 
 
 def _stand_by(state: AgentState) -> StepResult:
-    """Go back to standby, and withdraw the intent if one was sent."""
+    """Put the vehicle on standby, and withdraw its intent."""
     state = replace(state, phase=Phase.STANDBY, armed_seen=False, launched_boot_s=None)
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 

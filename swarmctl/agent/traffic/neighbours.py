@@ -19,13 +19,13 @@ MARGIN_M_S = 5.0
 
 
 def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
-    """Return whether a state matters: nearby, returning, or arriving at the same time."""
+    """Return whether to receive a state: the vehicle is near or returns, or arrivals are simultaneous."""
     is_returning = other.returns_to is not None or uav in state.returning_neighbours
     return is_returning or state.task.arrival_group is not None or is_near(state, other)
 
 
 def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> StepResult:
-    """Store the states of nearby vehicles, of returning vehicles, and the arrival times."""
+    """Store the states of nearby and returning vehicles, and the arrival times."""
     now_s = state.vehicle.time_boot_s
     reports = {uav: NeighbourReport(shared, now_s - shared.age_s) for uav, shared in event.states}
     kept = {
@@ -37,7 +37,7 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
 
 
 def is_near(state: AgentState, other: StateShared) -> bool:
-    """Return whether another vehicle is near enough to come too close within the look-ahead time."""
+    """Return whether another vehicle may come too close within the look-ahead time."""
     vehicle, rules = state.vehicle, state.task.separation
     if vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False

@@ -58,7 +58,7 @@ def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[Local
     best, nearest_m = 0, math.dist(track[0][:2], here[:2])
     for i in range(1, len(track)):
         away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
-        if away_m < nearest_m - 1e-6:  # of two equally near legs the first, so a corner is still ahead
+        if away_m < nearest_m - 1e-6:  # the first of equally near legs, so a corner is still ahead
             best, nearest_m = i, away_m
     return track[best:]
 
@@ -100,7 +100,7 @@ def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
 
 
 def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
-    """Return another vehicle's extrapolated trajectory; None on the ground, and if its state is too old."""
+    """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state too old."""
     reported, now_s = report.state, state.vehicle.time_boot_s
     if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
         return None

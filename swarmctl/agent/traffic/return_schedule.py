@@ -1,8 +1,8 @@
-"""Schedule of returns: start times for recalled vehicles, so that no two conflict. Pure.
+"""Schedule of returns: start times for recalled vehicles, so that no two vehicles conflict. Pure.
 
 A vehicle holds at its position and height until its start. Then it climbs, flies straight home and lands. The
-climb is a parameter of the firmware, and the speed is uncertain. So the vehicle may be anywhere between a
-fast and a slow return, and moving vehicles are separated over ground at every height.
+climb is a parameter of the firmware, and the speed is uncertain. So the vehicle may be anywhere between the
+positions of a fast and of a slow return. Moving vehicles are separated over ground at every height.
 
 Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the recall [s].
 """
@@ -31,9 +31,11 @@ STEP_S = 2.0
 FASTER, SLOWER = 1.25, 0.5
 """Factors on the expected ground speed, for wind and for the parameters of the return."""
 REACTS_WITHIN_S = 10.0
+"""Longest time from the start of the return to the climb [s]."""
 CLIMBS_TO_M = 60.0
 """Greatest return height above home [m]: PX4's default RTL_RETURN_ALT, more than ArduCopter's RTL_ALT."""
 CLIMB_M_S = 1.5
+"""Least climb rate [m/s]."""
 SILENT_S = 10.0
 """Shortest silence after which a returning vehicle may count as landed [s]."""
 SINK_M_S = 0.8
@@ -59,15 +61,18 @@ class ReturningVehicle:
     """True if the vehicle already returns; it gets no start time"""
 
     @property
-    def way_m(self) -> float:
+    def home_distance_m(self) -> float:
+        """Distance home over ground [m]."""
         return math.dist(self.here, self.home)
 
     @property
     def direction(self) -> PlanarPoint:
         """Unit vector towards home; arbitrary at home."""
-        if self.way_m == 0.0:
+        if self.home_distance_m == 0.0:
             return 1.0, 0.0
-        return (self.home[0] - self.here[0]) / self.way_m, (self.home[1] - self.here[1]) / self.way_m
+        return (self.home[0] - self.here[0]) / self.home_distance_m, (
+            self.home[1] - self.here[1]
+        ) / self.home_distance_m
 
     @property
     def top_amsl_m(self) -> float:
@@ -83,7 +88,7 @@ class ReturningVehicle:
     def takes_s(self) -> float:
         """Longest time until the vehicle has landed [s]."""
         sinks_m = self.top_amsl_m - self.home_alt_amsl_m
-        return self.departs_within_s + self.way_m / (SLOWER * self.speed_m_s) + sinks_m / SINK_M_S
+        return self.departs_within_s + self.home_distance_m / (SLOWER * self.speed_m_s) + sinks_m / SINK_M_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +100,8 @@ class ReturnSchedule:
     down_s: float
     """latest landing [s]"""
     height_only: tuple[tuple[int, int], ...] = ()
-    """pairs separated by height alone: the first vehicle passes over or under the second one in hold, and no
-    order of starts avoids this"""
+    """pairs separated by height alone: the first vehicle passes over or under the second vehicle in hold, and
+    no order of starts avoids this"""
 
 
 def schedule_returns(
@@ -108,7 +113,7 @@ def schedule_returns(
     """
 
     begins = {vehicle: 0 for vehicle in vehicles if vehicle.is_returning}
-    waiting = sorted((c for c in vehicles if not c.is_returning), key=lambda c: (c.way_m, c.uav))
+    waiting = sorted((c for c in vehicles if not c.is_returning), key=lambda c: (c.home_distance_m, c.uav))
     passes = {
         mover: [h for h in waiting if h is not mover and _passes(mover, h, horizontal_m, vertical_m)]
         for mover in (*begins, *waiting)
@@ -126,7 +131,7 @@ def schedule_returns(
         for mover in passed_by[nearest]:
             if mover in in_the_way:
                 in_the_way[mover] -= 1
-        # All vehicles on its path must have left.
+        # All vehicles on the path of `nearest` must have left.
         from_step = max((begins[other] for other in passes[nearest] if other in begins), default=0)
         begins[nearest] = _first_turn(nearest, begins, from_step, horizontal_m)
     order = sorted(begins, key=lambda c: (begins[c], c.uav))
@@ -176,8 +181,8 @@ def is_plausible(place: VehiclePosition) -> bool:
 def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
     """Return the position of a vehicle that returns or waits to return, from its broadcast state.
 
-    Speed and separation are those of `own`, and so is the height of home if the state has no height above the
-    sea. None if the state has no home, or is implausible.
+    Speed and separation come from `own`. If the state has no height above the sea, the height of home also
+    comes from `own`. The result is None if the state has no home, or is implausible.
     """
     if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
         return None
@@ -245,10 +250,10 @@ def _passes(
 
 
 def _conflicting_delays(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: float) -> Steps:
-    """Return the delays [steps] of the start of `other` after that of `one` at which both conflict.
+    """Return the delays [steps] of the start of `other` after the start of `one` at which both conflict.
 
-    The pairs of positions that are too close form a convex set. So the part of the path of `other` that is
-    too close to a piece of the path of `one` is a single piece.
+    The pairs of positions that are too close form a convex set. So for each piece of the path of `one`, a
+    single piece of the path of `other` is too close.
     """
     low_m, high_m = _near(one, other, *_reach(one), horizontal_m)
     first_m, last_m = _reach(other)
@@ -265,10 +270,10 @@ def _conflicting_delays(one: ReturningVehicle, other: ReturningVehicle, horizont
 def _near(
     one: ReturningVehicle, other: ReturningVehicle, first_m: Floats, last_m: Floats, horizontal_m: float
 ) -> tuple[Floats, Floats]:
-    """Return the piece of the path of `other`, from and to (steps,) [m], too close to the path of `one`.
+    """Return the ends of the piece of the path of `other` that is too close to `one` in each step [m].
 
-    The piece of the path of `one` reaches from `first_m` to `last_m` (steps,). The result is empty if "to" is
-    less than "from".
+    Both arrays have the shape (steps,). In each step, `one` is between `first_m` and `last_m` (steps,) of its
+    path. A piece with its second end before its first end is empty.
     """
     (ue, un), (ve, vn) = one.direction, other.direction
     east_m, north_m = one.here[0] - other.here[0], one.here[1] - other.here[1]
@@ -297,8 +302,8 @@ def _near(
 
 
 def _reach(vehicle: ReturningVehicle) -> tuple[Floats, Floats]:
-    """Return the piece of the path, from and to (steps,) [m], possible in each step of the return."""
+    """Return the least and the greatest distance from the start (steps,) [m] in each step of the return."""
     begin_s = np.arange(0.0, vehicle.takes_s, STEP_S)
     slow_m = SLOWER * vehicle.speed_m_s * (begin_s - vehicle.departs_within_s)
     fast_m = FASTER * vehicle.speed_m_s * (begin_s + STEP_S)
-    return np.clip(slow_m, 0.0, vehicle.way_m), np.clip(fast_m, 0.0, vehicle.way_m)
+    return np.clip(slow_m, 0.0, vehicle.home_distance_m), np.clip(fast_m, 0.0, vehicle.home_distance_m)

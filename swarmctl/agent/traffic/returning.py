@@ -4,11 +4,11 @@ Vehicles broadcast their returns, and their holds before a return.
 
 | situation | rule |
 |---|---|
-| one returns, one waits | the returning vehicle is first |
-| both wait | the lower system id is first |
-| both started at the same time | the lower system id is first; within 5 s the higher one holds again |
+| one vehicle returns, another waits | the returning vehicle is first |
+| two vehicles wait | the lower system id is first |
+| two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | urgent return (very low battery) | starts at once; other returns are scheduled around it |
-| waited for 120 s | returns in any case, the lower system ids up to 60 s earlier, 10 s apart |
+| a vehicle has waited for 120 s | returns in any case; lower system ids up to 60 s earlier, 10 s apart |
 """
 
 from __future__ import annotations
@@ -31,17 +31,18 @@ from swarmctl.core.messages import MAX_AFTER_S
 
 MAX_RETURN_WAIT_S = 120.0
 """Longest wait for a clear path [s]; an interrupted return does not extend it."""
-STAGGER_S, MAX_STAGGERED = 10.0, 6
-"""At the end of their waits vehicles start this time apart [s], the lowest system id first; at most this many
-vehicles start early."""
+STAGGER_S = 10.0
+"""Time between starts at the end of the longest wait [s], the lowest system id first."""
+MAX_STAGGERED = 6
+"""Greatest number of steps of STAGGER_S by which a vehicle starts early."""
 CHECK_EVERY_S = 1.0
 """Interval between checks of the return path [s]."""
-SETTLES_S = 5.0
+SETTLING_S = 5.0
 """Time after the start of a return in which the vehicle gives way to a simultaneous start [s]."""
 CLIMBED_SHARE = 0.9
 """Share of the cruise altitude above which a fixed wing has finished its take-off."""
 MAX_WAITING_AGE_S = 5.0
-"""Silence after which a waiting vehicle no longer counts [s]; a returning one counts for longer
+"""Silence after which a waiting vehicle no longer counts [s]; a returning vehicle counts for longer
 (`may_be_returning`)."""
 
 NOT_WAITING: dict[str, Any] = {
@@ -55,7 +56,7 @@ NOT_WAITING: dict[str, Any] = {
 def return_target(state: AgentState) -> LatLon | None:
     """Return the home of a vehicle that returns or waits to return, also after a release.
 
-    None for any other vehicle, and if home is unknown.
+    The result is None for any other vehicle, and if home is unknown.
     """
     vehicle = state.vehicle
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None:
@@ -73,7 +74,7 @@ def return_target(state: AgentState) -> LatLon | None:
 
 
 def _returns_on_lost_link(state: AgentState) -> bool:
-    """Return whether the vehicle returns by itself on a lost link, by its parameters."""
+    """Return whether the vehicle's own failsafe returns it on a lost link."""
     return any(isinstance(r.params, lost_link.Params) and r.params.does == "return" for r in state.task.rules)
 
 
@@ -92,7 +93,7 @@ def note_returning(state: AgentState, states: Mapping[int, NeighbourReport]) -> 
 def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepResult | None:
     """Hold until the return path is clear, at most until `until_s`; `changes` are further fields.
 
-    None if the path is clear already, or if the vehicle cannot hold.
+    Return None if the path is clear already, or if the vehicle cannot hold.
     """
     if _takes_off(state) or is_return_path_clear(state):
         return None
@@ -107,7 +108,7 @@ def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepRes
 
 
 def _takes_off(state: AgentState) -> bool:
-    """Return whether a fixed wing still climbs after take-off: it would circle too low in hold."""
+    """Return whether a fixed wing still climbs after take-off, and would circle too low in hold."""
     wings, up_m = state.task.wings, state.vehicle.alt_rel_m
     if wings is None or up_m is None:
         return False
@@ -166,7 +167,7 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
 def _settle(state: AgentState, since_s: float) -> StepResult:
     """Hold again if a vehicle with a lower system id started its return at the same time."""
     now_s = state.vehicle.time_boot_s
-    if not 0.0 <= now_s - since_s < SETTLES_S or now_s >= state.return_deadline_boot_s:
+    if not 0.0 <= now_s - since_s < SETTLING_S or now_s >= state.return_deadline_boot_s:
         return replace(state, return_started_boot_s=None), []
     if urgent_return_reason(state):
         return state, []
@@ -184,7 +185,7 @@ def _settle(state: AgentState, since_s: float) -> StepResult:
 def is_return_path_clear(state: AgentState) -> bool:
     """Return whether the return path is clear of vehicles that return or have priority in the queue.
 
-    True without a position: a vehicle of unknown position does not wait.
+    The result is True without a position: a vehicle of unknown position does not wait.
     """
     own, now_s = place_for_return(state), state.vehicle.time_boot_s
     if own is None:

@@ -8,10 +8,10 @@ A new plan is compared with the intents of all other vehicles before it is uploa
 | conflicts, but another height is clear | is taken at the lowest clear height |
 | conflicts at every height | is deferred: the vehicle keeps its plan, or holds if a conflict is near |
 
-Two plans can still conflict if both were taken at the same time, or if times have shifted. Both vehicles then
-know the same two flights and apply the same rule, without a message. A vehicle that cannot change its plan
-has priority, otherwise the lower system id (`separation.watch.gives_way_to`). The vehicle without priority
-plans again, and compares its new plan with all intents as above.
+Two plans can still conflict if both were taken at the same time, or if times have shifted. Both vehicles
+compare the same two flights by the same rule, without a message. A vehicle that cannot change its plan has
+priority, otherwise the lower system id (`separation.watch.gives_way_to`). The vehicle without priority plans
+again, and compares its new plan with all intents as above.
 """
 
 from __future__ import annotations
@@ -43,16 +43,18 @@ from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourInte
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 
-AGAIN_S, AGAIN_SOON_S = 5.0, 1.0
-"""Time until a deferred plan is tried again [s]: usually, and if the present plan has a conflict soon."""
+RETRY_S = 5.0
+"""Time until a deferred plan is tried again [s]."""
+RETRY_SOON_S = 1.0
+"""Time until a deferred plan is tried again [s], if the present plan has a conflict soon."""
 HOLDS_WITHIN_S = 20.0
-"""Time before a conflict at which a vehicle without a clear plan holds [s]; until then it flies on."""
+"""Time before a conflict at which a vehicle without a clear plan holds [s]."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 BETTER_BY = 0.3
 """Share of the limits by which a plan that comes too close has to be better than the present one."""
 MAX_HEIGHTS = 8
-"""Number of heights tried."""
+"""Greatest number of heights tried."""
 
 
 def clashes_of(
@@ -272,7 +274,7 @@ def _defer(
     )
     old = [clash for clash in clashes_of(state, planned_flight(before)) if _gives_way(before, clash.other)]
     near_s = old[0].at_s - state.vehicle.time_boot_s if old else HOLDS_WITHIN_S
-    again_s = AGAIN_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else AGAIN_S
+    again_s = RETRY_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else RETRY_S
     state = replace(state, retry_at_s=now + again_s)
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
     reaction = "holds [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
@@ -301,7 +303,7 @@ def _may_hold(state: AgentState) -> bool:
 
 
 def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
-    """Hold as in collision avoidance, and try the plan again after AGAIN_S."""
+    """Hold as in collision avoidance, and try the plan again after RETRY_S."""
     now_s = state.vehicle.time_boot_s
     state, ordered = command(
         state,
@@ -311,7 +313,7 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
         dirty=False,
         retry_at_s=0.0,
         n_holds=state.n_holds + (state.ordered is not ev.FlightOrder.HOLD),
-        resume_earliest_boot_s=now_s + AGAIN_S,
+        resume_earliest_boot_s=now_s + RETRY_S,
         holding_since_boot_s=min(state.holding_since_boot_s, now_s),
         predicted_conflicts=frozenset(),
     )
@@ -323,7 +325,10 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
 
 
 def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
-    """Return the heights above home to try, lowest first: the task's, and just above each other vehicle."""
+    """Return the heights above home to try [m], lowest first.
+
+    The heights are the task's altitude, and heights just above the present plan and each other vehicle.
+    """
     task, vehicle = state.task, state.vehicle
     flown_m = plan.height_m
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:

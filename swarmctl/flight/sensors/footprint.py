@@ -14,14 +14,14 @@ from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.vehicle import Landed, VehicleState
 
 SEES_ABOVE_M = 2.0
-"""height above home from which the sensor observes"""
+"""height above home from which the sensor observes [m]"""
 
 
 class Footprint:
-    """One vehicle's sensor. It observes once at each entry into a cell, inside or beside the area.
+    """One vehicle's sensor, with one observation at each entry into a cell, inside or beside the area.
 
     The sensor does not observe again over the same cell. The model assumes independent errors, and a repeated
-    observation would have the error of the first.
+    observation would have the same error.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Footprint:
     def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
         """Return (row, col, occupied) of the cells in sight.
 
-        Empty on the ground, far outside, or while the vehicle is over the same cell as before.
+        The result is empty on the ground, far outside, or while the vehicle is over the same cell as before.
         """
         if vehicle.lat_deg is None or vehicle.lon_deg is None or not vehicle.armed:
             return ()

@@ -1,4 +1,4 @@
-"""Closest approach of two flights. It is exact, because both are straight between two points in time."""
+"""Closest approach of two flights, exact because flights are straight between their points."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def nearest(a: Segment, b: Segment) -> Approach | None:
 
 
 def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float, float], ...]:
-    """Return the times when the two are too close: (from, until) [s], in order, touching ones joined."""
+    """Return the intervals in which two flights are too close: (from, until) [s], in order, joined."""
     merged: list[tuple[float, float]] = []
     for part in _together(a, b):
         found = _too_close(part, limits)
@@ -86,7 +86,7 @@ def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float
 
 
 def too_close(a: Segment, b: Segment, limits: Limits) -> tuple[float, float] | None:
-    """Return the time when the two are too close: (from, until) [s]; None if they never are."""
+    """Return the interval in which two segments are too close: (from, until) [s]; None if they never are."""
     part = _relative(a, b)
     return None if part is None else _too_close(part, limits)
 
@@ -167,6 +167,6 @@ def _roots(a: float, b: float, c: float) -> list[float]:
     discriminant = b * b - 4.0 * a * c
     if discriminant < 0.0:
         return []
-    # Both roots follow from q, which is no difference of nearly equal numbers.
+    # Computing both roots from q avoids a difference of nearly equal numbers.
     q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
     return [q / a, c / q] if q != 0.0 else [0.0]

@@ -1,8 +1,8 @@
 """Clashes: conflicts between planned flights, with a tolerance in time.
 
-Two flights clash if `a` at some time and `b` at another, at most `tolerance_s` apart, are closer than both
-limits. While both fly straight, those pairs of times form a convex polygon. The relative positions form one
-too, so the distance of that polygon from the origin is exact.
+Two flights clash if a position of each is closer to the other than both limits, at times that differ by at
+most `tolerance_s`. For two straight segments, the allowed pairs of times form a convex polygon. The relative
+positions at those times also form a convex polygon, so its distance from the origin is exact.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ HEIGHT_TOLERANCE_M = 0.3
 Boxes = NDArray[np.float64]
 """(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest"""
 _Times = tuple[float, float]
-"""(time of the first vehicle, time of the second) [s]"""
+"""(time of the first vehicle, time of the second vehicle) [s]"""
 _DIRECTIONS = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))
 """eight unit vectors"""
 
@@ -92,7 +92,7 @@ def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, tolerance_s: float) 
 
 
 def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:
-    """Return the approximate time at which `a` is first too close to `b` [s]; None if it never is."""
+    """Return the approximate time at which `a` is first too close to `b` [s]; None without a clash."""
     va, vb = _velocity(a), _velocity(b)
 
     def apart(times: _Times, axis: int) -> float:
@@ -126,7 +126,8 @@ def _velocity(segment: Segment) -> tuple[float, float, float]:
 
 
 def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> list[_Times]:
-    """Return the part of a convex polygon where a linear function, given at its corners, is not negative."""
+    """Return the part of a convex polygon in which a linear function is not negative; `inside` has the
+    function's values at the corners."""
     kept: list[_Times] = []
     for i, corner in enumerate(corners):
         before, value, last = corners[i - 1], inside[i], inside[i - 1]

@@ -25,7 +25,7 @@ class PairConflict:
 def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairConflict, ...]:
     """Return all pairs in conflict at some time, soonest first.
 
-    A sweep over time and bounding boxes selects the pairs to compute: those that are near at one time.
+    A sweep over time and bounding boxes selects the pairs that are near at the same time.
     """
     found = []
     for uav, other in sorted(_near_pairs(flights, limits)):
@@ -38,7 +38,7 @@ def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairCo
 
 @dataclass(frozen=True, slots=True)
 class CrossingCounts:
-    """Number of pairs of flights that cross over ground at one time."""
+    """Number of pairs of flights that cross over ground at the same time."""
 
     predicted: int
     by_height: int
@@ -51,7 +51,7 @@ def count_crossings(flights: Mapping[int, Trajectory], limits: Limits) -> Crossi
 
 
 def _near_pairs(flights: Mapping[int, Trajectory], limits: Limits) -> set[tuple[int, int]]:
-    """Return the pairs with segments at one time whose boxes are within the limits of each other."""
+    """Return the pairs that have segments at the same time, with boxes within the limits of each other."""
     segments = [(segment, uav) for uav, flight in flights.items() for segment in flight.segments()]
     segments.sort(key=lambda item: (item[0].begin_s, item[1]))
     pairs: set[tuple[int, int]] = set()

@@ -23,6 +23,7 @@ class _Track:
     last_s: float
     here: LocalPoint
     row: int
+    """index of the vehicle in the arrays of `FlownSeparation`"""
     segments: deque[Segment] = field(default_factory=deque)
     """last segments, in order"""
     lengths_m: deque[float] = field(default_factory=deque)

@@ -30,7 +30,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A vehicle's flight from `times_s[0]` to `times_s[-1]`, outside of which it has no conflicts."""
+    """A vehicle's flight from `times_s[0]` to `times_s[-1]`. At other times the vehicle has no conflicts."""
 
     times_s: tuple[float, ...]
     """strictly increasing"""
@@ -60,7 +60,7 @@ class Trajectory:
         return Segment(self.times_s[i - 1], self.times_s[i], self.points[i - 1], self.points[i]).at(t_s)
 
     def since(self, t_s: float) -> Trajectory | None:
-        """Return the part after a time; None if the flight is over by then."""
+        """Return the part after `t_s`; None if the flight has ended before `t_s`."""
         at = self.at(t_s)
         if at is None:
             return self if self.times_s and t_s < self.times_s[0] else None
@@ -108,7 +108,7 @@ def until_landing(flight: Trajectory) -> Trajectory:
 
 
 def landing_start_s(flight: Trajectory) -> float:
-    """Return the start of the final vertical descent; the end of the flight if there is none."""
+    """Return the start of the final vertical descent [s], or the end of a flight without such a descent."""
     return flight.times_s[_n_before_landing(flight) - 1]
 
 

@@ -110,7 +110,7 @@ def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
 
 
 def gives_way_by_id(uav: int, other: int) -> bool:
-    """Return whether `uav` gives way to `other` by system id: the higher one does."""
+    """Return whether `uav` gives way to `other` by system id: the higher system id gives way."""
     return uav > other
 
 
@@ -119,7 +119,7 @@ Priority = tuple[bool, int]
 
 
 def gives_way_to(one: Priority, other: Priority) -> bool:
-    """Return whether `one` gives way to `other`. If either can change its plan, exactly one gives way.
+    """Return whether `one` gives way to `other`.
 
     | able to change: one, other | gives way |
     |---|---|
