@@ -6,17 +6,16 @@ from sim_vehicle.physics.motion import YAW_RATE_RAD_S, MotionOrder
 from sim_vehicle.physics.world import World
 
 MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
-# Limits of the values that the equations of motion support.
-SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
-YAW_RATES_RAD_S = (math.radians(1.0), YAW_RATE_RAD_S)
-BANKS_RAD = (math.radians(5.0), math.radians(75.0))
+# (lowest, highest) value that the equations of motion support.
+SPEED_RANGE_M_S, ACCELERATION_RANGE_M_S2, RADIUS_RANGE_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
+YAW_RATE_RANGE_RAD_S = (math.radians(1.0), YAW_RATE_RAD_S)
+BANK_RANGE_RAD = (math.radians(5.0), math.radians(75.0))
 MAX_WIND_M_S = 100.0
-STALLS_M_S = (2.0, 50.0)
-CAPACITIES_MAH, VOLTAGES_V = (1.0, 1e6), (1.0, 1000.0)
+STALL_RANGE_M_S = (2.0, 50.0)
+CAPACITY_RANGE_MAH, VOLTAGE_RANGE_V = (1.0, 1e6), (1.0, 1000.0)
 
 
 def _finite(*numbers: float) -> bool:
-    """Return True if all numbers are finite; commands with other numbers are ignored."""
     return all(map(math.isfinite, numbers))
 
 
@@ -118,7 +117,7 @@ class Body:
         return float(self._world.batteries.remaining[self._index])
 
     def take_touchdown_m_s(self) -> float:
-        """Return the speed of a ground contact since the last call [m/s], 0 without one."""
+        """Return the speed of a touchdown since the last call [m/s]; 0: no touchdown."""
         speed = float(self._motion.touchdown_m_s[self._index])
         self._motion.touchdown_m_s[self._index] = 0.0
         return speed
@@ -173,7 +172,7 @@ class Body:
         self._begin(MotionOrder.POSITION)
 
     def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:
-        """Circle around a point, clockwise for a positive radius [m]; None or 0: the loiter radius."""
+        """Circle around a point, clockwise if `radius_m` is positive; None or 0: the default radius."""
         i, motion = self._index, self._motion
         if not _finite(east_m, north_m, up_m):
             return
@@ -196,7 +195,7 @@ class Body:
         self._begin(MotionOrder.GLIDE)
 
     def stop(self) -> None:
-        """Brake and hold the position and altitude at the end of braking; a plane circles here."""
+        """Brake, then hold position and altitude; a plane circles around its present position."""
         i, motion = self._index, self._motion
         east, north, up = self.position_m
         velocity = self.velocity_m_s
@@ -240,7 +239,7 @@ class Body:
         yaw_rad: float | None = None,
         yaw_rate_rad_s: float | None = None,
     ) -> None:
-        """Tilt a copter for an acceleration east, north [m/s2] by thrust; drag is not compensated."""
+        """Tilt a copter so that its thrust accelerates it east, north [m/s2]; drag is not compensated."""
         i, motion = self._index, self._motion
         if not _finite(*acceleration_m_s2, climb_m_s):
             return
@@ -252,18 +251,18 @@ class Body:
         self._turn(yaw_rad, yaw_rate_rad_s)
 
     def move_vertically(self, rate_m_s: float) -> None:
-        """Climb (positive) or sink at a rate [m/s] over the target; a plane follows its leg or circle."""
+        """Climb (positive rate) or sink over the target; a plane follows its leg or circle."""
         if _finite(rate_m_s):
             self._motion.order[self._index] = MotionOrder.RATE
             self._motion.rate_m_s[self._index] = rate_m_s
 
     def face(self, heading_rad: float | None, rate_rad_s: float | None = None) -> None:
-        """Turn a copter to a heading (None, the default: along its legs), at most at a rate [rad/s]."""
+        """Turn a copter to a heading, at most at a rate; heading None: along its legs."""
         i, motion = self._index, self._motion
         motion.wanted_yaw_rate_rad_s[i] = 0.0
         motion.yaw_rate_limit_rad_s[i] = math.inf
-        motion.faces[i] = heading_rad is not None and math.isfinite(heading_rad)
-        if motion.faces[i]:
+        motion.heading_is_commanded[i] = heading_rad is not None and math.isfinite(heading_rad)
+        if motion.heading_is_commanded[i]:
             motion.wanted_heading_rad[i] = heading_rad
             if rate_rad_s is not None and rate_rad_s > 0:
                 motion.yaw_rate_limit_rad_s[i] = rate_rad_s
@@ -291,24 +290,24 @@ class Body:
         bank_limit_rad = None if bank_limit_deg is None else math.radians(bank_limit_deg)
         yaw_rate_rad_s = None if yaw_rate_deg_s is None else math.radians(yaw_rate_deg_s)
         for array, value, (lowest, highest) in (
-            (motion.speed_m_s, speed_m_s, SPEEDS_M_S),
-            (motion.climb_m_s, climb_m_s, SPEEDS_M_S),
-            (motion.descent_m_s, descent_m_s, SPEEDS_M_S),
-            (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATIONS_M_S2),
-            (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATIONS_M_S2),
-            (motion.radius_m, radius_m, RADII_M),
-            (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATES_RAD_S),
-            (motion.airspeed_min_m_s, airspeed_min_m_s, SPEEDS_M_S),
-            (motion.airspeed_max_m_s, airspeed_max_m_s, SPEEDS_M_S),
-            (motion.loiter_radius_m, loiter_radius_m, (-RADII_M[1], RADII_M[1])),
-            (motion.bank_limit_rad, bank_limit_rad, BANKS_RAD),
-            (motion.stall_m_s, stall_m_s, STALLS_M_S),
+            (motion.speed_m_s, speed_m_s, SPEED_RANGE_M_S),
+            (motion.climb_m_s, climb_m_s, SPEED_RANGE_M_S),
+            (motion.descent_m_s, descent_m_s, SPEED_RANGE_M_S),
+            (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATION_RANGE_M_S2),
+            (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATION_RANGE_M_S2),
+            (motion.radius_m, radius_m, RADIUS_RANGE_M),
+            (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATE_RANGE_RAD_S),
+            (motion.airspeed_min_m_s, airspeed_min_m_s, SPEED_RANGE_M_S),
+            (motion.airspeed_max_m_s, airspeed_max_m_s, SPEED_RANGE_M_S),
+            (motion.loiter_radius_m, loiter_radius_m, (-RADIUS_RANGE_M[1], RADIUS_RANGE_M[1])),
+            (motion.bank_limit_rad, bank_limit_rad, BANK_RANGE_RAD),
+            (motion.stall_m_s, stall_m_s, STALL_RANGE_M_S),
         ):
             if value is not None and math.isfinite(value):
                 array[i] = max(lowest, min(value, highest))
 
     def corner_speed_m_s(self, turn_rad: float) -> float:
-        """Return the speed for a corner within the waypoint radius and the acceleration limit [m/s]."""
+        """Return the highest speed at which a corner stays within the waypoint radius [m/s]."""
         i, motion = self._index, self._motion
         speed = float(motion.speed_m_s[i])
         widening = 1.0 / max(math.cos(min(turn_rad, math.pi - 1e-6) / 2), 1e-6) - 1.0
@@ -329,13 +328,13 @@ class Body:
         """
         i, batteries = self._index, self._world.batteries
         if capacity_mah > 0:
-            batteries.capacity_mah[i] = max(CAPACITIES_MAH[0], min(capacity_mah, CAPACITIES_MAH[1]))
-        batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
+            batteries.capacity_mah[i] = max(CAPACITY_RANGE_MAH[0], min(capacity_mah, CAPACITY_RANGE_MAH[1]))
+        batteries.full_v[i] = max(VOLTAGE_RANGE_V[0], min(full_v, VOLTAGE_RANGE_V[1]))
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
-        """Set the steady wind at this vehicle: speed up to MAX_WIND_M_S, origin direction [deg].
+        """Set the steady wind at this vehicle, at most MAX_WIND_M_S; speed None: the scenario's wind.
 
-        Speed None: the scenario's wind.
+        from_deg: direction of the wind's origin.
         """
         if speed_m_s is not None:
             speed_m_s = min(speed_m_s, MAX_WIND_M_S)
@@ -346,7 +345,7 @@ class Body:
     def _begin(self, order: int) -> None:
         self._motion.order[self._index] = order
         self._motion.reached[self._index] = False
-        if order == MotionOrder.POSITION and not self._motion.faces[self._index]:
+        if order == MotionOrder.POSITION and not self._motion.heading_is_commanded[self._index]:
             self._face_along()
 
     def _set_leg(self, start_east_m: float, start_north_m: float, east_m: float, north_m: float) -> None:

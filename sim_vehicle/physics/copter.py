@@ -1,9 +1,9 @@
 """Copter flight: arrays over the copters of the fleet; kinematic, with limits of acceleration and tilt.
 
-A copter follows the straight leg to its target: it pursues a point ahead on the leg. Horizontal and vertical
-accelerations are bounded. The copter brakes in time to pass the target at the allowed speed (0 to stop). The
-copter tilts to accelerate and to balance drag, up to a limit; a stronger wind carries the copter away. The
-autopilot compensates its estimate of the wind and reacts late to gusts.
+A copter follows the straight leg to its target by pursuing a point ahead on the leg. Horizontal and vertical
+accelerations are limited. The copter brakes in time to pass the target at the allowed speed (0 to stop). The
+copter tilts to accelerate and to balance drag. The tilt is limited, so a strong wind carries the copter away.
+The autopilot compensates its estimate of the wind and reacts late to gusts.
 """
 
 import numpy as np
@@ -22,12 +22,12 @@ from sim_vehicle.physics.motion import (
 
 TERMINAL_FALL_M_S = 15.0
 BRAKING_SHARE = 0.7  # share of the acceleration limit planned for braking; the rest corrects the path
-POSITION_GAIN_HZ = 2.0  # speed per metre near a stopping point, where the square root would chatter
+POSITION_GAIN_HZ = 2.0  # speed per metre near a stopping point; the square root would oscillate there
 DRAG_PER_M = 0.016  # deceleration by drag [m/s2] per square of the airspeed [m2/s2]
 TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
 TILT_TIME_S = 0.15  # time constant of the attitude
-SPIN_RAD_S = TURN_RAD  # with one motor lost
-SPINNING_LIMIT_M_S2 = 0.5
+SPIN_RAD_S = TURN_RAD  # yaw rate with a lost motor
+SPINNING_LIMIT_M_S2 = 0.5  # horizontal acceleration limit with a lost motor
 MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # weight minus the lift of two motors of four
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
 HOVER_THROTTLE = 0.35
@@ -43,7 +43,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     air = m.velocity[:2, i] - m.wind.now[:, i]
     airspeed = np.hypot(air[0], air[1])
     drag = air * (airspeed * DRAG_PER_M)
-    known_air = m.velocity[:2, i] - m.wind.known[:, i]
+    known_air = m.velocity[:2, i] - m.wind.estimate[:, i]
     known_drag = known_air * (np.hypot(known_air[0], known_air[1]) * DRAG_PER_M)
     tilt = (acceleration + known_drag) * has_thrust
     tilts = order == MotionOrder.TILT
@@ -121,7 +121,7 @@ def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -
 
 
 def _turn(m: Motion, i: Selection, tilt: Floats, lift: Floats, dt_s: float) -> None:
-    """Turn toward the required heading; roll and pitch direct the thrust."""
+    """Set the rates of yaw toward the wanted heading and of roll and pitch toward the wanted thrust."""
     yaw = m.attitude[2][i]
     airborne = m.airborne[i]
     if np.count_nonzero(m.wanted_yaw_rate_rad_s):

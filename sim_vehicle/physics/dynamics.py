@@ -12,9 +12,9 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Motion, MotionOrder, Selection
 from sim_vehicle.physics.wind import Wind, WindSettings
 
-CRASH_M_S = 5.0  # a harder contact breaks the airframe
+CRASH_M_S = 5.0  # vertical speed of a ground contact above which the airframe breaks
 MOTOR_LOST_SINK_M_S = 8.0  # final sink rate of a copter with one lost motor
-PASSING_RADII = 3.0  # tolerance in waypoint radii for targets flown through at speed
+PASSING_RADII = 3.0  # tolerance, in waypoint radii, of a target that the vehicle passes without a stop
 ALTITUDE_REACHED_M = 5.0  # altitude tolerance of a circling plane
 CIRCLE_REACHED_SHARE = 0.25  # greatest distance outside the circle that counts as reached, in radii
 

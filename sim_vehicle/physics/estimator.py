@@ -1,8 +1,8 @@
-"""Position estimates of the autopilots as arrays: a filter over GPS and inertia, stored as its error.
+"""Position estimates of the autopilots as arrays: a linear filter of GPS and inertial measurements.
 
-The filter is linear, so its error does not depend on the motion. Only the error is propagated; the estimate
-is the truth plus the error. A measurement with a large innovation is rejected. After a long rejection the
-filter restarts from the measurement, as the autopilots' filters do. Height comes from the barometer.
+The error of a linear filter does not depend on the motion. Only the error is stored; the estimate is the
+truth plus the error. A measurement with a large innovation is rejected. After a long rejection the filter
+restarts from the measurement, as the autopilots' filters do. Height comes from the barometer.
 """
 
 import math
@@ -14,7 +14,7 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import DRIFT_TIME_S, Gps
 
 POSITION_GAIN, VELOCITY_GAIN = 0.05, 0.1  # per sample
-GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # greatest accepted innovation, and its growth without a sample
+GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # largest accepted innovation, and its growth without accepted samples
 RESET_AFTER_S = 7.0  # time of rejection until the filter restarts
 LOST_AFTER_S = 8.0  # time without an accepted sample until the position is lost
 ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor, applied without GPS only
@@ -26,7 +26,7 @@ class Estimator:
 
     Parameters
     ----------
-    bias: (2, n) standard normal draws, one sensor per vehicle.
+    bias: (2, n) standard normal draws; inertial biases in units of ACCELERATION_BIAS_M_S2.
     height_m: standard deviation of the barometer's drift [m].
     """
 

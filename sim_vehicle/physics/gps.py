@@ -14,7 +14,7 @@ HDOP = 1.21
 DRIFT_TIME_S = 60.0  # time in which drift decays to 1/e
 VERTICAL_SHARE = 1.6  # ratio of vertical to horizontal errors
 SPEED_NOISE_PER_S = 0.25  # ratio of velocity noise [m/s] to position noise [m]
-DRAWS = 9  # per vehicle and sample
+DRAWS = 9  # random draws per vehicle and sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,15 @@ class Gps:
         self._geodetic: tuple[Floats, Floats] | None = None
 
     def begin(self, draws: Floats) -> None:
-        """Start at a random drift: draws (DRAWS, n)."""
+        """Start at a random drift; draws: (DRAWS, n)."""
         self._drift[:] = draws[3:6] * self._drift_m
         self.error[:] = self._drift
 
     def sample(self, dt_s: float, truth: Floats, draws: Floats | None) -> None:
         """Measure positions `dt_s` [s] after the previous sample.
 
-        truth: (3, n) [m]; draws: (DRAWS, n), None without errors.
+        truth: (3, n) [m].
+        draws: (DRAWS, n) standard normal draws; None: no noise and no drift.
         """
         np.copyto(self.error, self.offset_m.T)
         if draws is not None:

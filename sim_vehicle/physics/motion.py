@@ -1,8 +1,8 @@
 """State of motion of the whole fleet: positions, limits and orders.
 
-Arrays (3, n) have east, north, up (above mean sea level) as rows, so that a step uses contiguous memory. The
-view (n, 3) of the same memory has its unit in the name. A vehicle navigates by its estimate: the truth plus
-the errors.
+Arrays (3, n) have east, north, up (above mean sea level) as rows, so that a step uses contiguous memory.
+Arrays with a unit in the name, such as `position_m`, are views (n, 3) of the same memory. A vehicle navigates
+by its estimate, which is the truth plus the error.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ TURN_RAD = 2.0 * np.pi
 
 
 class MotionOrder:
-    """Order of an autopilot to its airframe; plain numbers, as arrays compare slowly with enum members."""
+    """Orders of an autopilot to its airframe: plain numbers, because NumPy compares enum members slowly."""
 
     GROUNDED = 0  # motors off or idling, on the ground
     POSITION = 1  # fly to the target: a copter stops; a plane flies past or circles around the target
@@ -53,12 +53,12 @@ class Motion:
         self.velocity = np.zeros((3, n))
         self.acceleration = np.zeros((3, n))
         self.attitude = np.zeros((3, n))  # roll, pitch, yaw; yaw clockwise from north, in (-pi, pi]
-        self.attitude_rate = np.zeros((3, n))  # rates of these angles
+        self.attitude_rate = np.zeros((3, n))  # rates of roll, pitch, yaw
         self.airspeed_m_s = np.zeros(n)
         self.thrust = np.zeros(n)  # copter: thrust in weights; plane: share of the full power
         self.ground_m = self.position[2].copy()
         self.airborne: Bools = np.zeros(n, dtype=bool)
-        self.touchdown_m_s = np.zeros(n)  # speed of the last contact; 0 once read
+        self.touchdown_m_s = np.zeros(n)  # speed of the last touchdown; 0 once read
         self.crashed: Bools = np.zeros(n, dtype=bool)
         self.position_m, self.velocity_m_s = self.position.T, self.velocity.T
         self.acceleration_m_s2, self.attitude_rad = self.acceleration.T, self.attitude.T
@@ -91,7 +91,7 @@ class Motion:
         self.wanted_tilt = np.zeros((2, n))  # for MotionOrder.TILT: horizontal acceleration by the thrust
         self.wanted_heading_rad = np.zeros(n)
         self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of the wanted heading
-        self.faces: Bools = np.zeros(n, dtype=bool)  # the heading is commanded, not along the leg
+        self.heading_is_commanded: Bools = np.zeros(n, dtype=bool)  # else along the leg
 
     def _begin_limits(self, n: int) -> None:
         self.speed_m_s = np.full(n, 10.0)  # plane: airspeed

@@ -1,7 +1,7 @@
 """Standard normal draws for a whole fleet, with one generator per vehicle.
 
-The sequence of a vehicle depends only on its generator, not on the size of the fleet. Draws are made a block
-ahead. Each call of `take` draws a part of the next block, so that no call takes long.
+The draws of a vehicle depend only on its generator, not on the size of the fleet. Two blocks are stored: each
+call of `take` reads a row of the current block and fills a part of the next block, so no call takes long.
 """
 
 from collections.abc import Sequence
@@ -10,29 +10,29 @@ import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
 
-BLOCK = 64  # rows per block
+BLOCK_ROWS = 64
 
 
 class Normals:
-    """Draws for all vehicles; `take()` returns the next `width` draws of each vehicle, (width, n)."""
+    """Standard normal draws for n vehicles, `width` draws of each vehicle at a time."""
 
     def __init__(self, rngs: Sequence[np.random.Generator], width: int) -> None:
         self._rngs, self._width = rngs, width
-        self._current = np.zeros((BLOCK, width, len(rngs)))
-        self._next = np.zeros((BLOCK, width, len(rngs)))
+        self._current = np.zeros((BLOCK_ROWS, width, len(rngs)))
+        self._next = np.zeros((BLOCK_ROWS, width, len(rngs)))
         self._used = 0
         self._fill(self._current, 0, len(rngs))
 
     def take(self) -> Floats:
         """Return the next draws, (width, n)."""
         n = len(self._rngs)
-        self._fill(self._next, n * self._used // BLOCK, n * (self._used + 1) // BLOCK)
+        self._fill(self._next, n * self._used // BLOCK_ROWS, n * (self._used + 1) // BLOCK_ROWS)
         row: Floats = self._current[self._used].copy()
         self._used += 1
-        if self._used == BLOCK:
+        if self._used == BLOCK_ROWS:
             self._current, self._next, self._used = self._next, self._current, 0
         return row
 
     def _fill(self, block: Floats, first: int, end: int) -> None:
         for i in range(first, end):
-            block[:, :, i] = self._rngs[i].standard_normal((BLOCK, self._width))
+            block[:, :, i] = self._rngs[i].standard_normal((BLOCK_ROWS, self._width))

@@ -13,20 +13,21 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Ints, Motion, MotionOrder, Selection, wrapped
 
 LOOKAHEAD_S = 2.5  # time of convergence to a leg
-CIRCLE_LOOKAHEAD_S = 1.5
+CIRCLE_LOOKAHEAD_S = 1.5  # time of convergence to a circle
 HEADING_GAIN_HZ = 1.2
 ROLL_TIME_S, ROLL_RATE_RAD_S = 0.35, 1.2
 CLIMB_GAIN_HZ = 0.5  # climb rate per metre of altitude error
 GLIDE_RATIO = 8.0
+# airspeeds as multiples of the stall speed: in a glide, at lift-off, lowest for the full climb rate
 GLIDE_OVER_STALL, ROTATE_OVER_STALL, CLIMBS_OVER_STALL = 1.3, 1.2, 1.1
-GLIDE_TRADE_M_S2 = 1.0  # change of airspeed in a glide
-START_M_S2, BRAKE_M_S2 = 4.0, 3.0  # on the ground
+GLIDE_ACCELERATION_M_S2 = 1.0  # change of airspeed in a glide
+GROUND_ACCELERATION_M_S2, GROUND_BRAKING_M_S2 = 4.0, 3.0
 START_THROTTLE = 0.8
-# above the ground: wings level up to CLIMB_OUT_M at take-off and below FLARE_M at landing
+# heights above the ground: wings are level below CLIMB_OUT_M at take-off and below FLARE_M at landing
 CLIMB_OUT_M, FLARE_M = 15.0, 2.0
-CLIMB_OUT_BELOW_M = 3.0  # climb-out continues until this far below the target
+CLIMB_OUT_BELOW_M = 3.0  # the climb-out ends at this distance below the target
 APPROACH_M = 20.0  # height above the ground below which a landing plane slows down
-FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4
+FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4  # sink rate at touchdown, and its increase per metre of height
 ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
 MIN_SPEED_M_S = 3.0  # lowest airspeed in the equations
 MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
@@ -113,7 +114,7 @@ def _bank(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the bank after the step toward the course, right wing down positive, (n,) [rad]."""
     air = np.maximum(m.airspeed_m_s[i], MIN_SPEED_M_S)
     course, turn = _course(m, i, state, air)
-    crosswind = m.wind.known[0][i] * np.cos(course) - m.wind.known[1][i] * np.sin(course)
+    crosswind = m.wind.estimate[0][i] * np.cos(course) - m.wind.estimate[1][i] * np.sin(course)
     heading = course - np.arcsin(np.maximum(np.minimum(crosswind / air, 1.0), -1.0))
     turn = turn + HEADING_GAIN_HZ * wrapped(heading - m.attitude[2][i])
     climbs_out = (state.order == MotionOrder.POSITION) & (state.height_m < CLIMB_OUT_M)
@@ -159,12 +160,12 @@ def _airspeed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Float
     lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
     wanted = np.minimum(np.maximum(m.speed_m_s[i], lowest), m.airspeed_max_m_s[i])
     lands = state.sinks & (state.height_m < APPROACH_M)
-    if np.count_nonzero(lands):  # plus half the headwind, against a stall when the wind drops
-        headwind = -(m.wind.known[0][i] * state.sin + m.wind.known[1][i] * state.cos)
+    if np.count_nonzero(lands):  # half of the headwind is added: the wind can drop
+        headwind = -(m.wind.estimate[0][i] * state.sin + m.wind.estimate[1][i] * state.cos)
         approach = np.maximum(GLIDE_OVER_STALL * stall, lowest) + np.maximum(headwind, 0.0) / 2
         wanted = np.where(lands, np.minimum(wanted, approach), wanted)
     wanted = np.where(state.powered, wanted, GLIDE_OVER_STALL * stall)
-    step = np.where(state.powered, m.acceleration_limit_m_s2[i], GLIDE_TRADE_M_S2) * dt_s
+    step = np.where(state.powered, m.acceleration_limit_m_s2[i], GLIDE_ACCELERATION_M_S2) * dt_s
     air = np.maximum(air + np.minimum(np.maximum(wanted - air, -step), step), 0.0)
     # A falling plane converts height to speed.
     falls = air < m.stall_m_s[i]
@@ -214,7 +215,7 @@ def _glide_path_climb(m: Motion, i: Selection) -> Floats:
 def _ground_speed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the speed of planes on the ground after the step, (n,) [m/s]."""
     along = m.velocity[0][i] * state.sin + m.velocity[1][i] * state.cos
-    change = np.where(state.starts, START_M_S2, -BRAKE_M_S2) * dt_s
+    change = np.where(state.starts, GROUND_ACCELERATION_M_S2, -GROUND_BRAKING_M_S2) * dt_s
     return np.asarray(np.maximum(along + change, 0.0))
 
 

@@ -34,7 +34,7 @@ class Threats:
         self._hostiles = frozenset(hostiles)
 
     def cells(self, position_m: Floats) -> Ints:
-        """Return the cell index row * cols + col of positions (n, 3) [m], or OUTSIDE the area, (n,)."""
+        """Return the cell indices (row * cols + col) of positions (n, 3) [m]; OUTSIDE beyond the area."""
         col = np.floor(position_m[:, 0] / self._cell_size_m).astype(np.int64)
         row = np.floor(position_m[:, 1] / self._cell_size_m).astype(np.int64)
         inside = (row >= 0) & (row < self._rows) & (col >= 0) & (col < self._cols)

@@ -16,18 +16,15 @@ ESTIMATE_TOLERANCE_M_S = 0.01  # error below which an estimate of a steady wind 
 
 @dataclass(frozen=True, slots=True)
 class WindSettings:
-    """Steady wind and gusts.
-
-    from_deg: origin direction, clockwise from north; gust_m_s: standard deviation along an axis.
-    """
+    """Steady wind and gusts."""
 
     speed_m_s: float = 0.0
-    from_deg: float = 0.0
-    gust_m_s: float = 0.0
+    from_deg: float = 0.0  # direction of the wind's origin, clockwise from north
+    gust_m_s: float = 0.0  # standard deviation along an axis
 
 
 def wind_vector_m_s(speed_m_s: float, from_deg: float) -> tuple[float, float]:
-    """Return east and north components [m/s] of a wind from a direction [deg]."""
+    """Return the east and north components of a wind [m/s]; `from_deg`: direction of its origin."""
     return -speed_m_s * math.sin(math.radians(from_deg)), -speed_m_s * math.cos(math.radians(from_deg))
 
 
@@ -40,14 +37,14 @@ class Wind:
         self.steady = np.zeros((2, n))
         self.steady[:] = np.array(wind_vector_m_s(settings.speed_m_s, settings.from_deg))[:, None]
         self.now = self.steady.copy()
-        self.known = self.steady.copy()  # the autopilots' estimates
+        self.estimate = self.steady.copy()  # the autopilots' estimates
         self.change = np.zeros((2, n))  # change since the previous step
         self._gust = np.zeros((2, n))
         self._normals = Normals(rngs, 2) if settings.gust_m_s > 0 else None
         self._still = True  # no change since the last step
 
     def set_steady(self, index: int, speed_m_s: float | None, from_deg: float) -> None:
-        """Set the steady wind at one vehicle; None: the scenario's wind."""
+        """Set the steady wind at one vehicle; speed None: the scenario's wind."""
         if speed_m_s is None:
             speed_m_s, from_deg = self._settings.speed_m_s, self._settings.from_deg
         vector = wind_vector_m_s(speed_m_s, from_deg)
@@ -66,9 +63,9 @@ class Wind:
             self._gust += self._normals.take() * (self._settings.gust_m_s * math.sqrt(1.0 - decay * decay))
         np.add(self.steady, self._gust, out=self.now)
         np.subtract(self.now, before, out=self.change)
-        self.known += (self.now - self.known) * (1.0 - math.exp(-dt_s / ESTIMATE_TIME_S))
-        if self._normals is None and np.abs(self.now - self.known).max() < ESTIMATE_TOLERANCE_M_S:
-            self.known[:] = self.now
+        self.estimate += (self.now - self.estimate) * (1.0 - math.exp(-dt_s / ESTIMATE_TIME_S))
+        if self._normals is None and np.abs(self.now - self.estimate).max() < ESTIMATE_TOLERANCE_M_S:
+            self.estimate[:] = self.now
             self.change[:] = 0.0
             self._still = True
 

@@ -15,21 +15,21 @@ from sim_vehicle.physics.noise import Normals
 from sim_vehicle.physics.wind import Wind, WindSettings
 
 CALM, GOOD_GPS = WindSettings(), GpsSettings()
-GPS_STEPS = 4  # steps per GPS measurement
-BATTERY_STEPS = 2
+STEPS_PER_GPS_SAMPLE = 4
+STEPS_PER_BATTERY_UPDATE = 2
 AVIONICS_W = 7.0
 RESISTANCE_OHM = 0.02
 MAH_PER_A_S = 1000.0 / 3600.0
-# Voltage of a lithium polymer battery at rest as a share of the full voltage (4.2 V per cell).
+# Lithium polymer battery at rest: share of the charge -> share of the full voltage (4.2 V per cell).
 CHARGE_SHARE = (0.0, 0.05, 0.1, 0.2, 0.5, 0.8, 1.0)
-RESTING_SHARE = (0.714, 0.81, 0.845, 0.876, 0.905, 0.945, 1.0)
-LOWEST_SHARE = 0.5  # share of the full voltage below which regulators draw no more current
+RESTING_VOLTAGE_SHARE = (0.714, 0.81, 0.845, 0.876, 0.905, 0.945, 1.0)
+LOWEST_VOLTAGE_SHARE = 0.5  # share of the full voltage below which the current no longer increases
 
 
 class Batteries:
     """The batteries of n vehicles; arrays are (n,).
 
-    A motor takes a given power. As the voltage falls, the current rises and the charge decreases faster.
+    Motors draw constant power. As the voltage falls, the current rises and the charge decreases faster.
     """
 
     def __init__(self, n: int) -> None:
@@ -45,11 +45,11 @@ class Batteries:
     def step(self, dt_s: float, load_w: Floats) -> None:
         """Draw `load_w` (n,) [W] and the power of the avionics for `dt_s` [s]."""
         power_w = load_w + AVIONICS_W
-        self.current_a = power_w / np.maximum(self.voltage_v, LOWEST_SHARE * self.full_v)
+        self.current_a = power_w / np.maximum(self.voltage_v, LOWEST_VOLTAGE_SHARE * self.full_v)
         self.used_mah += self.current_a * (dt_s * MAH_PER_A_S)
         self.used_j += power_w * dt_s
         self.remaining = np.maximum(1.0 - self.used_mah / self.capacity_mah, 0.0)
-        resting_v = self.full_v * np.interp(self.remaining, CHARGE_SHARE, RESTING_SHARE)
+        resting_v = self.full_v * np.interp(self.remaining, CHARGE_SHARE, RESTING_VOLTAGE_SHARE)
         self.voltage_v = np.maximum(resting_v - RESISTANCE_OHM * self.current_a - self.sag_v, 0.0)
 
     def empty(self) -> npt.NDArray[np.bool_]:
@@ -93,7 +93,7 @@ class World:
         self.batteries = Batteries(n)
         dynamics = self.dynamics
         self.armed = dynamics.armed
-        self.events = dynamics.events  # (n,) events for the autopilots
+        self.events = dynamics.events  # (n,) True: an event for the vehicle's autopilot
         self.estimate_m, self.estimate_velocity_m_s = dynamics.estimate_m, dynamics.estimate_velocity_m_s
         self.gps = Gps(gps, frame, dynamics.position)
         # written by faults
@@ -120,9 +120,9 @@ class World:
         self.wind.step(dt_s)
         self.estimator.predict(dt_s)
         self.dynamics.step(dt_s)
-        if self._steps % GPS_STEPS == 0:
+        if self._steps % STEPS_PER_GPS_SAMPLE == 0:
             self._measure()
-        if self._steps % BATTERY_STEPS == 0:
+        if self._steps % STEPS_PER_BATTERY_UPDATE == 0:
             self._draw_current()
 
     def _measure(self) -> None:

@@ -27,11 +27,11 @@ class Arming:
 
     @property
     def flying_since_s(self) -> float:
-        """Time of the latest take-off since arming [s]; nan without one."""
+        """Time of the latest take-off since arming [s]; nan: no take-off."""
         return self._taken_off_at_s if self.armed else math.nan
 
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
-        """Start the motors and return True; a refusal announces its reasons and returns False."""
+        """Start the motors and return True; if refused, announce the reasons and return False."""
         vehicle = self._vehicle
         force = force and vehicle.personality.force_arms
         if self.armed:
@@ -72,9 +72,9 @@ class Arming:
         return not reasons and armable
 
     def disarm(self, *, force: bool) -> bool:
-        """Stop the motors on request and return True; False in the air without `force`.
+        """Stop the motors and return True; return False in the air unless `force` is set.
 
-        In the air a forced stop makes the vehicle fall.
+        A forced stop in the air makes the vehicle fall.
         """
         if self._vehicle.body.airborne and self.armed and not force:
             self._vehicle.announce("disarm_refused")
@@ -97,7 +97,7 @@ class Arming:
         vehicle.modes.disarmed()
 
     def update(self, now: float) -> float:
-        """Disarm after a landing, or after an arming without a flight; return the next check's time [s]."""
+        """Disarm after a landing, or if no take-off follows arming; return the time of the next check [s]."""
         if not self.armed:
             return math.inf
         vehicle = self._vehicle

@@ -1,4 +1,4 @@
-"""Attitudes and body rates as set-points.
+"""Set-points of attitude and body rates.
 
 The tilt accelerates the vehicle horizontally. The vehicle climbs above hover thrust and sinks below it.
 """
@@ -12,7 +12,7 @@ from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 
 HOVER_THRUST = 0.5
-RATES = (
+RATE_IGNORE_BITS = (
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE,
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE,
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
@@ -34,7 +34,7 @@ class AttitudeSetpoints:
         self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
 
     def apply(self, message: Any, since_s: float) -> bool:
-        """Apply a message `since_s` [s] after the previous message; False without a usable value."""
+        """Apply a message `since_s` [s] after the previous message; return False if no value is usable."""
         if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
             return self._apply_rates(message, since_s)
         self.reset()
@@ -46,7 +46,7 @@ class AttitudeSetpoints:
 
     def _apply_rates(self, message: Any, since_s: float) -> bool:
         wanted = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
-        ignored = [bool(message.type_mask & bit) for bit in RATES]
+        ignored = [bool(message.type_mask & bit) for bit in RATE_IGNORE_BITS]
         if all(ignored) or not all(math.isfinite(rate) for rate in wanted):
             return False
         now_rad = self._vehicle.body.attitude_rad
@@ -63,10 +63,7 @@ class AttitudeSetpoints:
         return True
 
     def _apply(self, roll: float, pitch: float, yaw: float, thrust: float, yaw_rate: float | None) -> None:
-        """Fly with these angles [rad] and thrust [0, 1].
-
-        With a yaw rate [rad/s], `yaw` is only the present heading.
-        """
+        """Fly with angles [rad] and thrust in [0, 1]; `yaw_rate` [rad/s] replaces the turn to `yaw`."""
         flight_parameters, body = self._vehicle.flight_parameters, self._vehicle.body
         excess = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
         max_climb_m_s = flight_parameters.climb_m_s if excess > 0 else flight_parameters.descent_m_s

@@ -42,7 +42,7 @@ from sim_vehicle.wire.signing import Signing
 from sim_vehicle.wire.status import Status
 from sim_vehicle.wire.streams import Rates, Streams
 
-PREARM_TEXT_S = 30.0
+PREARM_TEXT_INTERVAL_S = 30.0
 REBOOT_SILENCE_S = 1.5
 PHASES = 5  # number of start times within a second for the streams after a boot
 IDLE_INTERVAL_S = 1.0  # longest time between two decisions of a vehicle
@@ -55,15 +55,18 @@ class Autopilot:
 
     Parameters
     ----------
-    index, sysid: index in the fleet's arrays, MAVLink system id.
+    index: index in the fleet's arrays.
+    sysid: MAVLink system id.
     body: the vehicle's airframe in the world.
     personality: the simulated autopilot.
     parameters: changes to the personality's parameters.
     ready_s: time from boot to a position estimate [s].
     rng: the vehicle's own randomness.
-    status, streams, output: the fleet's columns, message intervals and output.
+    status: the fleet's columns of the autopilots' state.
+    streams: the fleet's message intervals.
+    output: the fleet's encoder and link.
     injected_faults: the faults of this vehicle.
-    replace_faults: ends the faults begun under a key and begins new ones.
+    replace_faults: replaces the faults under a key by new faults.
     log_limits: size limits of the flight logs.
     """
 
@@ -158,8 +161,8 @@ class Autopilot:
         self.home_and_rally.reset()
         self.failsafes = Failsafes(self)
         self.fence_watch = FenceWatch(self)
-        self._switch_read = False
-        self._next_prearm_s = now + PREARM_TEXT_S
+        self._mode_switch_was_read = False
+        self._next_prearm_s = now + PREARM_TEXT_INTERVAL_S
         self.transfer.reset()
         self.params.reboot()
         self.storage.reboot(now)
@@ -182,8 +185,8 @@ class Autopilot:
             self.announce(event, reason=reason)
 
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
-        """Send one message on request; False if the message is unknown or has no data yet."""
-        if self.rates.can(message_id):
+        """Send one message on request; return False if the message is unknown or has no data yet."""
+        if self.rates.can_stream(message_id):
             self.publish(now)
             return self._output.stream_now(self.index, message_id, now)
         if message_id not in self.one_shot_messages:
@@ -230,7 +233,7 @@ class Autopilot:
             self.failsafes.receive_heartbeat(sysid, now)
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Set a known parameter as a ground station does; KeyError for an unknown name."""
+        """Set a parameter as a ground station does; raise KeyError if the name is unknown."""
         self.params.set(name, value)
         self.parameter_changed(name)
 
@@ -262,7 +265,7 @@ class Autopilot:
     # -- time ---------------------------------------------------------------------------------------------
 
     def update(self, now: float) -> None:
-        """Decide about boot, readiness, mode, landing, failsafes and transfers; set the next alarm."""
+        """Boot if due, check readiness and failsafes, steer, continue transfers, and set `alarm_s`."""
         self.now = now
         if not self.booted:
             self.alarm_s = self._boot_due_s
@@ -321,13 +324,13 @@ class Autopilot:
         self.rates.boot(now, now + self._phase_s)
 
     def _update_readiness(self, now: float) -> None:
-        if not self._switch_read and self.readiness.mode_switch_read(now):
-            self._switch_read = True
+        if not self._mode_switch_was_read and self.readiness.mode_switch_read(now):
+            self._mode_switch_was_read = True
             if self.readiness.ready_s > 0:
                 self.modes.mode_switch_read()
         self.home_and_rally.update(now)
         if not self.armed and now >= self._next_prearm_s:
-            self._next_prearm_s += PREARM_TEXT_S
+            self._next_prearm_s += PREARM_TEXT_INTERVAL_S
             self.announce_refusals("prearm", now)
 
     def record_strike(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
@@ -359,11 +362,11 @@ class Autopilot:
         return self.arming.armed
 
     def arm(self, now: float, *, force: bool) -> bool:
-        """Start the motors and return True; a refusal announces its reasons and returns False."""
+        """Start the motors and return True; if refused, announce the reasons and return False."""
         return self.arming.arm(now, force=force)
 
     def disarm(self, *, force: bool) -> bool:
-        """Stop the motors on request and return True; False in the air without `force`."""
+        """Stop the motors and return True; return False in the air unless `force` is set."""
         return self.arming.disarm(force=force)
 
     def _landed(self) -> None:
@@ -384,10 +387,7 @@ class Autopilot:
         return self.mission.set_current(self.flight.pilot, index)
 
     def mission_changed(self, index: int) -> None:
-        """React to a change of item `index`, or to a shortened list (-1), during the mission.
-
-        A change farther ahead than LOOKAHEAD_COMMANDS has no effect.
-        """
+        """Restart the current mission command if a change of item `index` (-1: shorter list) affects it."""
         if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
             return
         if index > 0 and index not in self.mission.next_navigation(LOOKAHEAD_COMMANDS):

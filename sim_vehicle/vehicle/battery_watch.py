@@ -1,9 +1,9 @@
-"""Battery failsafe: the level of one vehicle's battery, and the action at a worse level.
+"""Battery failsafe: the level of one vehicle's battery, and the action when the level gets worse.
 
 Level 0 is normal; the next levels are warning (some autopilots only), low and critical. The level of an armed
-vehicle never improves. A disarmed autopilot that latches does not check the battery and keeps the level until
-a reboot. Other disarmed autopilots follow the battery, and take no action in flight on a level reached before
-arming.
+vehicle never improves. A disarmed autopilot with `battery_latches` does not check the battery and keeps the
+level until a reboot. Any other disarmed autopilot follows the battery. A level reached before arming causes
+no action in flight.
 """
 
 import math

@@ -1,7 +1,7 @@
 """MAV_CMD commands, as COMMAND_LONG or COMMAND_INT; each handler returns a MAV_RESULT.
 
-This module has the common handlers and the handlers of ArduPilot. The table of a personality replaces and
-adds handlers.
+This module has the common handlers and the handlers of ArduPilot. A personality's table of commands adds and
+replaces handlers.
 """
 
 import math
@@ -58,6 +58,8 @@ def do_set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def change_to(behaviour: Behaviour) -> Callable[[Vehicle, Command, float], int]:
+    """Return a handler that changes to the personality's mode of `behaviour`."""
+
     def handler(vehicle: Vehicle, _command: Command, now: float) -> int:
         if vehicle.personality.find_mode(behaviour) is None:
             return UNSUPPORTED
@@ -75,7 +77,7 @@ def takeoff(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Set AUTO; an armed vehicle is cleared for take-off, a disarmed one stays on the ground.
+    """Enter the mission mode and clear an armed vehicle for take-off.
 
     A first or last item (param1, param2) is not supported.
     """
@@ -144,7 +146,7 @@ def pause_continue(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
     message_id = whole(command.param1)
-    if not vehicle.rates.can(message_id):
+    if not vehicle.rates.can_stream(message_id):
         return DENIED
     interval_us = command.param2 if math.isfinite(command.param2) else -1
     if interval_us == 0:
@@ -159,14 +161,14 @@ def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
     interval_us = _interval_us(vehicle, message_id)
-    # 0: unknown message; -1: known message that is not streamed.
-    known = vehicle.rates.can(message_id) or message_id in vehicle.one_shot_messages
+    # MESSAGE_INTERVAL is 0 for an unknown message and -1 for a known message that is not streamed.
+    known = vehicle.rates.can_stream(message_id) or message_id in vehicle.one_shot_messages
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED
 
 
 def _interval_us(vehicle: Vehicle, message_id: int) -> int:
-    """Return the interval as in MESSAGE_INTERVAL [us]; -1 if the message is not streamed."""
+    """Return the interval for MESSAGE_INTERVAL [us]; -1: the message is not streamed."""
     interval_s = vehicle.rates.interval_s(message_id)
     return -1 if interval_s is None else round(min(interval_s * 1e6, MAX_INTERVAL_US))
 
@@ -260,7 +262,7 @@ def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept loading and saving without effect: every parameter change is stored at once."""
+    """Accept loading and saving of parameters, without effect: each change is stored at once."""
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 

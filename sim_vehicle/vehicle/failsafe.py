@@ -1,7 +1,7 @@
-"""Failsafes of one vehicle: ground station, battery, remote control, position, and the actions taken.
+"""Failsafes of one vehicle: ground station, battery, remote control, position, and their actions.
 
-Limits and actions come from the personality's `FlightParameters`, texts from its `texts`. Battery, remote
-control and fence have modules of their own.
+Limits and actions come from the personality's `FlightParameters`, texts from the personality's `texts`.
+Further modules: `battery_watch`, `remote_watch`, `fence_watch`.
 """
 
 import math
@@ -39,9 +39,8 @@ class Failsafes:
         self.gcs = self.position = False
         self._battery, self._remote = BatteryWatch(vehicle), RemoteWatch(vehicle)
         self._gcs_heartbeat_s: float | None = None
-        self._held_action: tuple[FailsafeAction, float] | None = (
-            None  # action after the hold, and its time [s]
-        )
+        # action after the hold, and the time of the action [s]
+        self._held_action: tuple[FailsafeAction, float] | None = None
 
     @property
     def rc(self) -> bool:
@@ -94,9 +93,9 @@ class Failsafes:
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = False) -> None:
         """Carry out the action of a failsafe or of the fence.
 
-        A flying vehicle first holds for `failsafe_delay_s`; `at_once` skips the hold. A ground station can
-        choose another mode during the hold. On the ground the action stops the motors if `failsafe_disarms`
-        of the personality is set, else nothing happens.
+        A flying vehicle holds for `failsafe_delay_s` before RETURN and LAND, unless `at_once` is set. A
+        ground station can choose another mode during the hold. A vehicle on the ground stops its motors if
+        the personality has `failsafe_disarms`, else ignores the action.
         """
         vehicle = self._vehicle
         delay_s = vehicle.flight_parameters.failsafe_delay_s
@@ -112,7 +111,7 @@ class Failsafes:
             delayed
             and self._held_action is None
             and vehicle.position_known(now)
-            and not self._has_priority(action)
+            and not self._mode_has_priority_over(action)
         ):
             self._held_action = (action, now + delay_s)
             vehicle.announce("failsafe_waits", seconds=round(delay_s))
@@ -123,7 +122,7 @@ class Failsafes:
             self._held_action = None
             self._carry_out(action, now)
 
-    def _has_priority(self, action: FailsafeAction) -> bool:
+    def _mode_has_priority_over(self, action: FailsafeAction) -> bool:
         """Return True if the present behaviour has at least the priority of `action`."""
         behaviour = _BEHAVIOURS[action]
         return _BEHAVIOUR_PRIORITY.get(self._vehicle.mode.behaviour, 0) >= _BEHAVIOUR_PRIORITY.get(
@@ -131,7 +130,7 @@ class Failsafes:
         )
 
     def _end_hold(self, now: float) -> None:
-        """Act after the hold, unless the mode was changed meanwhile."""
+        """Carry out the held action after the hold; drop the action if the mode has changed."""
         if self._held_action is None:
             return
         action, due_s = self._held_action
@@ -168,7 +167,7 @@ class Failsafes:
         return FailsafeAction.WARN if lands and action is not FailsafeAction.TERMINATE else action
 
     def _mode_of(self, action: FailsafeAction, now: float) -> Mode | None:
-        """Return the mode for `action` or the next best one; None if no change is needed."""
+        """Return the mode for `action`, or the best mode that is possible; None: keep the mode."""
         vehicle, behaviour = self._vehicle, _BEHAVIOURS[action]
         if behaviour is Behaviour.MISSION:
             unchanged = vehicle.mode.behaviour is behaviour or not vehicle.modes.mission_ready(now)
@@ -199,7 +198,7 @@ class Failsafes:
     def _handle_lost_link(
         self, link: str, normal: FailsafeAction, by_mode: Mapping[int, FailsafeAction], now: float
     ) -> None:
-        """Announce a lost link and act; in the air the mode can replace the normal action (`by_mode`)."""
+        """Announce a lost link and act; `by_mode`: other actions in the air, by mode number."""
         vehicle = self._vehicle
         mode, flying = vehicle.mode, vehicle.flight.flying
         action = by_mode.get(mode.number, normal) if flying else normal

@@ -1,6 +1,6 @@
 """The stored geofence: inclusion and exclusion polygons and circles, and the distance to their edges.
 
-Distances are computed in metres around the position in question, so no map projection is needed.
+Distances are computed in metres around the checked position, so no map projection is needed.
 """
 
 from collections.abc import Sequence
@@ -81,13 +81,13 @@ class Fence:
 
     @property
     def total(self) -> int:
-        """FENCE_TOTAL of ArduPilot: the number of vertices and circles plus 2; 0 for fewer than 3."""
+        """FENCE_TOTAL of ArduPilot: number of vertices and circles plus 2; 0 for fewer than 3 of them."""
         points = sum(item.command in POLYGONS or item.command in CIRCLES for item in self.items)
         return points + 2 if points >= 3 else 0
 
     @property
     def return_point_deg(self) -> tuple[float, float] | None:
-        """The return point, else the centre of the first inclusion polygon; None without either."""
+        """Return point, else the centre of the first inclusion polygon; None if the fence has neither."""
         for item in self.items:
             if item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
                 return item.x * 1e-7, item.y * 1e-7
@@ -104,7 +104,7 @@ class Fence:
         return bool(self.zones) and self.margin_m(lat_deg, lon_deg) < 0
 
     def margin_m(self, lat_deg: float, lon_deg: float) -> float:
-        """Return the smallest distance to an edge [m], negative on its forbidden side; inf without zones."""
+        """Return the smallest distance to an edge [m], negative on its forbidden side; inf: no zones."""
         if not self.zones:
             return float("inf")
         return float(self._margins_m(lat_deg, lon_deg, *metres_per_degree(lat_deg)).min())

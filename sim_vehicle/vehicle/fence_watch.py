@@ -1,7 +1,7 @@
 """Enforcement of one vehicle's geofence: breaches, texts and actions.
 
-The fence acts once at the begin of a breach, so that a pilot can override the action. Beyond a circle or an
-altitude the fence acts again some 20 m farther out. A breach without an action is recorded too.
+The fence acts once at the start of a breach, so that a pilot can override the action. Beyond a circle or an
+altitude limit the fence acts again NEXT_BREACH_M farther out. A breach without an action is recorded too.
 """
 
 import math
@@ -16,7 +16,7 @@ ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon
 NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}
 NEXT_BREACH_M = 20.0  # distance farther out at which the fence acts again
 NEXT_BREACH_PLANE_M = 100.0  # the same distance for a plane beyond the circle around home
-RECOVERY_S = 10.0  # no action after a mode change by the pilot
+RECOVERY_S = 10.0  # time without actions after a mode change by the pilot
 _KINDS = (  # FENCE_STATUS reports the first of several breaches
     ({CIRCLE, POLYGON}, int(mavlink.FENCE_BREACH_BOUNDARY)),
     ({ALTITUDE_MAX}, int(mavlink.FENCE_BREACH_MAXALT)),
@@ -40,10 +40,10 @@ class FenceWatch:
         self.switch: bool | None = None
         self.breached: frozenset[str] = frozenset()
         self.count = 0
-        self.last_s = 0.0
+        self.last_s = 0.0  # start of the latest breach
         self._parameter = vehicle.flight_parameters.fence_enabled
         self._latched_limits = self._configured()
-        self._above_floor = False
+        self._above_floor = False  # the minimum altitude is enforced
         # breached limit -> distance beyond the limit at which the fence acts again
         self._next_breach_m: dict[str, float] = {}
         self._recovers_until_s = -math.inf
@@ -110,7 +110,7 @@ class FenceWatch:
         return frozenset(self._beyond_m(lat_deg, lon_deg, height_m))
 
     def refusal(self) -> str | None:
-        """Return the fence's reason against arming at the present position, None without one."""
+        """Return the fence's reason against arming at the present position; None: no reason."""
         found = self._beyond_here_m() if self.enabled else {}
         return f"Vehicle breaching {names_of(frozenset(found))}" if found else None
 
@@ -146,7 +146,7 @@ class FenceWatch:
             vehicle.announce("fence_cleared")
 
     def _update_floor(self) -> None:
-        """Enforce the minimum altitude from the first time above minimum plus margin until the landing."""
+        """Enforce the minimum altitude once the vehicle exceeds it by the margin, until the landing."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._above_floor = False
@@ -183,7 +183,7 @@ class FenceWatch:
         return NEXT_BREACH_PLANE_M if limit == CIRCLE and self._vehicle.body.plane else NEXT_BREACH_M
 
     def _record(self, new: dict[str, float], before: frozenset[str], now: float) -> None:
-        """Count, announce and act on new breaches; `new` has the distance beyond each limit [m]."""
+        """Count, announce and act on new breaches; `new`: distance beyond each limit [m]."""
         vehicle = self._vehicle
         self.count += len(new)
         if not before:

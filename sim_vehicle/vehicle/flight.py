@@ -15,7 +15,7 @@ from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
 
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
-DROP_M_S = 8.0
+DROP_SINK_M_S = 8.0  # sink rate of Behaviour.DROP
 MAX_SPEED_M_S = 50.0
 MAX_ALTITUDE_M = 1e6  # limit of altitudes, up and down
 PILOT_ACCELERATION_M_S2 = 2.5
@@ -23,11 +23,11 @@ RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in pr
 
 
 class Flight:
-    """Steering of one body by mode and mission; reports by `announce`, `send`, `disarm` and `taken_off`.
+    """Steering of one body by mode and mission.
 
-    `start_landing` starts the landing of the mission, and returns False for a mission without a landing.
-    `return_by_mission` returns the items of a return by mission and the altitude to climb to first [m above
-    mean sea level], or None.
+    start_landing: starts the landing of the mission; returns False for a mission without a landing.
+    return_by_mission: returns the items of a return by mission and the altitude of the first climb [m above
+        mean sea level]; None: direct return.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class Flight:
         self.body.set_battery(capacity_mah=flight_parameters.capacity_mah, full_v=flight_parameters.full_v)
 
     def next_run_s(self, now: float) -> float:
-        """Return the latest time of the next run [s]; an event of the body requires a run at once."""
+        """Return the latest time of the next run [s]; an event of the body requires an immediate run."""
         if self.behaviour is Behaviour.MISSION:
             busy = self.pilot.busy or self.mission.waiting or not self.flying
         else:
@@ -233,7 +233,9 @@ class Flight:
             self.body.rest()
             return
         self.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
-        sinks_m_s = self.flight_parameters.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_M_S
+        sinks_m_s = (
+            self.flight_parameters.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_SINK_M_S
+        )
         self.body.move_vertically(-sinks_m_s)
 
     # -- guided -------------------------------------------------------------------------------------------
@@ -247,21 +249,21 @@ class Flight:
             self.body.fly_to(*target_m, pass_speed_m_s)
 
     def takeoff_to(self, up_m: float) -> bool:
-        """Take off to an altitude above mean sea level; False if disarmed, airborne or not below it."""
+        """Take off to an altitude [m above mean sea level]; return False if the vehicle cannot take off."""
         if not self.armed or self.body.airborne or up_m <= self.body.alt_amsl_m:
             return False
         self.climb_to(up_m)
         return True
 
     def climb_to(self, up_m: float) -> None:
-        """Climb to an altitude above mean sea level, from the ground or in the air."""
+        """Climb to an altitude [m above mean sea level], from the ground or in the air."""
         self.cleared_for_takeoff = self.taking_off = True
         if self.flight_parameters.takeoff_speed_m_s is not None:
             self.limit(climb_m_s=self.flight_parameters.takeoff_speed_m_s)
         self._manoeuvre = Takeoff(self, up_m)
 
     def fly(self, manoeuvre: Manoeuvre) -> None:
-        """Begin a manoeuvre on request in a hold or guided mode."""
+        """Begin a manoeuvre in a hold or guided mode."""
         self._manoeuvre = manoeuvre
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
@@ -272,7 +274,7 @@ class Flight:
             self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
 
     def pause(self) -> bool:
-        """Pause as MAV_CMD_DO_PAUSE_CONTINUE does; False in a mode without a pause."""
+        """Pause for MAV_CMD_DO_PAUSE_CONTINUE; return False without an active mission or guided mode."""
         if self.behaviour is Behaviour.MISSION:
             if not self.mission.pause():
                 return False
@@ -283,7 +285,7 @@ class Flight:
         return True
 
     def resume(self) -> bool:
-        """Continue as MAV_CMD_DO_PAUSE_CONTINUE does; False if nothing is paused."""
+        """Continue for MAV_CMD_DO_PAUSE_CONTINUE; return False if the mode or mission cannot continue."""
         if self.behaviour is Behaviour.MISSION and self.mission.paused:
             return self.mission.resume(self.pilot)
         if self.behaviour is Behaviour.GUIDED and self.guided_target_m is not None and self.body.airborne:
@@ -291,7 +293,7 @@ class Flight:
         return self.behaviour in (Behaviour.MISSION, Behaviour.GUIDED)
 
     def change_speed(self, kind: int, speed_m_s: float) -> bool:
-        """Carry out DO_CHANGE_SPEED until the mode changes; `kind` is SPEED_TYPE."""
+        """Apply DO_CHANGE_SPEED until the mode changes; return False for an invalid SPEED_TYPE or speed."""
         if not speed_m_s > 0:
             return False
         speed_m_s = min(speed_m_s, MAX_SPEED_M_S)
@@ -306,7 +308,7 @@ class Flight:
         return True
 
     def turn(self, angle_deg: float, rate_deg_s: float, *, direction: int, relative: bool) -> bool:
-        """Carry out CONDITION_YAW: face a heading, or turn by an angle (`relative`); copters only."""
+        """Turn to a heading or by an angle (`relative`); return False for planes and on the ground."""
         if self.body.plane or not self.flying:
             return False
         if relative:

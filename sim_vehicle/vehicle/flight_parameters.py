@@ -29,9 +29,9 @@ class FailsafeAction(Enum):
 class RallyAltitude(Enum):
     """Meaning of a rally point's altitude for a vehicle that returns there."""
 
-    MINIMUM = auto()  # lowest travel altitude, like the height above home
-    EXACT = auto()  # altitude of the travel and of the circle
-    GROUND = auto()  # reference of the travel heights, like home's altitude
+    MINIMUM = auto()  # lowest travel altitude; the return height above home still applies
+    EXACT = auto()  # travel altitude
+    GROUND = auto()  # reference of the return height, in place of home's altitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +50,12 @@ class FlightParameters:
     full_v: float
     # take-off, return, landing
     takeoff_height_m: float
-    return_height_m: float  # above home; a higher vehicle stays higher
+    return_height_m: float  # above home; a higher vehicle does not descend
     return_speed_m_s: float
     return_wait_s: float  # over home before the landing
-    landing_speed_m_s: float
+    landing_speed_m_s: float  # below landing_slow_below_m
     landing_slow_below_m: float  # above home
-    landing_speed_high_m_s: float
+    landing_speed_high_m_s: float  # at greater heights
     pilot_descent_m_s: float
     # arming and starting
     arming_checks: bool
@@ -90,7 +90,7 @@ class FlightParameters:
     fence_polygons: bool  # stored polygons and circles are enforced
     fence_margin_m: float
     # copter
-    begins_legs_at_rest: bool = False  # after an interrupted leg the vehicle brakes first
+    begins_legs_at_rest: bool = False  # the vehicle brakes after an interrupted leg
     yaw_rate_deg_s: float = 60.0
     # plane
     airspeed_min_m_s: float = 0.0
@@ -100,15 +100,15 @@ class FlightParameters:
     bank_limit_deg: float = 0.0
     stall_m_s: float = 8.0  # airspeed in level flight
     fence_return_height_m: float = 0.0  # above home, at the fence's return point
-    loiter_leaves_aligned: bool = False  # a circle to an altitude always ends toward the next position
-    return_lands: int = 0  # by the mission's nearest landing; 1: after circling over home, 2: at once, 0: no
-    waypoints_set_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m for all
+    loiter_leaves_aligned: bool = False  # a circle to an altitude ends only toward the next position
+    return_lands: int = 0  # use of the mission's landing in a return; 0: never, 1: over home, 2: at once
+    waypoints_set_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m
     # altitude tolerance at a waypoint; a plane outside the tolerance circles to the altitude
     waypoint_height_m: float = math.inf
     circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
     takeoff_straight: bool = False  # climbs straight towards the take-off position; else in circles
     # environment by parameter (SIM_*)
-    wind_m_s: float | None = None  # None: the scenario's
+    wind_m_s: float | None = None  # None: the scenario's wind
     wind_from_deg: float = 0.0
     # parameters of some autopilots only
     battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
@@ -118,7 +118,7 @@ class FlightParameters:
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
     rc_short_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
-    rc_short_action: FailsafeAction | None = None  # at the loss; None: only rc_action
+    rc_short_action: FailsafeAction | None = None  # action before rc_action; None: only rc_action
     rc_watched: bool = True
     rc_lost_unarmed_counts: bool = True  # a loss before arming counts
     rc_timeout_s: float = 0.0  # time without a frame until the loss
@@ -144,4 +144,4 @@ class FlightParameters:
     return_under_fence: bool = False  # limited by the fence's maximum altitude
     # distance beyond a limit at which the vehicle lands instead of the fence action
     fence_give_up_m: float = math.inf
-    logs: LogWhen = LogWhen.ARMED
+    logs: LogWhen = LogWhen.ARMED  # when to record logs

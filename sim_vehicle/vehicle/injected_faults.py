@@ -1,4 +1,4 @@
-"""Injected faults of one vehicle, without link faults: written by faults, read by vehicle and fleet."""
+"""Injected faults of one vehicle, except faults of the link."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ class ModeStuck(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MissionRefusal:
-    """Result (MAV_MISSION_RESULT) that ends an upload at item `at_item`, or at MISSION_COUNT (None)."""
+    """Refusal of a mission upload."""
 
-    result: int
-    at_item: int | None = None
+    result: int  # MAV_MISSION_RESULT
+    at_item: int | None = None  # index of the refused item; None: MISSION_COUNT is refused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class FaultEffect:
     rc_lost: bool = False
     mission_refusal: MissionRefusal | None = None
     ack_delay_s: float = 0.0
-    ack_loss: float = 0.0  # share, in [0, 1]
+    ack_loss: float = 0.0  # share of lost acknowledgements, in [0, 1]
     mode_stuck: ModeStuck | None = None
     unhealthy_sensors: int = 0  # MAV_SYS_STATUS_SENSOR bits
     clock_drift_ppm: float = 0.0
@@ -46,8 +46,8 @@ class FaultEffect:
 class InjectedFaults:
     """The combined effects on one vehicle, as attributes with the names of `FaultEffect`.
 
-    Offsets, sags, lost motors and drifts add up. The largest delay and share apply, and the latest refusal
-    and stuck mode. `changed(faults, now)` is called after each change.
+    Offsets, sags, lost motors and drifts add up. The largest delay and loss share apply, the lowest charge
+    limit, the latest refusal and the latest stuck mode. `changed(faults, now)` is called after each change.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class InjectedFaults:
         self._combine()
 
     def begin(self, effect: FaultEffect, now: float) -> Callable[[float], None]:
-        """Add an effect at `now` [s]; return a function that ends the effect at a given time [s]."""
+        """Add an effect at `now` [s] and return a function that ends the effect at a given time [s]."""
         key = self._next_key
         self._next_key += 1
         self._set(key, effect, now)
@@ -132,7 +132,7 @@ class FaultEffectWriter:
         world.events[i] = True  # wakes the autopilot
 
     def _take_charge(self, at_most: float) -> None:
-        """Limit the charge to `at_most` (share of the full charge); give charge back when the limit rises."""
+        """Limit the charge to `at_most` (share of the full charge); a higher limit restores charge."""
         if at_most == self._at_most:
             return
         self._at_most = at_most

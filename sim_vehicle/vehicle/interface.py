@@ -1,6 +1,6 @@
 """Narrow protocols between the parts of one vehicle, so that the parts do not import each other.
 
-`personalities.base.Vehicle` composes them into the whole vehicle.
+`personalities.base.Vehicle` composes these protocols into the whole vehicle.
 """
 
 from typing import Any, Protocol
@@ -20,10 +20,10 @@ class MessageOutput(Protocol):
         """Pack and send one message."""
 
     def raw(self, vehicle: int, data: bytes) -> None:
-        """Send bytes that are no MAVLink (boot text)."""
+        """Send bytes that are not a MAVLink frame, such as a boot text."""
 
     def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Send one message of STREAMS; False if the vehicle has no data for the message yet."""
+        """Send one message of STREAMS; return False if the vehicle has no data for the message yet."""
         ...
 
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.command import Command
 
-REPORT_S = 0.5
+REPORT_INTERVAL_S = 0.5
 ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
 IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
 CANCELLED = 6  # MAV_RESULT_CANCELLED; missing in the dialect
@@ -20,7 +20,7 @@ class _Job:
     sender: tuple[int, int]
     began_s: float
     duration_s: float
-    report_s: float
+    next_report_s: float
 
 
 class Jobs:
@@ -34,10 +34,10 @@ class Jobs:
         self._job = None
 
     def begin(self, command: Command, duration_s: float, now: float) -> bool:
-        """Start a command; False if one is in progress. The caller acknowledges the start."""
+        """Start a command, which the caller acknowledges; return False if a command is running."""
         if self._job is not None:
             return False
-        self._job = _Job(command.command, command.sender, now, duration_s, now + REPORT_S)
+        self._job = _Job(command.command, command.sender, now, duration_s, now + REPORT_INTERVAL_S)
         return True
 
     def cancel(self, message: Any) -> None:
@@ -56,8 +56,8 @@ class Jobs:
             self._job = None
             self._acknowledge(job.command, ACCEPTED, 100, job.sender)
             return float("inf")
-        if now >= job.report_s:
-            job.report_s += REPORT_S
+        if now >= job.next_report_s:
+            job.next_report_s += REPORT_INTERVAL_S
             share = round(100 * (now - job.began_s) / job.duration_s)
             self._acknowledge(job.command, IN_PROGRESS, share, job.sender)
-        return job.report_s
+        return job.next_report_s

@@ -10,8 +10,8 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import RallyAltitude
 from sim_vehicle.vehicle.interface import FlightControl
 
-NEAR_M = 1.0
-TAKEOFF_NEAR_M = 0.3
+HOVER_TOLERANCE_M = 1.0  # height above the hover height that needs no descent
+TAKEOFF_TOLERANCE_M = 0.3  # altitude error at the end of a take-off
 ALIGNED_RAD = math.radians(10.0)  # largest heading error of a plane that leaves a circle
 INSIDE_SHARE = 1.05  # largest distance from the centre, in radii, that counts as inside a circle
 
@@ -25,9 +25,10 @@ class Manoeuvre(Protocol):
 
 
 class Landing:
-    """Landing at a position, or here: level flight, descent, and 1 s on the ground.
+    """Landing: level flight, descent, and a short time on the ground.
 
-    A plane glides to the position along a straight line, or spirals down around the position with `circles`.
+    place_deg: latitude and longitude; None: the present position.
+    circles: a plane spirals down around the position; else it glides there along a straight line.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class Landing:
 
 
 class Return:
-    """Return to launch: climb, flight home or to the nearest rally point, wait, landing.
+    """Return to launch: climb, flight to home or to the nearest rally point, wait, landing.
 
     With `return_final_height_m` the vehicle hovers at that height instead of landing (`ModeRTL::run`).
     """
@@ -111,10 +112,13 @@ class Return:
         return flight_parameters.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
-        """Begin a descent to the hover height; False if the vehicle is not above that height."""
+        """Begin a descent to the hover height; return False if the vehicle is not above that height."""
         hover_m = self._flight.flight_parameters.return_hover_height_m
         self._hovers = True
-        if hover_m is None or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + NEAR_M:
+        if (
+            hover_m is None
+            or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + HOVER_TOLERANCE_M
+        ):
             return False
         self._up_m = self._place.alt_amsl_m + hover_m
         self._fly_home()
@@ -168,18 +172,18 @@ class Takeoff:
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
-        at_altitude = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_NEAR_M
+        at_altitude = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_TOLERANCE_M
         return body.airborne and body.reached and at_altitude
 
 
 class CircleToAltitude:
-    """Circle of a plane to an altitude, and further until the plane heads for the next position.
+    """Circle of a plane to an altitude; the plane leaves the circle when it heads for the next position.
 
     Parameters
     ----------
     centre_m: east, north, up [m].
     radius_m: counter-clockwise if negative.
-    next_m: east, north of the next position; None: the circle ends at the altitude.
+    next_m: east, north of the next position [m]; None: the circle ends at the altitude.
     near_m: altitude tolerance [m]; None: the tolerance of the body.
     """
 
@@ -201,7 +205,7 @@ class CircleToAltitude:
         flight.body.loiter(*centre_m[:2], up_m, radius_m)
 
     def _is_at_altitude(self) -> bool:
-        """Return True at the altitude; begin the change of altitude once the plane circles."""
+        """Return True at the altitude; with `circles_first`, begin the climb or descent on the circle."""
         body = self._flight.body
         if self._approaching:
             if body.reached:
@@ -223,12 +227,12 @@ class CircleToAltitude:
 
 
 class Circling:
-    """Circles around a point; a plane loiters, a copter flies from point to point.
+    """Circles around a centre; a plane loiters, a copter flies POINTS_PER_TURN straight legs per circle.
 
     Parameters
     ----------
     centre_m: east, north, up [m].
-    radius_m: counter-clockwise if negative; 0 stays over the point.
+    radius_m: counter-clockwise if negative; 0: a copter stays over the centre.
     turns: number of circles.
     """
 

@@ -78,7 +78,7 @@ class Pilot(Protocol):
     def armed(self) -> bool: ...
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
-        """Begin a navigation command; the next one, `following`, sets the speed at the corner."""
+        """Begin a navigation command; `following`, the next navigation command, sets the corner speed."""
 
     def navigation_done(self, now: float) -> bool:
         """Return True once the current navigation command (`Mission.flown`) is done."""
@@ -106,19 +106,18 @@ class Pilot(Protocol):
 class Mission:
     """Items (item 0 is home, read from `home`), the current index, and progress.
 
-    Items change only through `put`, `cut` and `clear`, which keep the records by index consistent. The index
-    outlives its item: if the current item is deleted, the vehicle still flies to the position of the item and
-    reports the index.
+    Items change only through `put`, `cut` and `clear`, which keep the records by index consistent. If the
+    current item is deleted, the vehicle still flies to the position of that item and reports its index.
     """
 
     home: Callable[[], Item]
-    index: int = 0  # of the current navigation command; 0: none
-    flown: Item | None = None  # copy of that command from its start; outlives its deletion
+    index: int = 0  # index of the current navigation command; 0: none
+    flown: Item | None = None  # current navigation command, kept if the item changes or is deleted
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
-    without_approach: bool = False  # the previous item in the list was not flown before this one
+    without_approach: bool = False  # the vehicle did not fly the item before the current item
     disarms_on_landing: bool = True  # a landing item ends the mission and stops the motors
-    stays_landed: bool = False  # a landing does not end the mission; the index stays, also after disarming
+    stays_landed: bool = False  # a landing does not end the mission; disarming keeps the index
     in_landing: bool = False  # the last begun item belongs to a landing
     _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)
@@ -135,7 +134,7 @@ class Mission:
 
     @property
     def empty(self) -> bool:
-        """True without an item to fly."""
+        """True if the mission has no item to fly."""
         return self.count < 2
 
     @property
@@ -154,9 +153,9 @@ class Mission:
     # -- changes ------------------------------------------------------------------------------------------
 
     def put(self, index: int, item: Item) -> bool:
-        """Store an item at an index or append the item; return True if the mission changed.
+        """Store or append an item at `index`; return True if the mission changed.
 
-        IndexError for an index beyond the end.
+        Raise IndexError if the index is beyond the end.
         """
         if index == self.count:
             self._items.append(item)
@@ -166,7 +165,7 @@ class Mission:
         self._items[index] = item
         self._jumps.pop(index, None)
         if self._pending[:1] == [index]:
-            self._condition_begun_s = None  # a new condition, not begun yet
+            self._condition_begun_s = None  # the new condition has not begun
         if index in self._pending and item.command in NAVIGATION | {mavlink.MAV_CMD_DO_JUMP}:
             del self._pending[self._pending.index(index) :]
         return True
@@ -202,9 +201,9 @@ class Mission:
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
-        """Return the index of the nearest DO_LAND_START; None without a DO_LAND_START.
+        """Return the index of the nearest DO_LAND_START; None if the mission has no DO_LAND_START.
 
-        A DO_LAND_START without a position has the position of the next item.
+        A DO_LAND_START without a position has the position of the next item with a position.
         """
         found: list[tuple[float, int]] = []
         for index in range(1, self.count):
@@ -246,7 +245,7 @@ class Mission:
         return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
-        """Continue from the current command; after the end or with `restart`, start at the first."""
+        """Continue with the current command; after the end or with `restart`, start at the first command."""
         if restart or self._starts_over:
             self.in_landing = False
             self._jumps.clear()
@@ -258,21 +257,21 @@ class Mission:
             self._advance(pilot, self.index)  # the changed list has a do-command here
 
     def pause(self) -> bool:
-        """Pause the mission; False if no mission is active."""
+        """Pause the mission; return False if no mission is active."""
         if self.state is not MissionState.ACTIVE or self.empty:
             return False
         self.paused = True
         return True
 
     def resume(self, pilot: Pilot) -> bool:
-        """Continue after a pause; False without a command to continue."""
+        """Continue after a pause; return False if no command can continue."""
         self.paused = False
         if not self.restart_current(pilot) and self.flown is not None:
             pilot.start_navigation(self.flown, None)  # the item was deleted
         return self.flown is not None
 
     def next_navigation(self, count: int) -> list[int]:
-        """Return the indices of the next navigation commands, the current one first."""
+        """Return the indices of at most `count` navigation commands, beginning with the current command."""
         found: list[int] = []
         jumps, index = dict(self._jumps), self._find_navigation(self.index, {}, [])
         while index is not None and len(found) < count:
@@ -287,7 +286,7 @@ class Mission:
             self.state = MissionState.PAUSED
 
     def reset(self) -> None:
-        """Reset progress after disarming: the next start is from the beginning."""
+        """Reset progress after disarming; the next start is at the first command."""
         self.index, self.flown = 0, None
         self.paused = self.in_landing = False
         self._jumps.clear()
@@ -296,7 +295,7 @@ class Mission:
             self.state = MissionState.NOT_STARTED
 
     def end(self) -> None:
-        """Complete the mission after a landing; disarming then resets the mission."""
+        """Mark the mission as complete after a landing; the following disarming resets the progress."""
         self.state = MissionState.COMPLETE
 
     def reboot(self) -> None:
@@ -305,11 +304,14 @@ class Mission:
         self.state = MissionState.NOT_STARTED
 
     def rewind(self) -> None:
-        """Forget the repetitions of jumps."""
+        """Reset the repetition counts of the jumps."""
         self._jumps.clear()
 
     def set_current(self, pilot: Pilot, index: int) -> bool:
-        """Make `index` (0: the first) current: at once in flight, else at the next start."""
+        """Make an item current (0: the first); return False if the list has no such item.
+
+        An active mission continues there at once, an inactive mission at its next start.
+        """
         index = max(index, 1)
         if index >= self.count or self.items[index].command != mavlink.MAV_CMD_DO_LAND_START:
             self.in_landing = False
@@ -327,7 +329,7 @@ class Mission:
         return True
 
     def restart_current(self, pilot: Pilot) -> bool:
-        """Restart the current command, now or at the end of a pause; False if its item was deleted."""
+        """Restart the current command now, or at the end of a pause; return False if it cannot restart."""
         if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
             return False
         if self.items[self.index].command not in NAVIGATION:

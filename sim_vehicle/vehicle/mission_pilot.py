@@ -1,4 +1,4 @@
-"""Execution of mission items by a vehicle: targets, completion, and commands between waypoints."""
+"""Execution of mission items by a vehicle: targets, completion, do and condition commands."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from sim_vehicle.vehicle.mission import LANDINGS, TAKEOFFS, Item
 from sim_vehicle.vehicle.numbers import finite, whole
 
 LocalPoint = tuple[float, float, float]
-AHEAD_M = 50_000.0  # length of a leg that ends at an altitude
+AHEAD_M = 50_000.0  # length of a straight leg that ends once the vehicle reaches an altitude
 MIN_DIRECTION_M = 0.1  # shortest distance that gives a direction
 CLIMB_MARGIN_M = 10.0  # target above the take-off altitude of a plane that climbs straight on
 ALTITUDE_REACHED_M = 5.0
-LEG_START_SPEED_M_S = 1.0  # speed below which a leg begins after braking
+LEG_START_SPEED_M_S = 1.0  # horizontal speed at which a leg begins after braking
 YAW_REACHED_RAD = math.radians(2.0)
 FLOWN_THROUGH = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT, mavlink.MAV_CMD_CONDITION_GATE}
@@ -45,7 +45,7 @@ SHORT_NAMES = {
 
 
 class MissionPilot:
-    """The pilot of a mission (`mission.Pilot`) on one vehicle."""
+    """The `mission.Pilot` of one vehicle."""
 
     def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
@@ -53,7 +53,7 @@ class MissionPilot:
         self._wait_until_s: float | None = None
         self._target_m: LocalPoint = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
-        self._under_way = False
+        self._under_way = False  # on a leg to a waypoint
         self._after_braking_m_s: float | None = None  # speed at the end of a leg that begins after braking
         self._following: Item | None = None
 
@@ -111,7 +111,7 @@ class MissionPilot:
             flight.go(self._target_m, self._pass_speed_m_s(item, following))
 
     def _radius_m(self, item: Item) -> float:
-        """Return the acceptance radius of an item [m]; an item can set the radius of a plane."""
+        """Return the acceptance radius of an item [m]; only a plane obeys the radius in an item."""
         flight_parameters = self._flight.flight_parameters
         item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
         sets_radius = (
@@ -139,10 +139,7 @@ class MissionPilot:
         return self._flight.body.plane and self._flight.flight_parameters.takeoff_straight
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
-        """Return a point far ahead, east and north [m].
-
-        The point lies towards the take-off position, or straight ahead for a vehicle at that position.
-        """
+        """Return east, north of a point far ahead [m], towards the item's position or straight ahead."""
         body = self._flight.body
         east_m, north_m, _ = body.position_m
         heading_rad = body.heading_rad
@@ -153,7 +150,7 @@ class MissionPilot:
         return east_m + AHEAD_M * math.sin(heading_rad), north_m + AHEAD_M * math.cos(heading_rad)
 
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
-        """Return the speed for flying through a waypoint [m/s]; 0: stop there."""
+        """Return the speed at the end of an item [m/s]; 0: stop, or circle (plane)."""
         through = item.command in FLOWN_THROUGH and item.param1 == 0
         if self._flight.body.plane:  # a plane circles only on request or at the end
             through = through and following is not None
@@ -220,7 +217,7 @@ class MissionPilot:
         if item.command in LANDINGS and flight.mission.stays_landed:
             return False
         if done and flight.armed and flight.mission.disarms_on_landing:
-            # A landing ends the mission. Disarming resets the mission, so the item is not reported.
+            # A landing ends the mission. Disarming resets the mission, so the landing item is not reported.
             flight.mission.end()
             flight.disarm()
             return False
@@ -315,7 +312,7 @@ class MissionPilot:
 
 
 def target_of(flight: FlightControl, item: Item) -> LocalPoint:
-    """Return the target of an item: east, north, up [m]; present coordinates replace missing ones."""
+    """Return the target of an item: east, north, up [m]; the present position replaces a missing position."""
     body = flight.body
     east_m, north_m, up_m = body.position_m
     keeps_altitude = item.z == 0 and (item.place_deg is None or flight.flight_parameters.zero_keeps_altitude)
@@ -337,9 +334,9 @@ def circle_to_altitude(
 
 
 class ReturnByMission:
-    """Return by mission: a climb on the spot to an altitude, the items, and the landing at the last item.
+    """Return by mission: a climb to an altitude at the present position, then the items; the last item lands.
 
-    Every item has a position. The vehicle does not stop there; only a plane circles to change its altitude.
+    Every item has a position. The vehicle does not stop at items; a plane can circle to change its altitude.
     """
 
     def __init__(self, flight: FlightControl, items: Sequence[Item], minimum_amsl_m: float) -> None:
@@ -354,7 +351,7 @@ class ReturnByMission:
 
     @property
     def lands(self) -> bool:
-        """True during the landing."""
+        """True while the vehicle lands."""
         return isinstance(self._manoeuvre, Landing)
 
     def _begin_next(self) -> None:

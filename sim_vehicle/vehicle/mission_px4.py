@@ -90,7 +90,7 @@ class Px4Mission(Mission):
     # -- execution ----------------------------------------------------------------------------------------
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
-        """Enter the mission mode: an armed vehicle flies on, a disarmed one after arming."""
+        """Enter the mission mode; an armed vehicle continues at once, a disarmed vehicle after arming."""
         self.paused, self._mission_mode_on = False, True
         if restart:
             self.index, self._at_end = 0, False
@@ -192,10 +192,7 @@ class Px4Mission(Mission):
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _resolve(self, index: int, *, count: bool) -> int | None:
-        """Return the index of the item after the jumps at `index`; None beyond the end.
-
-        With `count` the jumps are counted.
-        """
+        """Follow the jumps from `index` and return the index of the next item; `count`: count the jumps."""
         for _ in range(MAX_JUMPS_IN_A_ROW):
             if not 0 <= index < self.count:
                 return None
@@ -214,7 +211,7 @@ class Px4Mission(Mission):
         return None
 
     def _following(self, index: int) -> Item | None:
-        """Return the next navigation command after `index`, which sets the corner speed at `index`."""
+        """Return the next navigation command after `index`; None: no such command."""
         for _ in range(MAX_PER_UPDATE):
             found = self._resolve(index + 1, count=False)
             if found is None:

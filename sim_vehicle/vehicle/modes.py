@@ -18,7 +18,7 @@ class Modes:
         personality = self._vehicle.personality
         self.mode: Mode = personality.modes[personality.boot_mode]
         self._armable_mode = self.mode
-        self.mission_checked_s = now  # time from which a new mission can be flown
+        self.mission_checked_s = now  # time at which the check of a new mission is complete
 
     # -- by a ground station -----------------------------------------------------------------------------
 
@@ -27,7 +27,7 @@ class Modes:
         return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
 
     def set(self, number: int, now: float) -> bool:
-        """Change mode by its wire number as a ground station does; False if the change is refused."""
+        """Change the mode as a ground station does; return False if the change is refused."""
         vehicle = self._vehicle
         if vehicle.injected_faults.mode_stuck is not None:
             return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
@@ -47,7 +47,7 @@ class Modes:
         return True
 
     def _may_enter(self, mode: Mode, now: float) -> bool:
-        """Return True if an armed vehicle can enter the mode; announce the reason if not."""
+        """Return True if an armed vehicle can enter the mode; else announce the reason."""
         vehicle = self._vehicle
         if mode.needs_position and not vehicle.position_known(now):
             refusal = "mode_needs_position"
@@ -84,7 +84,7 @@ class Modes:
         self._enter(self._vehicle.personality.mode_of(behaviour))
 
     def enter(self, number: int) -> None:
-        """Change to a mode by its number without any check, also to a mode that is not selectable."""
+        """Change to a mode by its number without any check; the mode need not be selectable."""
         self._enter(self._vehicle.personality.modes[number])
 
     def _enter(self, mode: Mode) -> None:
@@ -104,7 +104,7 @@ class Modes:
             mission.reset()
 
     def mode_switch_read(self) -> None:
-        """Enter the mode of the RC mode switch at its first reading after a boot, while disarmed."""
+        """Enter the boot mode when a disarmed vehicle first reads the RC mode switch after a boot."""
         personality = self._vehicle.personality
         if personality.rereads_mode_switch and not self._vehicle.armed:
             boot_mode = personality.modes[personality.boot_mode]
@@ -112,7 +112,7 @@ class Modes:
                 self._enter(boot_mode)
 
     def disarmed(self) -> None:
-        """React to the stop of the motors."""
+        """Restore the last armable mode after a disarming, if the personality does so."""
         if self._vehicle.personality.disarm_restores_mode and not self.mode.terminates:
             self._enter(self._armable_mode)
 

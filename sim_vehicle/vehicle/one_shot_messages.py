@@ -1,6 +1,6 @@
 """One-shot messages, which a vehicle sends on request only.
 
-Each function takes the vehicle and the request's second parameter, and returns the messages to send.
+Each function takes the vehicle and param2 of the request, and returns the messages to send.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from sim_vehicle.personalities.base import OneShotMessage, Vehicle
 
 
 def autopilot_version(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
-    """Return AUTOPILOT_VERSION; uid2 is `sim_vehicle` and the system id, unlike any real aircraft."""
+    """Return AUTOPILOT_VERSION; uid2 is `sim_vehicle` and the system id, unlike on any real aircraft."""
     uid2 = list(b"sim_vehicle".ljust(17, b"\0") + bytes([vehicle.sysid]))
     nothing = [0] * 8
     personality = vehicle.personality

@@ -20,12 +20,12 @@ WIRE_TYPES = {
     16: int(mavlink.MAV_PARAM_TYPE_INT16),
     32: int(mavlink.MAV_PARAM_TYPE_INT32),
 }
-# ArduPilot adds this before the truncation of a float, so that 2.999 becomes 3.
+# ArduPilot adds this offset before the truncation of a float, so that 2.999 becomes 3.
 TRUNCATION_OFFSET = 0.01
 
 
 def as_float32(value: float) -> float:
-    """Return the value rounded to 32 bits, as the wire and the autopilot's memory hold it."""
+    """Return the value rounded to a 32-bit float, as autopilots store and send it."""
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
@@ -38,10 +38,10 @@ class Parameters:
     ----------
     defaults: default values of the firmware.
     start: initial values of this vehicle, which become its defaults.
-    bits: width of integers other than 32 bits.
-    read_only: names with a fixed value, which is the answer to PARAM_SET.
-    byte_wise: PX4's encoding: integers travel as their four bytes in the float field, and a PARAM_SET of
-        another type is dropped. Otherwise ArduPilot's: integers travel as the nearest float, and fractions
+    bits: widths of the integers that do not have 32 bits.
+    read_only: names with a fixed value; the answer to PARAM_SET is that value.
+    byte_wise: True: PX4's encoding; the float field has the four bytes of an integer, and a PARAM_SET of
+        another type is ignored. False: ArduPilot's encoding; the field has the nearest float, and fractions
         are truncated.
     """
 
@@ -84,7 +84,7 @@ class Parameters:
         return self._bits.get(name, DEFAULT_BITS) if isinstance(self._values[name], int) else 0
 
     def set(self, name: str, value: float) -> None:
-        """Set a known parameter within its type and range; KeyError for an unknown name.
+        """Set a parameter within its type and range; raise KeyError if the name is unknown.
 
         NaN and infinity change nothing.
         """
@@ -94,11 +94,11 @@ class Parameters:
             self._values[name] = self._stored_value(name, value)
 
     def set_internal(self, name: str, value: float) -> None:
-        """Set a parameter that only the vehicle writes (a count of stored items)."""
+        """Set a parameter that only the vehicle writes, such as the number of stored items."""
         self._values[name] = self._stored_value(name, value)
 
     def _stored_value(self, name: str, value: float) -> float | int:
-        """Return a value as stored: of the parameter's type, within its range."""
+        """Return a value converted to the parameter's type and limited to its range."""
         bits = self.bits(name)
         if not bits:
             return as_float32(value)
@@ -107,7 +107,7 @@ class Parameters:
 
     @property
     def listing(self) -> bool:
-        """True while a list is being sent, so that `tick` has work."""
+        """True while the vehicle sends the list, so that `tick` has work."""
         return self._list_index < len(self._names)
 
     def tick(self, send: Callable[[Any], None], now: float) -> None:
@@ -123,7 +123,7 @@ class Parameters:
     def receive(self, message: Any, send: Callable[[Any], None], now: float) -> str | None:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; return the name that was set, or None.
 
-        A request for the list during its transfer restarts the transfer. An unknown name gets no reply.
+        A request for the list during its transfer restarts the transfer. The vehicle ignores an unknown name.
         """
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
@@ -174,7 +174,7 @@ class Parameters:
         return _BytesValue(HASH_NAME, bits, mavlink.MAV_PARAM_TYPE_UINT32, len(self._names), UNINDEXED)
 
     def value_message(self, index: int, *, named: bool = False) -> Any:
-        """Return PARAM_VALUE of one index; ArduPilot omits the index if the request `named` the parameter."""
+        """Return PARAM_VALUE of an index; ArduPilot omits the index for a request by name (`named`)."""
         name = self._names[index]
         value = self._values[name]
         kind = self._wire_type(name)

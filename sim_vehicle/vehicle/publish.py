@@ -1,4 +1,4 @@
-"""One vehicle's row of the fleet's status, the source of its telemetry."""
+"""One vehicle's row of the fleet's `Status`, the source of the vehicle's telemetry."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from sim_vehicle.epoch import EPSILON_S
 
-FULL_READY_S = 41.0
+# Times after the boot of a vehicle with `ready_s` 41 s; proportional for other values of `ready_s`.
+FULL_READY_S = 41.0  # position estimate
 GPS_FIX_S = 10.0
-HOME_S = 20.0
+HOME_S = 20.0  # home and origin
 MODE_SWITCH_READ_S = 2.0  # first reading of the RC mode switch, which undoes earlier mode changes
 MILESTONES_S = (MODE_SWITCH_READ_S, GPS_FIX_S, HOME_S, FULL_READY_S)
 
@@ -35,7 +36,7 @@ class Readiness:
         return self._passed(MODE_SWITCH_READ_S, now)
 
     def next_s(self, now: float) -> float:
-        """Return the time of the next milestone [s]; inf after the last."""
+        """Return the time of the next milestone [s]; inf after the last milestone."""
         scale = self.ready_s / FULL_READY_S
         due_s = (self.boot_s + milestone_s * scale for milestone_s in MILESTONES_S)
         return min((s for s in due_s if s > now), default=math.inf)

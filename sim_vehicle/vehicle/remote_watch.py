@@ -1,6 +1,6 @@
-"""Remote control failsafe of one vehicle, with one or two stages of a loss.
+"""Remote control failsafe of one vehicle: a loss has a long stage and, with `rc_short_action`, a short stage.
 
-The return of the remote control undoes only the mode change of the short stage.
+When the remote control returns, only the mode change of the short stage is undone.
 """
 
 import math
@@ -25,7 +25,7 @@ class RemoteWatch:
 
     @property
     def next_s(self) -> float:
-        """Time of the next stage [s]."""
+        """Time of the next stage [s]; inf: no further stage."""
         if math.isinf(self._since_s) or not self._loss_counts or self._stage == LONG:
             return math.inf
         return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc_timeout_s

@@ -15,7 +15,7 @@ ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLIN
 
 
 class Sender:
-    """Sender of messages; `clock` is the vehicle's time [s], `record` receives every text."""
+    """Sender of messages; `clock` returns the vehicle's time [s], `record` receives every STATUSTEXT."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class Sender:
 
     @property
     def next_s(self) -> float:
-        """Time of the next delayed message [s]."""
+        """Time of the next delayed acknowledgement [s]; inf: none is delayed."""
         return self._delayed[0][0] if self._delayed else math.inf
 
     def send(self, message: Any) -> None:
@@ -55,7 +55,7 @@ class Sender:
         self._send(message)
 
     def send_text(self, severity: int, text: str) -> None:
-        """Send STATUSTEXT, a long text in chunks with a common id."""
+        """Send a text as STATUSTEXT; a text above TEXT_BYTES is sent in chunks with a common id."""
         self._record(self._clock(), severity, text)
         data = text.encode()
         if len(data) <= TEXT_BYTES:
@@ -67,13 +67,13 @@ class Sender:
             self.send(mavlink.MAVLink_statustext_message(severity, part, self._text_id, chunk))
 
     def announce(self, event: str, **values: Any) -> None:
-        """Send the personality's text for an event, if it has one."""
+        """Send the personality's text for an event, if the personality has a text."""
         if event in self._texts:
             severity, template = self._texts[event]
             self.send_text(severity, template.format(**values))
 
     def texts_for(self, event: str, **values: Any) -> list[str]:
-        """Return the personality's text for an event as a list, empty without one."""
+        """Return a list with the personality's text for an event; empty if the personality has no text."""
         if event not in self._texts:
             return []
         return [self._texts[event][1].format(**values)]
@@ -83,6 +83,6 @@ class Sender:
         self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *sender))
 
     def send_delayed(self, now: float) -> None:
-        """Send the delayed messages due by `now` [s]."""
+        """Send the delayed acknowledgements due by `now` [s]."""
         while self._delayed and self._delayed[0][0] <= now + EPSILON_S:
             self._send(heapq.heappop(self._delayed)[2])

@@ -1,8 +1,8 @@
-"""Set-points of a ground station or companion: positions, velocities and attitudes, and their duration.
+"""Set-points of a ground station or companion computer: positions, velocities, accelerations and attitudes.
 
 A vehicle in a guided mode obeys SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and
-SET_ATTITUDE_TARGET. The vehicle flies to a position and holds it. A velocity, an acceleration or an attitude
-expires without a successor.
+SET_ATTITUDE_TARGET. The vehicle flies to a position and holds that position. A velocity, an acceleration or
+an attitude expires if no further set-point arrives.
 """
 
 import math
@@ -53,7 +53,7 @@ class Setpoints:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._last_received_s = NEVER_S
-        self._expires = False  # the current set-point expires without a successor
+        self._expires = False  # the current set-point expires if no further set-point arrives
         self._attitude = AttitudeSetpoints(vehicle)
 
     def reset(self) -> None:
@@ -67,7 +67,7 @@ class Setpoints:
 
     @property
     def next_deadline_s(self) -> float:
-        """Time [s] at which the current set-point or, in a set-point mode, the stream expires; inf: never."""
+        """Time at which the set-point (in a `setpoints_only` mode: the stream) expires [s]; inf: never."""
         vehicle = self._vehicle
         expires = vehicle.flight.flying if vehicle.mode.setpoints_only else self._expires
         return self._last_received_s + vehicle.flight_parameters.setpoint_timeout_s if expires else math.inf
@@ -91,7 +91,7 @@ class Setpoints:
         since_s = now - self._last_received_s
         self._last_received_s = now
         vehicle = self._vehicle
-        # Only a set-point mode takes off by a set-point.
+        # In a `setpoints_only` mode a set-point can start the take-off.
         ready = vehicle.armed if vehicle.mode.setpoints_only else vehicle.flight.flying
         if vehicle.mode.behaviour is not Behaviour.GUIDED or not ready:
             return
@@ -129,7 +129,7 @@ class Setpoints:
         self._vehicle.body.face(self._yaw_rad(message))
 
     def _local_m(self, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Convert north/forward, east/right, down of a local frame to east, north, up of the fleet's [m]."""
+        """Convert north/forward, east/right, down in `frame` to east, north, up in the fleet's frame [m]."""
         body = self._vehicle.body
         if frame in BODY_FRAMES:
             x, y = self._turned(x, y)
@@ -158,7 +158,7 @@ class Setpoints:
         self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _acceleration(self, message: Any, since_s: float) -> None:
-        """Apply an acceleration; for a plane, which banks to turn, integrate it into a velocity."""
+        """Apply an acceleration as the tilt of a copter, or integrated as the velocity of a plane."""
         north, east, down = message.afx, message.afy, message.afz
         if not all(math.isfinite(a) for a in (north, east, down)):
             return
@@ -177,7 +177,7 @@ class Setpoints:
         body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _turning(self, message: Any) -> tuple[float | None, float | None]:
-        """Return the commanded yaw from north [rad] and yaw rate [rad/s], None where ignored."""
+        """Return the commanded yaw from north [rad] and yaw rate [rad/s]; None: no command."""
         ignored = message.type_mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate)
         return self._yaw_rad(message), None if ignored else message.yaw_rate
 

@@ -15,12 +15,18 @@ from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.mission import MissionState
 
-SEND_INTERVAL_S = 0.1  # interval of sending during a transfer
-WATCHED = (Failsafe.RADIO, Failsafe.BATTERY, Failsafe.GROUND_STATION, Failsafe.FENCE, Failsafe.POSITION)
+SEND_INTERVAL_S = 0.1  # interval between calls of `tick` during a transfer
+LOGGED_FAILSAFES = (
+    Failsafe.RADIO,
+    Failsafe.BATTERY,
+    Failsafe.GROUND_STATION,
+    Failsafe.FENCE,
+    Failsafe.POSITION,
+)
 
 
 class _LoggedState(NamedTuple):
-    """Vehicle state whose changes go into the log."""
+    """Vehicle state; its changes go into the log."""
 
     armed: bool = False
     mode: int = -1
@@ -28,7 +34,7 @@ class _LoggedState(NamedTuple):
     origin: GeodeticPosition | None = None
     home: GeodeticPosition | None = None
     mission_item: int | None = None
-    failed: tuple[bool, ...] = (False,) * len(WATCHED)
+    failed: tuple[bool, ...] = (False,) * len(LOGGED_FAILSAFES)
 
 
 class Storage:
@@ -85,7 +91,7 @@ class Storage:
         self._transfer.tick(now)
 
     def next_s(self, now: float) -> float:
-        """Return the time of the next `tick` with work [s]."""
+        """Return the time of the next `tick` with work [s]; inf: no transfer."""
         return now + SEND_INTERVAL_S if self._ftp.busy or self._transfer.busy else math.inf
 
     def reboot(self, now: float) -> None:
@@ -174,7 +180,7 @@ class Storage:
             log.mode(now, seen.mode)
         if seen.airborne != before.airborne:
             log.landed(now, not seen.airborne)
-        for kind, is_active, was_active in zip(WATCHED, seen.failed, before.failed, strict=True):
+        for kind, is_active, was_active in zip(LOGGED_FAILSAFES, seen.failed, before.failed, strict=True):
             if is_active != was_active:
                 log.failsafe(now, kind, is_active)
         item = seen.mission_item

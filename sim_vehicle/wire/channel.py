@@ -25,8 +25,8 @@ TimedFrames = list[tuple[bytes, float]]
 class Stage(Protocol):
     """One impairment of one direction.
 
-    A call takes a frame and the time at which the frame leaves the previous stage [s]. The result is a list
-    of frames with the times at which they leave this stage, never earlier than the argument. A stage with
+    A call takes a frame and the time at which the frame leaves the previous stage [s]. The call returns the
+    frames that leave this stage, each with its time [s], which is never earlier than `due_s`. A stage with
     `in_order` keeps the order of the frames.
     """
 
@@ -56,7 +56,7 @@ class Channel:
         self._order = itertools.count()  # frames due at the same time leave in order of arrival
 
     def add(self, direction: Direction, stage: Stage) -> Callable[[], None]:
-        """Append a stage; return a function that removes the stage."""
+        """Append a stage and return a function that removes the stage."""
         stages = self._lanes[direction].stages
         stages.append(stage)
         return lambda: stages.remove(stage)
@@ -75,7 +75,7 @@ class Channel:
             self.inject(direction, output, due_s)
 
     def inject(self, direction: Direction, frame: bytes, due_s: float) -> None:
-        """Add a frame that skips the stages and arrives at `due_s` [s] (a radio's own frame)."""
+        """Add a frame that skips the stages and arrives at `due_s` [s], such as a radio's RADIO_STATUS."""
         heapq.heappush(self._lanes[direction].in_transit, (due_s, next(self._order), frame))
 
     def take(self, direction: Direction, now: float) -> TimedFrames:
@@ -88,14 +88,11 @@ class Channel:
         return arrived
 
     def next_due_s(self, direction: Direction | None = None) -> float:
-        """Return the arrival time of the next frame [s] in one direction or, with None, in both.
-
-        inf: no frame is in transit.
-        """
+        """Return the arrival time of the next frame [s], by default in both directions; inf: no frame."""
         lanes = self._lanes.values() if direction is None else (self._lanes[direction],)
         return min(lane.due_s() for lane in lanes)
 
     @property
     def idle(self) -> bool:
-        """True without stages and frames in transit, so that the channel can be removed."""
+        """True if the channel has no stages and no frames in transit, so that it can be removed."""
         return not any(lane.stages or lane.in_transit for lane in self._lanes.values())

@@ -18,9 +18,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.wire.frame import MAVLINK2
 
 MAGIC = bytes([MAVLINK2])
-_HEADER = struct.Struct(
-    "<BBBBBBBBB"
-)  # length, incompatible and compatible flags, seq, system, component, id x 3
+# length, incompatibility flags, compatibility flags, sequence, system, component, 3 bytes of the message id
+_HEADER = struct.Struct("<BBBBBBBBB")
 _CRC = struct.Struct("<H")
 _NUMPY_TYPES = {
     "uint8_t": "u1",
@@ -54,7 +53,7 @@ class Layout:
 
 
 def layout_of(message_id: int) -> Layout:
-    """Return the layout of a message of the dialect; KeyError for an unknown id."""
+    """Return the layout of a message of the dialect; raise KeyError if the id is unknown."""
     message = mavlink.mavlink_map[message_id]
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     lengths = dict(zip(message.ordered_fieldnames, message.array_lengths, strict=True))
@@ -71,7 +70,7 @@ def layout_of(message_id: int) -> Layout:
 
 
 class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message missing in the dialect, from its layout; packs like pymavlink's messages."""
+    """A message that the dialect lacks, defined by its layout; packs like pymavlink's messages."""
 
     def __init__(self, layout: Layout, **fields: Any) -> None:
         super().__init__(layout.message_id, layout.name)
@@ -84,9 +83,10 @@ class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 
 def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
-    """Return the payloads of `n` vehicles from columns (scalars, (n,) or (n, length)); other fields are 0.
+    """Return the payloads of `n` vehicles; fields without a column are 0.
 
-    Numbers for integer fields are rounded and limited to the field's range. NaN becomes 0.
+    A column is a scalar or an array, (n,) or (n, length). Numbers for integer fields are rounded and limited
+    to the field's range. NaN becomes 0 in an integer field.
     """
     payloads = np.zeros(n, layout.dtype)
     for name, values in columns.items():
@@ -104,7 +104,7 @@ def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
 def frames(
     layout: Layout, payloads: Records, systems: Sequence[int], sequences: Sequence[int], component: int
 ) -> list[bytes]:
-    """Return one unsigned MAVLink 2 frame per payload, trailing zeros truncated as the protocol requires."""
+    """Return one unsigned MAVLink 2 frame per payload, without the payload's trailing zeros."""
     size, blob = layout.dtype.itemsize, payloads.tobytes()
     id_0, id_1, id_2 = layout.message_id & 0xFF, layout.message_id >> 8 & 0xFF, layout.message_id >> 16
     pack, extra, crc = _HEADER.pack, layout.crc_extra, _CRC.pack

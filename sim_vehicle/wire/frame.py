@@ -1,6 +1,6 @@
 """Frame layout of MAVLink, for code that reads frames without a codec."""
 
-MAVLINK1, MAVLINK2 = 0xFE, 0xFD  # the first byte
+MAVLINK1, MAVLINK2 = 0xFE, 0xFD  # first byte of a frame
 HEADER1_BYTES, HEADER2_BYTES = 6, 10  # header length including the first byte
 
 

@@ -16,8 +16,9 @@ class LinkLayer:
 
     Parameters
     ----------
-    signings, links: the keys and the link number of each vehicle.
-    trusted_links: links that require no signatures, like an autopilot's USB.
+    signings: the signing state of each vehicle.
+    links: the link number of each vehicle.
+    trusted_links: numbers of the links that require no signatures, like an autopilot's USB.
     """
 
     def __init__(
@@ -30,7 +31,7 @@ class LinkLayer:
 
     @property
     def unimpaired(self) -> bool:
-        """True without signatures and impairments, so that frames pass unchanged."""
+        """True if no vehicle signs and no link is impaired, so that frames pass unchanged."""
         return not (self._signing or self._channels)
 
     def channel(self, index: int) -> Channel:
@@ -47,14 +48,14 @@ class LinkLayer:
             self._signing[index] = self._signings[index]
 
     def accepts(self, index: int, message: Any, now: float) -> bool:
-        """Return True if a vehicle may obey a message with this signature."""
+        """Return True if a vehicle may obey a message: its signature is valid or not required."""
         signing = self._signing.get(index)
         if signing is None or self._links[index] in self._trusted_links:
             return True
         return signing.accepts(bytes(message.get_msgbuf()), now)
 
     def send(self, frames: Frames, now: float) -> Frames:
-        """Sign frames; return the frames of unimpaired links and put the others into their channels."""
+        """Sign frames; put the frames of impaired links into channels and return the remaining frames."""
         direct = []
         for index, frame in frames:
             signing = self._signing.get(index)
@@ -67,7 +68,7 @@ class LinkLayer:
         return direct
 
     def put_incoming(self, index: int, message: Any, now: float) -> bool:
-        """Put a message into the channel to a vehicle; False if the link is unimpaired."""
+        """Put a message into the channel to a vehicle; return False if the link is unimpaired."""
         channel = self._channels.get(index)
         if channel is not None:
             channel.put(Direction.TO_VEHICLE, bytes(message.get_msgbuf()), now)

@@ -32,11 +32,11 @@ class Outbox:
         self._frames.append((vehicle, self._encoder.pack(vehicle, message)))
 
     def raw(self, vehicle: int, data: bytes) -> None:
-        """Append bytes that are no MAVLink."""
+        """Append bytes that are not a MAVLink frame, such as a boot text."""
         self._frames.append((vehicle, data))
 
     def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Pack one vehicle's message of STREAMS; False if the vehicle has no data for the message yet."""
+        """Pack one message of STREAMS; return False if the vehicle has no data for the message yet."""
         return self._send(message_id, np.array([vehicle]), now) == 1
 
     def stream(self, streams: Streams, now: float) -> None:

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.wire.frame import MAVLINK1, header_bytes
 
-COMMAND_CANCEL, _CANCEL_EXTRA = 80, b"\x0e"  # missing in the dialect
+COMMAND_CANCEL, _CANCEL_EXTRA = 80, b"\x0e"  # message id and CRC_EXTRA, which the dialect lacks
 _CANCEL = struct.Struct("<HBB")
 _UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
 
@@ -24,11 +24,11 @@ class Parser:
         """Return the messages that `data` completes."""
         codec = self._codec
         messages = codec.parse_buffer(data) or []
-        # pymavlink frees read bytes only when a stream pauses between two frames. Without this, a stream
-        # without pauses would stay in memory.
+        # pymavlink frees read bytes only when a stream pauses between two frames. A stream without pauses
+        # would stay in memory.
         del codec.buf[: codec.buf_index]
         codec.buf_index = 0
-        return [_known(message) for message in messages]
+        return [_decode_if_cancel(message) for message in messages]
 
     @property
     def waiting_bytes(self) -> int:
@@ -48,12 +48,12 @@ class CommandCancel(mavlink.MAVLink_message):  # type: ignore[misc]
         return bytes(self._pack(mav, _CANCEL_EXTRA[0], payload, force_mavlink1=force_mavlink1))
 
 
-def _known(message: Any) -> Any:
+def _decode_if_cancel(message: Any) -> Any:
     """Return COMMAND_CANCEL decoded, or any other message unchanged."""
-    return _cancel(message) or message if message.get_type() == _UNKNOWN_CANCEL else message
+    return _decode_cancel(message) or message if message.get_type() == _UNKNOWN_CANCEL else message
 
 
-def _cancel(unknown: Any) -> CommandCancel | None:
+def _decode_cancel(unknown: Any) -> CommandCancel | None:
     """Decode COMMAND_CANCEL from its frame; None if the checksum is wrong."""
     frame = bytes(unknown.get_msgbuf())
     length, start = frame[1], header_bytes(frame)

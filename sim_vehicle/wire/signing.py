@@ -11,7 +11,7 @@ from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
 LAST_TIMESTAMP = 2**48 - 1  # largest time stamp in a signature
-NEW_STREAM_AGE = 60 * TICKS_PER_S  # largest age of the first message of a stream
+NEW_STREAM_AGE_TICKS = 60 * TICKS_PER_S  # largest age of the first message of a stream
 MAX_STREAMS = 16
 SIGNED = 0x01  # bit of the incompatibility flags, the third byte
 SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
@@ -20,10 +20,10 @@ NO_KEY = bytes(32)
 
 
 def _crc_changes() -> list[int]:
-    """Return the change of a checksum by the bit SIGNED, indexed by the number of bytes after the flags.
+    """Return the change of a checksum by the bit SIGNED, indexed by the number of bytes after that flag.
 
-    The checksum is linear, so the effect of a changed bit depends only on its place. The new checksum needs
-    no CRC_EXTRA of the message.
+    The checksum is linear, so the effect of a changed bit depends only on its place. The CRC_EXTRA of the
+    message need not be known.
     """
     changes = []
     crc, byte = 0, SIGNED
@@ -45,9 +45,9 @@ class Signing:
     def __init__(self) -> None:
         self._key: bytes | None = None
         self._timestamp = 0  # latest time stamp sent or received
-        self._ahead = 0  # time stamp at second 0 of the simulation
-        self._streams: dict[tuple[int, int, int], int] = {}
-        self.refused = 0
+        self._timestamp_at_zero = 0  # time stamp at second 0 of the simulation
+        self._streams: dict[tuple[int, int, int], int] = {}  # link, system, component -> latest time stamp
+        self.refused = 0  # number of refused frames
 
     @property
     def active(self) -> bool:
@@ -64,10 +64,10 @@ class Signing:
         self._key = None if key == NO_KEY and timestamp == 0 else key
         timestamp &= LAST_TIMESTAMP
         self._timestamp = timestamp
-        self._ahead = timestamp - int(now * TICKS_PER_S)
+        self._timestamp_at_zero = timestamp - int(now * TICKS_PER_S)
 
     def set_up(self, message: Any, now: float, *, armed: bool) -> bool:
-        """Process an accepted SETUP_SIGNING; do nothing and return False while the vehicle is armed."""
+        """Process SETUP_SIGNING; return False and keep the key while the vehicle is armed."""
         if not armed:
             self.set_key(bytes(message.secret_key), message.initial_timestamp, now)
         return not armed
@@ -83,7 +83,7 @@ class Signing:
         # A time stamp at its limit stays there; receivers then reject the messages of the vehicle.
         self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
-        crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flags, with CRC_EXTRA instead of the checksum
+        crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flag: CRC_EXTRA in place of the checksum
         covered = b"".join(
             (
                 frame[:2],
@@ -112,7 +112,7 @@ class Signing:
         last = self._streams.get(stream)
         if last is None:
             own = max(self._timestamp, self._clock(now))
-            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE < own:
+            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE_TICKS < own:
                 return False
         elif timestamp <= last:
             return False
@@ -121,7 +121,7 @@ class Signing:
         return True
 
     def _clock(self, now: float) -> int:
-        return self._ahead + int(now * TICKS_PER_S)
+        return self._timestamp_at_zero + int(now * TICKS_PER_S)
 
     def _hash(self, covered: bytes) -> bytes:
         assert self._key is not None

@@ -1,7 +1,4 @@
-"""State of the autopilots as arrays over the fleet: the columns of telemetry besides physics.
-
-Each vehicle writes its own row (`publish.publish`) after changes; telemetry reads whole columns.
-"""
+"""State of the autopilots as arrays over the fleet: all columns of telemetry except physics."""
 
 from typing import Any
 
@@ -10,7 +7,7 @@ import numpy.typing as npt
 
 
 class Status:
-    """Columns over n vehicles; each vehicle writes its own row."""
+    """Columns over n vehicles; each vehicle writes its own row (`publish.publish`) after changes."""
 
     def __init__(self, n: int) -> None:
         def column(kind: str, value: float = 0) -> npt.NDArray[Any]:
@@ -18,7 +15,7 @@ class Status:
 
         self.booted = column("?")
         self.boot_s = column("f8")
-        # lead of the vehicle's own clock: offset + (now - since) * rate
+        # lead of the vehicle's own clock [s]: clock_offset_s + (now - clock_since_s) * clock_drift
         self.clock_offset_s = column("f8")
         self.clock_since_s = column("f8")
         self.clock_drift = column("f8")
@@ -34,28 +31,28 @@ class Status:
         self.sensors_enabled = column("u4")
         self.health = column("u4")
         # state of the vehicle
-        self.gps_seen = column("?")  # first fix since the boot
+        self.gps_seen = column("?")  # a GPS fix since the boot
         self.position_known = column("?")
         self.armed_since_s = column("f8", np.nan)  # nan: not armed
         self.flying_since_s = column("f8", np.nan)  # latest take-off since arming; nan: none
-        self.flights = column("u4")  # flight counter of a parameter
+        self.flights = column("u4")  # number of flights, counted by a parameter
         self.landed_state = column("u1")
         self.has_home = column("?")
-        self.home_e7 = np.zeros((n, 2), dtype="i4")
+        self.home_e7 = np.zeros((n, 2), dtype="i4")  # latitude, longitude [1e-7 deg]
         self.home_amsl_m = column("f8")
-        self.home_is_local = column("?")  # HOME_POSITION has local coordinates, too
+        self.home_is_local = column("?")  # HOME_POSITION includes local coordinates
         self.has_origin = column("?")
         self.origin_m = np.zeros((n, 3))  # east, north, up in the fleet's frame
-        self.origin_e7 = np.zeros((n, 2), dtype="i4")
+        self.origin_e7 = np.zeros((n, 2), dtype="i4")  # latitude, longitude [1e-7 deg]
         # targets
-        self.has_place = column("?")  # a global position
-        self.has_setpoint = column("?")  # a position or a velocity in local coordinates
+        self.has_place = column("?")  # the target is a global position
+        self.has_setpoint = column("?")  # the target is a position or a velocity in local coordinates
         # mission
         self.mission_seq = column("u2")
         self.mission_total = column("u2")
         self.mission_state = column("u1")
         self.mission_mode = column("u1")
-        self.mission_ids = np.zeros((n, 3), dtype="u4")  # of mission, fence, rally points
+        self.mission_ids = np.zeros((n, 3), dtype="u4")  # ids of mission, fence, rally points
         # fence
         self.fence_status = column("u1")
         self.fence_breaches = column("u2")
@@ -65,4 +62,4 @@ class Status:
         self.battery_state = column("u1")  # MAV_BATTERY_CHARGE_STATE
         self.threatened = column("?")  # hostiles can strike
         self.strikes = column("i4")
-        self.load = column("u2", 100)  # of the main loop [0.1 %]
+        self.load = column("u2", 100)  # load of the main loop [0.1 %]

@@ -1,4 +1,4 @@
-"""Message intervals of the whole fleet as one table, and the messages due.
+"""Message intervals of the whole fleet as one table.
 
 Streams run on the simulation's tick, so the shortest interval is one tick.
 """
@@ -16,7 +16,7 @@ from sim_vehicle.wire.telemetry import STREAMS
 IDS = tuple(STREAMS)
 ROWS = {message_id: row for row, message_id in enumerate(IDS)}
 HEARTBEAT, HEARTBEAT_HZ = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 1.0
-STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
+STRIKES, STRIKES_INTERVAL_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
 
 
 class Streams:
@@ -33,8 +33,8 @@ class Streams:
     ) -> None:
         """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops the stream.
 
-        `first_s` is the time of the first message [s], one interval after `now` by default. KeyError for a
-        message that is not in STREAMS.
+        first_s: time of the first message [s]; None: one interval after `now`.
+        Raise KeyError if STREAMS lacks the message.
         """
         row = ROWS[message_id]
         if interval_s <= 0:
@@ -46,7 +46,7 @@ class Streams:
         self._row_due_s[row] = self._due_s[row].min()
 
     def interval_s(self, vehicle: int, message_id: int) -> float | None:
-        """Return the interval [s], None without a stream; KeyError for a message that is not in STREAMS."""
+        """Return the interval [s], None for a stopped stream; raise KeyError if STREAMS lacks the message."""
         interval_s = float(self._interval_s[ROWS[message_id], vehicle])
         return None if math.isinf(interval_s) else interval_s
 
@@ -56,7 +56,7 @@ class Streams:
         self._row_due_s = self._due_s.min(axis=1)
 
     def due(self, now: float) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """Yield (message id, vehicles) due by `now` [s] and schedule their next messages."""
+        """Yield each message id due by `now` [s] with its vehicles; schedule their next messages."""
         for row in np.flatnonzero(self._row_due_s <= now + EPSILON_S).tolist():
             due_s = self._due_s[row]
             vehicles = np.flatnonzero(due_s <= now + EPSILON_S)
@@ -66,7 +66,7 @@ class Streams:
 
 
 class Rates:
-    """One vehicle's intervals, limited to the messages of its autopilot, and their defaults."""
+    """Message intervals of one vehicle, limited to the messages that its autopilot supports."""
 
     def __init__(
         self,
@@ -77,34 +77,31 @@ class Rates:
     ) -> None:
         self._streams, self._vehicle, self._unsupported = streams, vehicle, unsupported
         self._default_hz = {**default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
-        # strike messages have begun since the boot, or a ground station has set their rate
+        # since the boot, strike messages have begun or a ground station has set their rate
         self._strikes_decided = False
 
-    def can(self, message_id: int) -> bool:
+    def can_stream(self, message_id: int) -> bool:
         """Return True if this autopilot can stream a message."""
         return message_id in STREAMS and message_id not in self._unsupported
 
     def set(self, message_id: int, interval_s: float, now: float) -> None:
-        """Set an interval; the first stream after a boot also starts the strike messages.
-
-        KeyError for a message that is not in STREAMS.
-        """
+        """Set an interval; the first stream after a boot also starts the strike messages."""
         self._streams.set_interval(self._vehicle, message_id, interval_s, now)
         if message_id == STRIKES:
             self._strikes_decided = True
         elif interval_s > 0 and not self._strikes_decided:
             self._strikes_decided = True
             if self.interval_s(STRIKES) is None:
-                self._streams.set_interval(self._vehicle, STRIKES, STRIKES_S, now)
+                self._streams.set_interval(self._vehicle, STRIKES, STRIKES_INTERVAL_S, now)
 
     def reset(self, message_id: int, now: float) -> None:
-        """Return to the default rate."""
+        """Set the default rate of a message."""
         rate_hz = self._default_hz.get(message_id, 0.0)
         self.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
     def interval_s(self, message_id: int) -> float | None:
         """Return the interval [s]; None if this vehicle does not stream the message."""
-        return self._streams.interval_s(self._vehicle, message_id) if self.can(message_id) else None
+        return self._streams.interval_s(self._vehicle, message_id) if self.can_stream(message_id) else None
 
     def boot(self, now: float, first_s: float) -> None:
         """Reset to the default streams, from `first_s` [s] on."""

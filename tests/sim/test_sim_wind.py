@@ -37,7 +37,7 @@ def test_a_vehicle_may_have_its_own_wind_and_give_it_back() -> None:
     first.set_wind(9.0, 90.0)
     physics_bench.wait(world, 20.0)
     assert world.wind_m_s == pytest.approx(np.array([(-9, 0, 0), (0, -3, 0)]), abs=1e-6)
-    assert world.wind.known == pytest.approx(world.wind.now)
+    assert world.wind.estimate == pytest.approx(world.wind.now)
     first.set_wind(None, 0.0)
     physics_bench.wait(world, 20.0)
     assert world.wind_m_s == pytest.approx(np.array([(0, -3, 0)] * 2), abs=1e-6)

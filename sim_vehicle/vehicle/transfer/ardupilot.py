@@ -40,8 +40,8 @@ SendText = Callable[[int, str], None]
 @dataclass
 class _Upload:
     peer: MissionPeer
-    next: int
-    last: int
+    next_seq: int
+    last_seq: int
     last_received_s: float
     requested_s: float
 
@@ -114,7 +114,7 @@ class _Server:
         upload = self._upload
         if upload is None:
             self.acknowledge(peer, ERROR)
-        elif message.seq != upload.next:
+        elif message.seq != upload.next_seq:
             self.acknowledge(peer, int(mavlink.MAV_MISSION_INVALID_SEQUENCE))
         elif upload.peer != peer:
             self.acknowledge(peer, DENIED)
@@ -127,13 +127,13 @@ class _Server:
         elif item is None:
             result = int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
         else:
-            result = self._store.put(upload.next, item, upload.last)
+            result = self._store.put(upload.next_seq, item, upload.last_seq)
         if result != ACCEPTED:
             self._give_up(upload.peer, result)
             return
         upload.last_received_s = now
-        upload.next += 1
-        if upload.next <= upload.last:
+        upload.next_seq += 1
+        if upload.next_seq <= upload.last_seq:
             self._request_item(upload, now)
         else:
             self._upload = None
@@ -161,7 +161,7 @@ class _Server:
                 item_message(peer, message.seq, found, self._kind, as_int=as_int, autocontinue=autocontinue)
             )
             return
-        if self._kind == MISSION:  # reports the count first
+        if self._kind == MISSION:  # ArduPilot sends the count before the refusal
             self._send(count_message(peer, self._store.count, self._kind))
         self.acknowledge(peer, found)
 
@@ -174,7 +174,7 @@ class _Server:
 
     def _request_item(self, upload: _Upload, now: float) -> None:
         upload.requested_s = now
-        self._send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next, self._kind))
+        self._send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next_seq, self._kind))
 
     def _give_up(self, peer: MissionPeer, result: int) -> None:
         self._upload = None
@@ -187,13 +187,13 @@ class ArduPilotTransfer:
 
     Parameters
     ----------
-    stores: the lists by MAV_MISSION_TYPE; file transfers use them too.
+    stores: the lists by MAV_MISSION_TYPE; file transfers use the same stores.
     store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
     send: receives each outgoing message.
     send_text: sends a STATUSTEXT (severity, text).
     stored: called with MAV_MISSION_TYPE and the new value of MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL.
-    guided: flies to an item with `current` 2 at once, or changes the altitude only (`current` 3, flag True);
-        returns False if the vehicle refuses.
+    guided: flies to an item (`current` 2), or changes only the altitude if its second argument is True
+        (`current` 3); returns False if the vehicle refuses.
     refusal: returns a fault that refuses uploads, or None.
     """
 

@@ -1,8 +1,8 @@
 """The mission protocol of PX4: one state machine and one partner for missions, fences and rally points.
 
-A complete new list replaces the stored one; a failed upload changes nothing. The vehicle requests items with
-MISSION_REQUEST until the ground station has sent an _INT message. A system other than the partner of the last
-transfer receives a text.
+A complete new list replaces the stored list; a failed upload changes nothing. The vehicle requests items with
+MISSION_REQUEST until the ground station has sent an _INT message. If another system than the partner of the
+last transfer sends an item, a request or an acknowledgement, the vehicle sends a STATUSTEXT.
 """
 
 import dataclasses
@@ -54,14 +54,14 @@ _NOT_IN_A_MISSION = frozenset(
 _ABSOLUTE = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 _RELATIVE = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 _INT_FRAMES = (mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
-_CHECKED = struct.Struct("<BHB7f")
-_CHECKED_INT = struct.Struct("<BHB4f2if")
+_CHECKSUM_LAYOUT = struct.Struct("<BHB7f")
+_CHECKSUM_LAYOUT_INT = struct.Struct("<BHB4f2if")
 
 
 class _State(Enum):
     IDLE = auto()
-    SENDING = auto()  # a download
-    GETTING = auto()  # an upload
+    SENDING = auto()  # download in progress
+    GETTING = auto()  # upload in progress
 
 
 class Px4Transfer:
@@ -69,14 +69,14 @@ class Px4Transfer:
 
     Parameters
     ----------
-    mission, fence, rally: the stored lists; fence and rally points are also written here.
-    sysid: own system id; only messages to this system are processed, no broadcasts.
+    mission, fence, rally: the stored lists; `Px4Transfer` writes only fence and rally points.
+    sysid: own system id; broadcasts and messages to other systems are ignored.
     store_item: converts an item of any list to its stored form, or returns the MAV_MISSION_RESULT of a
         refusal.
-    max_items: largest accepted mission; a longer one is refused with NO_SPACE.
+    max_items: number of items in the largest accepted mission; a longer mission is refused with NO_SPACE.
     send: receives each outgoing message.
     send_text: sends a STATUSTEXT (severity, text).
-    replace: takes a complete new mission and its current index, -1 if none was marked.
+    replace: takes a complete new mission and the index of its item marked as current; -1: no item.
     set_current: receives MISSION_SET_CURRENT for an existing index.
     changed: called with MAV_MISSION_TYPE after a change of the fence or the rally points.
     refusal: returns a fault that refuses uploads, or None.
@@ -324,7 +324,7 @@ class Px4Transfer:
         items = self._items()
         if seq == self._seq < self._announced:
             self._seq += 1
-        expected = seq == self._seq - 1  # a repeated request too
+        expected = seq == self._seq - 1  # includes a repeated request
         if not expected or seq >= len(items):
             self._state = _State.IDLE
             self._acknowledge(self._partner, ERROR)
@@ -369,7 +369,7 @@ class Px4Transfer:
 
 
 def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
-    """Return the item in its frame for a download, an _INT frame with `as_int`."""
+    """Return the item with its frame for a download: an _INT frame if `as_int`, else a frame without _INT."""
     if item.frame in _ABSOLUTE or (absolute and item.frame in _RELATIVE):
         frame = _ABSOLUTE[as_int]
     elif item.frame in _RELATIVE:
@@ -380,9 +380,9 @@ def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
 
 
 def _checksum(message: Any, before: int) -> int:
-    """Return the CRC-32 `before`, extended by a received item; initial value 0, no inversion."""
+    """Return the CRC-32 of a list after its next item; `before`: CRC-32 so far, 0 at first. No inversion."""
     parameters = (message.param1, message.param2, message.param3, message.param4)
-    layout = _CHECKED_INT if message.get_type() == "MISSION_ITEM_INT" else _CHECKED
+    layout = _CHECKSUM_LAYOUT_INT if message.get_type() == "MISSION_ITEM_INT" else _CHECKSUM_LAYOUT
     head = (message.frame, message.command, message.autocontinue)
     data = layout.pack(*head, *parameters, message.x, message.y, message.z)
     return zlib.crc32(data, before ^ 0xFFFFFFFF) ^ 0xFFFFFFFF

@@ -18,9 +18,8 @@ INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 LATITUDE_E7, LONGITUDE_E7 = 900_000_000, 1_800_000_000
 
-# Fence storage of a simulated copter [B]; a fence needs 4, and a polygon 2 + 8 per vertex.
-FENCE_STORAGE = 560
-RALLY_POINTS = 46
+FENCE_STORAGE_BYTES = 560  # of a simulated copter
+MAX_RALLY_POINTS = 46
 _STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
@@ -134,10 +133,10 @@ class MissionStore:
 
 
 class FenceStore:
-    """Fence store: items are collected, checked together and written at once, or not at all."""
+    """Fence store: items are collected and checked together; only a valid fence is written."""
 
     name, autocontinue = "Fence", 0
-    max_items = FENCE_STORAGE // 8
+    max_items = FENCE_STORAGE_BYTES // 8
 
     def __init__(self, fence: Fence, *, send_text: Callable[[int, str], None]) -> None:
         self._fence, self._send_text = fence, send_text
@@ -181,7 +180,7 @@ class FenceStore:
             self._send_text(*problem)
             self._send_text(WARNING, "Fence validation failed")
             return ERROR
-        if _fence_storage(items) > FENCE_STORAGE:
+        if _fence_storage_bytes(items) > FENCE_STORAGE_BYTES:
             self._send_text(WARNING, "Fence exceeds storage size")
             return ERROR
         self._fence.replace(items)
@@ -236,8 +235,8 @@ def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
     return (int(mavlink.MAV_SEVERITY_INFO), "Incorrect item count") if missing else None
 
 
-def _fence_storage(items: list[Item]) -> int:
-    """Return the storage of a valid fence [B]."""
+def _fence_storage_bytes(items: list[Item]) -> int:
+    """Return the storage of a valid fence [bytes]: 4, 2 + 8 per vertex for a polygon, 13 for a circle."""
     size, index = 4, 0
     while index < len(items):
         item = items[index]
@@ -254,7 +253,7 @@ def _fence_storage(items: list[Item]) -> int:
 class RallyStore:
     """Rally point store: points are written one by one, like a mission."""
 
-    name, autocontinue, max_items = "Rally", 0, RALLY_POINTS
+    name, autocontinue, max_items = "Rally", 0, MAX_RALLY_POINTS
 
     def __init__(self, rally: Rally) -> None:
         self._rally = rally

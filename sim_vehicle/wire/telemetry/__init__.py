@@ -1,8 +1,8 @@
 """Telemetry: the fields of each message, for any set of vehicles at once.
 
-A builder receives the fleet's columns and the selected vehicles, and returns the columns of its message;
-other fields are 0. Units are those of the message definitions. `STREAMS` is the table of all streamable
-messages.
+A builder receives the fleet's columns and the selected vehicles, and returns the columns of its message.
+Fields without a column are 0. Units are those of the message definitions. `STREAMS` is the table of all
+streamable messages.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One streamable message: its columns, and the mask of the vehicles with data for the message."""
+    """One streamable message: `columns` builds its fields, `has` masks the vehicles with data for it."""
 
     layout: Layout
     columns: Builder
@@ -99,7 +99,7 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_ODOMETRY: (px4.odometry, _has_origin),
 }
-_BY_DEFINITION: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
+_MISSING_IN_DIALECT: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
     (px4.TIME_ESTIMATE_TO_TARGET, px4.time_estimate_to_target, _has_origin),
     (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _all_vehicles),
     (px4.CURRENT_MODE, px4.current_mode, _all_vehicles),
@@ -119,6 +119,6 @@ def _layout(message_id: int) -> Layout:
 
 STREAMS: dict[int, Stream] = {
     message_id: Stream(_layout(message_id), columns, has) for message_id, (columns, has) in _TABLE.items()
-} | {layout.message_id: Stream(layout, columns, has) for layout, columns, has in _BY_DEFINITION}
+} | {layout.message_id: Stream(layout, columns, has) for layout, columns, has in _MISSING_IN_DIALECT}
 
 __all__ = ["STREAMS", "Stream", "View"]

@@ -121,11 +121,11 @@ def nav_controller_output(v: View) -> Columns:
     }
 
 
-# POSITION_TARGET_TYPEMASK: ignored parts of a target. ArduPilot also sets the bits without a meaning.
+# POSITION_TARGET_TYPEMASK: ignored parts of a target. ArduPilot also sets the unused bits.
 IGNORE_XYZ, IGNORE_Z, IGNORE_VELOCITY = 0x0007, 0x0004, 0x0038
 IGNORE_ACCELERATION, IGNORE_YAW = 0x01C0, 0x0C00  # yaw and its rate
 IGNORE_BUT_POSITION = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW
-MEANINGLESS = 0xF000
+UNUSED_BITS = 0xF000
 PLACE_BITS = np.array([[1], [2], [4]])
 SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
 SIGNS = np.array([[1.0], [1.0], [-1.0]])  # signs of north, east, down for up positive
@@ -178,7 +178,7 @@ def position_target_global_int(v: View) -> Columns:
     return {
         "time_boot_ms": v.boot_ms(),
         "coordinate_frame": np.where(px4, mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL),
-        "type_mask": np.where(px4, 0, IGNORE_BUT_POSITION | MEANINGLESS),
+        "type_mask": np.where(px4, 0, IGNORE_BUT_POSITION | UNUSED_BITS),
         "lat_int": lat_deg * 1e7,
         "lon_int": lon_deg * 1e7,
         "alt": dynamics.target_m[i, 2],
@@ -187,7 +187,7 @@ def position_target_global_int(v: View) -> Columns:
 
 
 def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
-    """Return POSITION_TARGET_TYPEMASK of a velocity set-point for vehicles in `moves`, else of a position."""
+    """Return POSITION_TARGET_TYPEMASK: a velocity set-point for vehicles in `moves`, else a position."""
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
     mask = np.where(moves, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
@@ -200,10 +200,7 @@ def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
 
 
 def position_target_local_ned(v: View) -> Columns:
-    """Return a position target or a velocity set-point.
-
-    Ignored fields are 0 on ArduPilot and NaN on PX4.
-    """
+    """Return a position target or a velocity set-point; an ignored position is 0 on ArduPilot, NaN on PX4."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     moves = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
     mask, set_points = _local_mask(v, px4, moves), _set_points(v, px4)

@@ -1,6 +1,6 @@
-"""Messages that only PX4 streams, with definitions of those that pymavlink's ArduPilot dialect lacks.
+"""Messages that only PX4 streams, and the definitions that pymavlink's ArduPilot dialect lacks.
 
-A ground station without these definitions receives frames of unknown ids, as from the real autopilot.
+As with a real autopilot, a ground station without these definitions receives frames with unknown ids.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ CURRENT_MODE = Layout(
 
 
 def time_estimate_to_target(v: View) -> Columns:
-    """Return the time home at the present speed, at least 5 m/s [s]; other times are not estimated."""
+    """Return the flight time to the origin [s] at the present speed (5 m/s or more); no other times."""
     status, dynamics = v.status, v.world.dynamics
     distance_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
     speed_m_s = np.maximum(np.hypot(dynamics.velocity_m_s[v.i, 0], dynamics.velocity_m_s[v.i, 1]), 5.0)
@@ -63,12 +63,12 @@ def current_mode(v: View) -> Columns:
 
 
 def _since_boot_us(v: View, at_s: Floats) -> Floats:
-    """Convert times of the simulation [s] to the vehicle's clock [us]; 0 for none."""
+    """Convert times of the simulation [s] to times since the boot [us]; NaN becomes 0."""
     return np.asarray(np.nan_to_num((at_s - v.status.boot_s[v.i]) * 1e6))
 
 
 def flight_information(v: View) -> Columns:
-    """Return times since the boot, although the names of the fields end in utc."""
+    """Return FLIGHT_INFORMATION; as in PX4, the `_utc` fields hold times since the boot [us]."""
     return {
         "time_boot_ms": v.boot_ms(),
         "arming_time_utc": _since_boot_us(v, v.status.armed_since_s[v.i]),
@@ -78,7 +78,7 @@ def flight_information(v: View) -> Columns:
 
 
 def hil_state_quaternion(v: View) -> Columns:
-    """Return the true state, as PX4's simulators do; PX4 leaves the time at 0."""
+    """Return the true state, as PX4's simulators do; the time stays 0 as in PX4."""
     dynamics, i = v.world.dynamics, v.i
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.position_m[i, 0], dynamics.position_m[i, 1])
     rates = dynamics.rates_rad_s[i]

@@ -69,7 +69,7 @@ def timesync(v: View) -> Columns:
 
 
 def wind(v: View) -> Columns:
-    """Return ArduPilot's wind estimate; direction is the origin of the wind."""
+    """Return the true wind in ArduPilot's WIND; `direction` is the direction of its origin."""
     east, north, up = v.world.wind_m_s[v.i].T
     return {
         "direction": np.rad2deg(np.arctan2(-east, -north)),
@@ -173,7 +173,7 @@ def rc_channels(v: View) -> Columns:
 
 
 def distance_sensor(_v: View) -> Columns:
-    """Return no fields: the message can be requested at a rate, but no vehicle has a sensor."""
+    """Return no fields: a ground station can set a rate, but no vehicle has a distance sensor."""
     return {}
 
 

@@ -20,15 +20,15 @@ UNKNOWN = -1
 
 @dataclass(slots=True)
 class View:
-    """The fleet's columns at one time; `i` are the selected vehicles."""
+    """The fleet's columns at one time."""
 
     world: World
     status: Status
-    i: Ints
-    now: float
+    i: Ints  # indices of the selected vehicles
+    now: float  # [s]
 
     def boot_s(self) -> Floats:
-        """Return each vehicle's own clock since its boot [s]."""
+        """Return the time since each vehicle's boot by its own clock [s]."""
         status, i = self.status, self.i
         ahead_s = status.clock_offset_s[i] + (self.now - status.clock_since_s[i]) * status.clock_drift[i]
         return np.asarray(self.now - status.boot_s[i] + ahead_s, dtype=np.float64)
