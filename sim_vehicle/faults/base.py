@@ -27,7 +27,7 @@ class FaultTarget:
     """Access of a fault to one vehicle.
 
     channel: returns the vehicle's link, created on the first call.
-    injected_faults: effects on the vehicle itself.
+    injected_faults: effects on the vehicle.
     generator: returns a random generator for the fault.
     reboot: restarts the autopilot at a time [s] with a silence [s].
     every_tick: registers a callback for each tick (time [s]); returns a function that removes the callback.
@@ -57,7 +57,7 @@ class FaultTarget:
         return end
 
     def apply(self, effect: FaultEffect, now: float) -> EndFault:
-        """Apply an effect to the vehicle itself from `now` [s]; return its end function."""
+        """Apply an effect to the vehicle from `now` [s]; return the function that ends the effect."""
         return self.injected_faults.begin(effect, now)
 
 

@@ -19,9 +19,7 @@ class Params(FaultParams):
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     def effect(share: float) -> FaultEffect:
-        return FaultEffect(
-            gps_offset_m=(params.east_m * share, params.north_m * share, params.up_m * share),
-        )
+        return FaultEffect(gps_offset_m=(params.east_m * share, params.north_m * share, params.up_m * share))
 
     if params.ramp_s == 0:
         return target.apply(effect(1.0), now)

@@ -80,7 +80,7 @@ class Schedule:
 
     @property
     def next_due_s(self) -> float:
-        """Return the time of the next change [s]: inf if none is planned, -inf if the next tick has one."""
+        """Return the time of the next change [s]: inf without a plan, -inf for a change at each tick."""
         if self._tickers:
             return -math.inf
         return self._events[0][0] if self._events else math.inf
@@ -124,7 +124,6 @@ class Schedule:
         return [index for index, sysid in enumerate(self._sysids) if sysid in spec.vehicles]
 
     def _plan(self, spec: FaultSpec, indices: Sequence[int], at_s: float) -> list[_PlannedFault]:
-        """Schedule one fault on several vehicles."""
         planned = [_PlannedFault(index, spec) for index in indices]
         for fault in planned:
             self._schedule(at_s, partial(self._begin, fault))

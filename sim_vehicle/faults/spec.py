@@ -12,12 +12,12 @@ from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import FaultParams
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
-COMMON_KEYS = {
+COMMON_KEYS = {  # of every fault
     "at": "start [s]",
     "for": "duration [s]",
     "sysid": "system ids: 3, or 1+4, or 2-6; all by default",
 }
-SIMILARITY = 0.7  # lowest similarity of a suggestion; a lower limit would suggest `at` for `rate`
+MIN_SIMILARITY = 0.7  # lowest similarity of a suggestion; a lower limit would suggest `at` for `rate`
 COMMON_RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
 # The longest suffixes come first, because `_bytes_s` also ends in `_s`.
 UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
@@ -55,7 +55,7 @@ class FaultSpec(BaseModel):
 
     def __str__(self) -> str:
         """Return the text that `parse_fault` reads."""
-        pairs = {key: _text(value) for key, value in self.params.items()}
+        pairs = {key: _value_text(value) for key, value in self.params.items()}
         if self.at_s:
             pairs["at"] = f"{self.at_s:g}"
         if self.for_s is not None:
@@ -67,10 +67,7 @@ class FaultSpec(BaseModel):
 
 
 def parse_fault(text: str) -> FaultSpec:
-    """Return the fault of the text `NAME[:key=value,...]`; raise FaultError if the text is invalid.
-
-    Every fault accepts the keys of `COMMON_KEYS`.
-    """
+    """Return the fault of the text `NAME[:key=value,...]`; raise FaultError if the text is invalid."""
     name, _, rest = text.strip().partition(":")
     _check_name(name)
     given: dict[str, str] = {}
@@ -160,7 +157,7 @@ def _check_name(name: str) -> None:
 
 
 def _suggestion(word: str, words: list[str]) -> str:
-    close = difflib.get_close_matches(word, words, n=1, cutoff=SIMILARITY)
+    close = difflib.get_close_matches(word, words, n=1, cutoff=MIN_SIMILARITY)
     return f" (did you mean {close[0]}?)" if close else ""
 
 
@@ -176,7 +173,7 @@ def _first_finding(name: str, error: ValidationError) -> str:
     expected = COMMON_RANGES.get(key) or next(
         (p.allowed for p in _parameter_help(FAULTS[name].params) if p.name == key), ""
     )
-    value = _text(finding["input"])
+    value = _value_text(finding["input"])
     return f"fault {name}: {key}={value}: expected {expected}; allowed: {_allowed(name)} [fault-value]"
 
 
@@ -217,7 +214,7 @@ def _parameter_help(model: type[FaultParams]) -> list[ParameterHelp]:
         ParameterHelp(
             name=name,
             unit=next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), ""),
-            default="none" if field.default is None else _text(field.default),
+            default="none" if field.default is None else _value_text(field.default),
             allowed=_allowed_values(field),
             description=field.description or "",
         )
@@ -248,7 +245,7 @@ def _allowed_values(field: FieldInfo) -> str:
     return " and ".join(f"{sign} {bound:g}" for sign, bound in bounds.items()) or "a number"
 
 
-def _text(value: object) -> str:
+def _value_text(value: object) -> str:
     if isinstance(value, Enum):
         return str(value.value)
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -22,8 +22,7 @@ COMPONENT_INFORMATION = 395
 COMPONENT_INFORMATION_BASIC = 396
 COMPONENT_METADATA = 397
 
-# Message id -> name, and fields in wire order as (type, name, length of an array or 0). pymavlink's dialects
-# lack these messages.
+# Messages missing in pymavlink: id -> name, and fields in wire order (type, name, array length or 0).
 _MESSAGES: Mapping[int, tuple[str, tuple[tuple[str, str, int], ...]]] = {
     COMPONENT_INFORMATION: (
         "COMPONENT_INFORMATION",

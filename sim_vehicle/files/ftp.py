@@ -65,7 +65,7 @@ class FtpServer:
     files: the served files.
     rules: the behaviour of the autopilot.
     send: called with each outgoing message.
-    bytes_s, max_bytes_at_once: rate of bursts [bytes/s] and their largest part at once [bytes].
+    bytes_s, max_bytes_at_once: rate of bursts [bytes/s], largest part of a burst in one tick [bytes].
     """
 
     def __init__(

@@ -54,7 +54,7 @@ class LogTransfer:
     rules: the behaviour of the autopilot.
     send, send_text: called with each outgoing message and STATUSTEXT (severity, text).
     armed: returns True while the vehicle is armed.
-    bytes_s, max_bytes_at_once: rate on the link [bytes/s] and the largest part at once [bytes].
+    bytes_s, max_bytes_at_once: rate on the link [bytes/s], largest part in one tick [bytes].
     """
 
     def __init__(

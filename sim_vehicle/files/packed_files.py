@@ -60,13 +60,10 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
 
 
 def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
-    """Return the values in an uploaded `param.pck`, or None if malformed.
-
-    The third header field of an upload is the size of the file [bytes].
-    """
+    """Return the values in an uploaded `param.pck`, or None if malformed."""
     if len(content) < PARAMETERS_HEADER.size:
         return None
-    magic, count, length = PARAMETERS_HEADER.unpack_from(content)
+    magic, count, length = PARAMETERS_HEADER.unpack_from(content)  # length: size of the upload [bytes]
     if magic != PARAMETERS_MAGIC or length != len(content):
         return None
     values: dict[str, float | int] = {}

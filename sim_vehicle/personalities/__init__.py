@@ -13,10 +13,7 @@ PERSONALITIES: dict[str, Mapping[str, Personality]] = {"ardupilot": ARDUPILOT, "
 
 
 def personality_of(name: str, kind: str) -> Personality:
-    """Return the personality of an autopilot for an airframe (`copter`, `plane`).
-
-    Raise KeyError if the autopilot or the airframe is unknown.
-    """
+    """Return an autopilot's personality for an airframe (`copter`, `plane`); raise KeyError if unknown."""
     return PERSONALITIES[name][kind]
 
 

@@ -160,13 +160,13 @@ class Personality:
     capabilities: int
     parameters: Mapping[str, float | int]  # defaults; an int makes an integer parameter
     read_only_parameters: frozenset[str]
-    parameters_byte_wise: bool  # integers travel as their bytes (PX4), else as floats (ArduPilot)
+    parameters_byte_wise: bool  # True: integers are sent as bytes (PX4); False: as floats (ArduPilot)
     system_id_parameter: str
     flight_parameters: Callable[[Parameters], FlightParameters]
-    commands: Mapping[int, CommandHandler]  # handlers that replace or extend the common ones
+    commands: Mapping[int, CommandHandler]  # replace or extend the common handlers
     arm_refused: int  # MAV_RESULT of a refused arming
     disarm_refused: int  # MAV_RESULT of a refused disarming in flight
-    # (own system id, message to that system or to all) -> True if the message is processed
+    # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
     acknowledges_set_mode: bool  # the SET_MODE message
     home_item: bool  # item 0 of a mission is home
@@ -208,15 +208,15 @@ class Personality:
     failsafe_disarms: bool = False  # a failsafe stops the motors on the ground
     # custom_mode of the actions without a Behaviour
     failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)
-    # starts the landing of the mission, False if that is impossible; None: there is a landing mode
+    # starts the landing of the mission, returns False if impossible; None: a landing mode exists
     start_landing: Callable[[Vehicle, float], bool] | None = None
-    # Items of the mission flown in a return, and the altitude to climb to first [m above mean sea
-    # level]; None: return to home or a rally point.
+    # returns the mission items of a return, and the initial altitude [m above mean sea level];
+    # returns None for a return to home or a rally point
     return_by_mission: Callable[[Vehicle], tuple[Sequence[Item], float] | None] = lambda _vehicle: None
     battery_latches: bool = False  # checks the battery only while armed; a failsafe lasts until a reboot
     body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
-    gps_present_in_use: bool = False  # SYS_STATUS reports GPS present only while the estimator uses it
+    gps_present_in_use: bool = False  # SYS_STATUS reports GPS only while the estimator uses GPS
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
         """Return the mode for an automatic change to a behaviour; raise KeyError if no mode fits."""

@@ -12,7 +12,7 @@ from sim_vehicle.scenarios.steps import CheckSpec
 
 @dataclass(frozen=True, slots=True)
 class CheckFailure:
-    """The failure of one check by one vehicle."""
+    """The failure of one check for one vehicle."""
 
     check: str  # as written in the scenario
     sysid: int
@@ -48,7 +48,7 @@ class RunningCheck:
 
     @property
     def description(self) -> str:
-        """Return the check in one line."""
+        """Return the check as one line of text."""
         spec = self.spec
         value = spec.value
         argument = "" if value is None else f" {value:g}" if isinstance(value, float) else f" {value}"

@@ -20,7 +20,7 @@ When = Literal["always", "eventually", "end"]
 Need = Literal["goal", "fence", "area", "mission", "hostiles", "others"]
 Measured = Floats | Sequence[str]
 TIMES = ("from_s", "until_s", "by_s")
-COMMON = ("vehicles", "when", *TIMES)
+COMMON = ("vehicles", "when", *TIMES)  # settings of every check
 BOUND = 1e9  # largest magnitude of a numeric argument
 
 
@@ -268,7 +268,7 @@ def airborne(view: RunView, _: None) -> tuple[Bools, Measured]:
 @check("eventually")
 def landed(view: RunView, _: None) -> tuple[Bools, Measured]:
     """The vehicle has flown and is on the ground, undamaged and disarmed."""
-    return _down(view) & ~view.truth.armed, [
+    return _on_ground_undamaged(view) & ~view.truth.armed, [
         "crashed"
         if view.truth.crashed[i]
         else f"{high:.4g} m high, {'armed' if view.truth.armed[i] else 'disarmed'}"
@@ -280,28 +280,28 @@ def landed(view: RunView, _: None) -> tuple[Bools, Measured]:
 @check("end", "metres", least=0)
 def lands_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
     """The vehicle has flown and is on the ground, undamaged, within this distance of its start."""
-    return _down(view) & (view.from_start_m <= metres), [
+    return _on_ground_undamaged(view) & (view.from_start_m <= metres), [
         f"{far:.4g} m from its start{', crashed' if view.truth.crashed[i] else ''}"
         f"{', in the air' if view.truth.airborne[i] else ''}{'' if view.flown[i] else ', not flown yet'}"
         for i, far in enumerate(view.from_start_m)
     ]
 
 
-def _down(view: RunView) -> Bools:
+def _on_ground_undamaged(view: RunView) -> Bools:
     return view.flown & ~view.truth.airborne & ~view.truth.crashed
 
 
-def _to_goal_m(view: RunView) -> Floats:
+def _distance_to_goal_m(view: RunView) -> Floats:
     return np.where(view.flown & view.bound_for_goal, view.from_goal_m, np.inf)
 
 
-@check("eventually", "within_m", default=5.0, needs="goal", least=0, away_m=_to_goal_m)
+@check("eventually", "within_m", default=5.0, needs="goal", least=0, away_m=_distance_to_goal_m)
 def reached_goal(view: RunView, within_m: float) -> tuple[Bools, Measured]:
     """The vehicle has flown and is within this distance of `goal`, or of its mission's last position."""
     reached = view.flown & view.bound_for_goal & (view.from_goal_m <= within_m)
-    short = np.where(view.bound_for_goal, "", ", not bound for the goal yet")
-    short = np.where(view.flown, short, ", not flown yet")
-    return reached, [f"{far:.4g} m away{why}" for far, why in zip(view.from_goal_m, short, strict=True)]
+    reason = np.where(view.bound_for_goal, "", ", not bound for the goal yet")
+    reason = np.where(view.flown, reason, ", not flown yet")
+    return reached, [f"{far:.4g} m away{text}" for far, text in zip(view.from_goal_m, reason, strict=True)]
 
 
 @check("eventually", needs="mission")

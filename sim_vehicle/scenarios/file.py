@@ -157,7 +157,6 @@ def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list
 def _vehicles(
     entry: dict[Any, Any], home: Home | None, where: KeyPath, used: dict[int, int], findings: list[Finding]
 ) -> list[dict[Any, Any]]:
-    """Return the vehicles of one entry of the list."""
     short = _checked(Shorthand, entry, where, findings) or Shorthand()
     rest = {key: value for key, value in entry.items() if key not in SHORT_FORMS}
     offsets = [key for key in ("east_m", "north_m") if key in entry]
@@ -264,7 +263,6 @@ def _describe(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
 
 
 def _keys_at(model: Any, loc: KeyPath) -> list[str]:
-    """Return the allowed keys of the section at `loc`."""
     section = _section_at(model, loc)
     return list(section.model_fields) if section is not None else []
 

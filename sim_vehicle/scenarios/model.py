@@ -37,7 +37,7 @@ from sim_vehicle.scenarios.yaml_lines import KeyPath
 
 MAX_DISTANCE_M = 50_000.0
 
-Finding = tuple[KeyPath, str]
+Finding = tuple[KeyPath, str]  # path in the scenario, text of the problem
 
 
 class InconsistentScenarioError(ValueError):
@@ -241,7 +241,6 @@ class Scenario(Section):
         return findings
 
     def _unknown_sysids(self) -> list[Finding]:
-        """Return findings on unknown system ids in steps, faults and checks."""
         known = {v.sysid for v in self.vehicles}
         named: list[tuple[KeyPath, Collection[int] | None]] = []
         named += [(("script", i), step.vehicles) for i, step in enumerate(self.script)]
@@ -254,7 +253,6 @@ class Scenario(Section):
         ]
 
     def _step_problems(self) -> list[Finding]:
-        """Return findings on steps that are impossible for their vehicles."""
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             for vehicle in self.selected(step.vehicles):
@@ -281,7 +279,6 @@ class Scenario(Section):
         return findings
 
     def _missing_parts(self, need: str) -> list[str]:
-        """Return the missing parts of the scenario that a check needs."""
         if need == "area" and self.area is None:
             return ["the scenario's `area`"]
         if need == "hostiles" and not self.hostiles:
@@ -309,7 +306,6 @@ class Scenario(Section):
         return findings
 
     def _late_steps_and_checks(self) -> list[Finding]:
-        """Return findings on steps and checks after the end of the run."""
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             if step.at_s >= self.until_s:

@@ -91,8 +91,8 @@ class RawItem(Section):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        number("MAV_CMD_", self.command)
-        number("MAV_FRAME_", self.frame)
+        mavlink_number("MAV_CMD_", self.command)
+        mavlink_number("MAV_FRAME_", self.frame)
         return self
 
 
@@ -117,20 +117,20 @@ class Leg(OneOf):
     def flown(self) -> bool:
         """Return True for a leg that moves or holds the vehicle; False for a speed or a jump."""
         if self.item is not None:
-            return number("MAV_CMD_", self.item.command) in NAVIGATION
+            return mavlink_number("MAV_CMD_", self.item.command) in NAVIGATION
         return self.speed_m_s is None and self.jump is None
 
     @property
     def lands(self) -> bool:
         """Return True if the vehicle is on the ground after this leg."""
         if self.item is not None:
-            return number("MAV_CMD_", self.item.command) in LANDINGS
+            return mavlink_number("MAV_CMD_", self.item.command) in LANDINGS
         return self.rtl is not None or self.land is not None
 
     @property
     def returns(self) -> bool:
         if self.item is not None:
-            return number("MAV_CMD_", self.item.command) == int(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+            return mavlink_number("MAV_CMD_", self.item.command) == int(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
         return self.rtl is not None
 
     def place(self) -> tuple[float, float] | None:
@@ -194,11 +194,8 @@ def _width_m(corners: Sequence[tuple[float, float]]) -> float:
     return max(abs(east * (c[1] - first[1]) - north * (c[0] - first[0])) for c in corners)
 
 
-def number(prefix: str, value: str | int) -> int:
-    """Return a MAVLink number from a number or a name; raise ValueError if unknown.
-
-    `prefix` is the start of the names, such as `MAV_CMD_`.
-    """
+def mavlink_number(prefix: str, value: str | int) -> int:
+    """Return the MAVLink number of a number or name; raise ValueError if unknown. `prefix`: `MAV_CMD_`, …"""
     if isinstance(value, int):
         if not 0 <= value <= MAX_NUMBER[prefix]:
             raise ValueError(
@@ -293,8 +290,8 @@ class PlanWriter:
         if raw.east_m is not None and raw.north_m is not None:
             x, y = self.place(raw.east_m, raw.north_m)
         return Item(
-            number("MAV_CMD_", raw.command),
-            frame=number("MAV_FRAME_", raw.frame),
+            mavlink_number("MAV_CMD_", raw.command),
+            frame=mavlink_number("MAV_FRAME_", raw.frame),
             param1=raw.param1,
             param2=raw.param2,
             param3=raw.param3,

@@ -17,7 +17,7 @@ from sim_vehicle.scenarios.plan import FenceShape
 from sim_vehicle.station.client import FrameSink, Station, StepFailure
 from sim_vehicle.truth import Truth
 
-Corner = tuple[float, float]
+Corner = tuple[float, float]  # east, north [m]
 
 STEP_S = 0.05
 SETTLE_S = 2.0  # simulated time after the end, which brings the last messages into the logs

@@ -14,7 +14,7 @@ from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-PLACED = ("sysid", "lat_deg", "lon_deg")  # keys of a vehicle that `home` and `count` can replace
+REPLACEABLE_KEYS = ("sysid", "lat_deg", "lon_deg")  # keys of a vehicle that `home` and `count` can replace
 
 
 def file_schema() -> Schema:
@@ -25,7 +25,7 @@ def file_schema() -> Schema:
     vehicle = kinds["VehicleSpec"]
     vehicle["properties"] |= {name: short[name] for name in SHORT_FORMS}
     vehicle["properties"]["kind"] = vehicle["properties"]["type"]
-    vehicle["required"] = [name for name in vehicle.get("required", []) if name not in PLACED]
+    vehicle["required"] = [name for name in vehicle.get("required", []) if name not in REPLACEABLE_KEYS]
     for model in (Leg, FenceShape, ScriptStep):
         kinds[model.__name__] = _one_of(model, kinds[model.__name__])
     takeoff = kinds["Leg"]["anyOf"][-1]["properties"]
@@ -39,7 +39,6 @@ def file_schema() -> Schema:
 
 
 def _one_of(model: type[OneOf], found: Schema) -> Schema:
-    """Return the schema of a bare name or a mapping with one choice."""
     bare = [name for name in model.choices() if _needs_nothing(model, name)]
     properties = {
         name: value if name in bare else _without_null(value) for name, value in found["properties"].items()
@@ -54,7 +53,6 @@ def _needs_nothing(model: type[BaseModel], name: str) -> bool:
 
 
 def _without_null(value: Schema) -> Schema:
-    """Return a schema without its null alternative."""
     kinds = [kind for kind in value.get("anyOf", []) if kind != {"type": "null"}]
     rest = {key: inner for key, inner in value.items() if key not in ("anyOf", "default")}
     return {**rest, **kinds[0]} if len(kinds) == 1 else value

@@ -4,7 +4,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities import Personality, personality_of
 from sim_vehicle.scenarios.model import VehicleSpec
-from sim_vehicle.scenarios.plan import PlanWriter, number
+from sim_vehicle.scenarios.plan import PlanWriter, mavlink_number
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import (
     ChangeMode,
@@ -68,7 +68,7 @@ class StepExchanges:
 
     def _single_command(self, step: ScriptStep) -> Exchange:
         if step.command is not None:
-            return self._long_command(number("MAV_CMD_", step.command.command), *step.command.params)
+            return self._long_command(mavlink_number("MAV_CMD_", step.command.command), *step.command.params)
         return {
             "arm": lambda: self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
             "disarm": lambda: self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),

@@ -6,7 +6,7 @@ from pydantic import Field, field_validator, model_validator
 
 from sim_vehicle.scenarios.base import Metres, NoSettings, Number, OneOf, Seconds, Section, SystemId
 from sim_vehicle.scenarios.checks import When, settings_of
-from sim_vehicle.scenarios.plan import Height, number
+from sim_vehicle.scenarios.plan import Height, mavlink_number
 
 
 class GoTo(Section):
@@ -26,7 +26,7 @@ class RawCommand(Section):
     @field_validator("command")
     @classmethod
     def _known(cls, value: str | int) -> str | int:
-        number("MAV_CMD_", value)
+        mavlink_number("MAV_CMD_", value)
         return value
 
 

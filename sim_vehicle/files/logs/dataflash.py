@@ -17,7 +17,7 @@ EVENT_ARMED, EVENT_DISARMED, EVENT_LANDED, EVENT_NOT_LANDED = 10, 11, 18, 28
 MODE_REASON_UNKNOWN = 0
 ORIGIN, HOME = 0, 1  # ORGN.Type
 
-_CODES = {
+_CODES = {  # DataFlash format code -> struct format code
     "B": "B", "b": "b", "M": "B", "h": "h", "H": "H", "i": "i", "I": "I", "q": "q", "Q": "Q", "f": "f",
     "d": "d", "c": "h", "C": "H", "e": "i", "E": "I", "L": "i", "n": "4s", "N": "16s", "Z": "64s",
 }  # fmt: skip
@@ -85,7 +85,7 @@ _STRUCTS = {name: struct.Struct("<" + _body(name)) for name in _FORMATS}
 _HEADS = {name: HEAD + bytes([form.number]) for name, form in _FORMATS.items()}
 _SAMPLE = struct.Struct("<" + "".join(_body(name) for name in ("ATT", "POS", "GPS", "BAT")))
 _ATT, _POS, _GPS, _BAT = (_HEADS[name] for name in ("ATT", "POS", "GPS", "BAT"))
-_I32 = 2**31 - 1
+_MAX_I32 = 2**31 - 1
 
 
 def _definitions() -> bytes:
@@ -111,7 +111,7 @@ _DEFINITIONS = _definitions()
 
 
 class DataFlashLog:
-    """A DataFlash log; time counts from boot [us]."""
+    """A DataFlash log, with times since boot [us]."""
 
     def __init__(self) -> None:
         self.content = bytearray()
@@ -197,4 +197,4 @@ def _e7(degrees: float) -> int:
 
 
 def _cm(metres: float) -> int:
-    return min(max(round(metres * 100), -_I32), _I32) if math.isfinite(metres) else 0
+    return min(max(round(metres * 100), -_MAX_I32), _MAX_I32) if math.isfinite(metres) else 0

@@ -45,13 +45,7 @@ class StoredLog:
 
 
 class FlightRecorder:
-    """The recorder of one vehicle's flights.
-
-    Parameters
-    ----------
-    new_log: returns an empty log in the autopilot's format.
-    limits: the limits of the logs.
-    """
+    """The recorder of one vehicle's flights; `new_log` returns an empty log in the autopilot's format."""
 
     def __init__(self, new_log: Callable[[], FlightLog], limits: LogLimits) -> None:
         self._new_log, self._limits = new_log, limits
@@ -64,7 +58,6 @@ class FlightRecorder:
 
     @property
     def enabled(self) -> bool:
-        """Return True if the limits allow at least one log."""
         return self._limits.logs > 0
 
     @property
@@ -84,7 +77,6 @@ class FlightRecorder:
         self._log.begin(now, start)
 
     def end(self, now: float) -> None:
-        """End the current log."""
         if self._log is not None:
             self._log.end(now)
             self._touch(now)
@@ -120,7 +112,7 @@ class FlightRecorder:
         self.logs[-1].utc_s = self.logs[-1].begun_utc_s + now - self._begun_s
 
     def event(self, now: float) -> FlightLog | None:
-        """Return the current log for an event at `now` [s], or None if no log is open or the log is full."""
+        """Return the current log for an event at `now` [s], or None if the log is absent or full."""
         if self._log is None or len(self._log.content) >= self._limits.log_bytes:
             return None
         self._touch(now)

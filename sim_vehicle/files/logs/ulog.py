@@ -51,8 +51,8 @@ _TOPICS: Mapping[str, str] = {
     ),
     "strike": "uint64_t timestamp;uint16_t count;int16_t row;int16_t col;int16_t by_row;int16_t by_col",
 }
-_IDS = {name: number for number, name in enumerate(_TOPICS)}
-_SAMPLED = tuple(_TOPICS)[:5]
+_TOPIC_IDS = {name: number for number, name in enumerate(_TOPICS)}
+_SAMPLE_TOPICS = tuple(_TOPICS)[:5]
 
 # custom_mode (main mode, sub mode) -> vehicle_status.nav_state
 _NAV_STATES: Mapping[tuple[int, int], int] = {
@@ -68,8 +68,8 @@ def _body(name: str) -> str:
 
 _STRUCTS = {name: struct.Struct("<" + _body(name)) for name in _TOPICS}
 _SIZES = {name: form.size - _HEAD.size for name, form in _STRUCTS.items()}
-_SAMPLE = struct.Struct("<" + "".join(_body(name) for name in _SAMPLED))
-_ATTITUDE, _LOCAL, _GLOBAL, _GPS, _BATTERY = (_SIZES[name] for name in _SAMPLED)
+_SAMPLE = struct.Struct("<" + "".join(_body(name) for name in _SAMPLE_TOPICS))
+_ATTITUDE, _LOCAL, _GLOBAL, _GPS, _BATTERY = (_SIZES[name] for name in _SAMPLE_TOPICS)
 _D = ord("D")  # message type of logged data
 
 
@@ -85,12 +85,12 @@ _FORMATS = _message("B", bytes(40)) + b"".join(
     _message("F", f"{name}:{fields};".encode()) for name, fields in _TOPICS.items()
 )
 _SUBSCRIPTIONS = b"".join(
-    _message("A", struct.pack("<BH", 0, number) + name.encode()) for name, number in _IDS.items()
+    _message("A", struct.pack("<BH", 0, number) + name.encode()) for name, number in _TOPIC_IDS.items()
 )
 
 
 class UlogLog:
-    """A ULog file; time counts from boot [us]."""
+    """A ULog file, with times since boot [us]."""
 
     def __init__(self) -> None:
         self.content = bytearray()
@@ -99,7 +99,7 @@ class UlogLog:
         self._origin_deg_m = (math.nan, math.nan, math.nan)
         self._armed_us = 0
         self._home_updates = 0
-        self._state = _DISARMED
+        self._arming_state = _DISARMED
         self._nav_state = 0
         self._failsafes: set[Failsafe] = set()
 
@@ -107,7 +107,7 @@ class UlogLog:
         return max(round((now - self._boot_s) * 1e6), 0)
 
     def _add(self, topic: str, now: float, *values: Any) -> None:
-        self.content += _STRUCTS[topic].pack(_SIZES[topic], _D, _IDS[topic], self._us(now), *values)
+        self.content += _STRUCTS[topic].pack(_SIZES[topic], _D, _TOPIC_IDS[topic], self._us(now), *values)
 
     def begin(self, now: float, start: LogStart) -> None:
         self._boot_s = start.boot_s
@@ -160,13 +160,13 @@ class UlogLog:
         self._add("home_position", now, lat_deg, lon_deg, alt_amsl_m, True, True, self._home_updates)
 
     def armed(self, now: float, armed: bool) -> None:
-        self._state = _ARMED if armed else _DISARMED
+        self._arming_state = _ARMED if armed else _DISARMED
         self._armed_us = self._us(now) if armed else 0
         self._add_status(now)
 
     def _add_status(self, now: float) -> None:
         failsafe = bool(self._failsafes)
-        self._add("vehicle_status", now, self._armed_us, self._state, self._nav_state, failsafe)
+        self._add("vehicle_status", now, self._armed_us, self._arming_state, self._nav_state, failsafe)
 
     def landed(self, now: float, landed: bool) -> None:
         self._add("vehicle_land_detected", now, landed)

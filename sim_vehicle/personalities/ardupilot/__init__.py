@@ -152,7 +152,7 @@ def _fly_guided(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
     return True
 
 
-_UNHEALTHY = {
+_UNHEALTHY_TEXTS = {
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO: "Gyros not healthy",
     mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL: "Accels not healthy",
     mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "Compass not healthy",
@@ -192,7 +192,7 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
     if not vehicle.flight_parameters.arming_checks:
         return []
     unhealthy = vehicle.injected_faults.unhealthy_sensors
-    reasons = [text for bit, text in _UNHEALTHY.items() if unhealthy & bit]
+    reasons = [text for bit, text in _UNHEALTHY_TEXTS.items() if unhealthy & bit]
     if vehicle.failsafes.rc:
         reasons.append("Radio failsafe on")
     if not vehicle.body.plane and vehicle.failsafes.gcs_late(now):

@@ -22,8 +22,8 @@ from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
 
 MAX_MISSION_ITEMS = 6000
-MISSION_CHECK_S = 0.7
-READY_S = 37.0
+MISSION_CHECK_S = 0.7  # duration of the feasibility check after an upload
+READY_S = 37.0  # time from boot to a position estimate
 
 
 def _mission(vehicle: Vehicle) -> Px4Mission:
@@ -158,8 +158,6 @@ _TEXTS: dict[str, tuple[int, str]] = {
     "fence_without_vehicle": (_CRITICAL, "Geofence invalid, doesn't contain current vehicle position"),
     "terminated": (_CRITICAL, "Failsafe activated: Terminate"),
 }
-
-
 # ArduPilot's messages, which PX4 does not stream.
 _UNSUPPORTED = frozenset(
     {

@@ -136,10 +136,7 @@ def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Fly to a position in mode Hold.
-
-    The altitude is above mean sea level in every frame. NaN keeps the present value.
-    """
+    """Fly to a position in mode Hold. The altitude is always above mean sea level; NaN: present value."""
     if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):

@@ -52,8 +52,6 @@ _OFFBOARD_ACTIONS = {
 }
 # COM_RCL_EXCEPT: bit -> modes that continue without a remote control
 _RC_EXCEPTIONS = {1: (modes.MISSION,), 2: (modes.HOLD, modes.TAKEOFF), 4: (modes.OFFBOARD,)}
-
-
 _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.ALWAYS}
 
 
@@ -64,7 +62,7 @@ def _offboard_lost(params: Parameters) -> FailsafeAction:
 
 
 def _pilot_missing(params: Parameters) -> bool:
-    # No simulated vehicle has an RC receiver; with stick input disabled PX4 does not require one.
+    # No simulated vehicle has an RC receiver. PX4 requires no receiver if stick input is disabled.
     return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
 
 

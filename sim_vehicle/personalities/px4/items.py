@@ -84,8 +84,8 @@ _WITHOUT_POSITION = frozenset(
 def store_item(item: Item) -> Item | int:
     """Return PX4's stored form of an item, or the MAV_MISSION_RESULT of a refusal.
 
-    All parameters are stored without a check of their values: a NaN altitude, a latitude of 100 degrees and a
-    jump to a missing item are stored and read back.
+    PX4 does not check the values of parameters: a NaN altitude, a latitude of 100 degrees and a jump to a
+    missing item are stored and read back.
     """
     if item.frame in READ_BACK_FRAME:
         commands, regions, frame = _WITH_POSITION, _ROI_WITH_POSITION, READ_BACK_FRAME[item.frame]

@@ -46,7 +46,6 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: 1.0,  # strikes, with hostiles
 }
 
-
 # Messages missing in pymavlink's ArduPilot dialect.
 _AVAILABLE_MODES = Layout(
     AVAILABLE_MODES,

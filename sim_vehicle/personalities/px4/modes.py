@@ -12,14 +12,8 @@ from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 MAIN_MANUAL, MAIN_ALTITUDE, MAIN_POSITION, MAIN_AUTO = 1, 2, 3, 4
 MAIN_ACRO, MAIN_OFFBOARD, MAIN_STABILIZED, MAIN_TERMINATION = 5, 6, 7, 10
 SUB_ORBIT, SUB_SLOW = 1, 2  # of MAIN_POSITION
-SUB_TAKEOFF, SUB_HOLD, SUB_MISSION, SUB_RETURN, SUB_LAND, SUB_PRECISION_LAND = (
-    2,
-    3,
-    4,
-    5,
-    6,
-    9,
-)  # of MAIN_AUTO
+SUB_TAKEOFF, SUB_HOLD, SUB_MISSION, SUB_RETURN, SUB_LAND = 2, 3, 4, 5, 6  # of MAIN_AUTO
+SUB_PRECISION_LAND = 9  # of MAIN_AUTO
 
 _PILOT = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
 _AUTO = (
@@ -51,7 +45,7 @@ STABILIZED = number(MAIN_STABILIZED)
 TERMINATION = number(MAIN_TERMINATION)
 
 
-def _pilot(
+def _pilot_mode(
     custom_mode: int,
     name: str,
     behaviour: Behaviour,
@@ -72,16 +66,18 @@ def _pilot(
     )
 
 
-def _auto(
+def _auto_mode(
     custom_mode: int, name: str, behaviour: Behaviour, standard: int = 0, *, armable: bool = False
 ) -> Mode:
     return Mode(custom_mode, name, behaviour, armable=armable, base_mode=_AUTO, standard=standard)
 
 
 _MODES = (
-    _pilot(MANUAL, "Manual", Behaviour.DROP, _PILOT),
-    _pilot(ALTITUDE, "Altitude", Behaviour.HOLD, _PILOT, standard=mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD),
-    _pilot(
+    _pilot_mode(MANUAL, "Manual", Behaviour.DROP, _PILOT),
+    _pilot_mode(
+        ALTITUDE, "Altitude", Behaviour.HOLD, _PILOT, standard=mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD
+    ),
+    _pilot_mode(
         POSITION,
         "Position",
         Behaviour.HOLD,
@@ -89,11 +85,11 @@ _MODES = (
         position=True,
         standard=mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
     ),
-    _pilot(POSITION_SLOW, "Position Slow", Behaviour.HOLD, _PILOT, position=True),
-    _auto(MISSION, "Mission", Behaviour.MISSION, mavlink.MAV_STANDARD_MODE_MISSION, armable=True),
-    _auto(HOLD, "Hold", Behaviour.HOLD, armable=True),
-    _auto(RETURN, "Return", Behaviour.RETURN, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY),
-    _pilot(ACRO, "Acro", Behaviour.DROP, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+    _pilot_mode(POSITION_SLOW, "Position Slow", Behaviour.HOLD, _PILOT, position=True),
+    _auto_mode(MISSION, "Mission", Behaviour.MISSION, mavlink.MAV_STANDARD_MODE_MISSION, armable=True),
+    _auto_mode(HOLD, "Hold", Behaviour.HOLD, armable=True),
+    _auto_mode(RETURN, "Return", Behaviour.RETURN, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY),
+    _pilot_mode(ACRO, "Acro", Behaviour.DROP, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
     Mode(
         OFFBOARD,
         "Offboard",
@@ -102,8 +98,8 @@ _MODES = (
         base_mode=mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED,
         setpoints_only=True,
     ),
-    _pilot(STABILIZED, "Stabilized", Behaviour.DROP, _PILOT),
-    _auto(TAKEOFF, "Takeoff", Behaviour.TAKEOFF, mavlink.MAV_STANDARD_MODE_TAKEOFF, armable=True),
+    _pilot_mode(STABILIZED, "Stabilized", Behaviour.DROP, _PILOT),
+    _auto_mode(TAKEOFF, "Takeoff", Behaviour.TAKEOFF, mavlink.MAV_STANDARD_MODE_TAKEOFF, armable=True),
     Mode(
         LAND,
         "Land",
@@ -112,7 +108,7 @@ _MODES = (
         base_mode=_AUTO,
         standard=mavlink.MAV_STANDARD_MODE_LAND,
     ),
-    _auto(PRECISION_LAND, "Precision Landing", Behaviour.LAND),
+    _auto_mode(PRECISION_LAND, "Precision Landing", Behaviour.LAND),
     Mode(
         ORBIT,
         "Orbit",

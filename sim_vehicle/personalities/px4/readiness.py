@@ -12,7 +12,7 @@ from sim_vehicle.vehicle.rally import distance_m
 
 _TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 _LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
-_PLACED = _TAKEOFFS | {
+_POSITION_COMMANDS = _TAKEOFFS | {
     mavlink.MAV_CMD_NAV_WAYPOINT,
     mavlink.MAV_CMD_NAV_LOITER_UNLIM,
     mavlink.MAV_CMD_NAV_LOITER_TIME,
@@ -21,7 +21,7 @@ _PLACED = _TAKEOFFS | {
 }
 TAKEOFF_REQUIRED, LANDING_REQUIRED, BOTH_REQUIRED, BOTH_OR_NONE = 1, 2, 3, 4  # MIS_TKO_LAND_REQ
 
-_UNHEALTHY = {
+_UNHEALTHY_TEXTS = {
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO: "No valid data from Gyro 0",
     mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL: "No valid data from Accel 0",
     mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "No valid data from Compass 0",
@@ -84,7 +84,7 @@ def _system_refusals(vehicle: Vehicle) -> list[str]:
     if vehicle.params["COM_ARM_MIS_REQ"] == 1 and vehicle.mission.empty:
         reasons.append("No valid mission")
     unhealthy = vehicle.injected_faults.unhealthy_sensors
-    return reasons + [reason for bit, reason in _UNHEALTHY.items() if unhealthy & bit]
+    return reasons + [reason for bit, reason in _UNHEALTHY_TEXTS.items() if unhealthy & bit]
 
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
@@ -108,7 +108,7 @@ def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
 def _distance_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     """Return the refusal of a first position too far from the vehicle; 0, 0 counts as a position."""
     limit_m = vehicle.params["MIS_DIST_1WP"]
-    first = next((item for item in items if item.command in _PLACED), None)
+    first = next((item for item in items if item.command in _POSITION_COMMANDS), None)
     if first is None or limit_m <= 0 or not vehicle.position_known(vehicle.now):
         return None
     away_m = distance_m((first.x * 1e-7, first.y * 1e-7), vehicle.body.lat_lon_deg)
@@ -122,7 +122,7 @@ def _fence_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     """
     home_m = vehicle.flight.home().alt_amsl_m
     for number, item in enumerate(items, start=1):
-        place_deg = item.place_deg if item.command in _PLACED else None
+        place_deg = item.place_deg if item.command in _POSITION_COMMANDS else None
         height_m = vehicle.flight.altitude_amsl_m(item.frame, item.z) - home_m
         if place_deg is not None and vehicle.fence_watch.find(*place_deg, height_m):
             return f"Geofence violation for waypoint {number}"
@@ -130,7 +130,7 @@ def _fence_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
 
 def _takeoff_refusal(items: Sequence[Item]) -> str | None:
-    placed = [item.command in _TAKEOFFS for item in items if item.command in _PLACED]
+    placed = [item.command in _TAKEOFFS for item in items if item.command in _POSITION_COMMANDS]
     return "Mission rejected: takeoff not first waypoint item" if any(placed[1:]) else None
 
 

@@ -31,7 +31,6 @@ def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> s
 
 
 def _order_error(items: Sequence[Item]) -> str | None:
-    """Return the error in the order of the landing items, or None."""
     starts = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_DO_LAND_START]
     ends = [i for i, item in enumerate(items) if item.command in LANDINGS]
     if len(starts) > 1:
