@@ -24,7 +24,7 @@ from swarmctl.core.frames import FrameCodec
 from swarmctl.core.operator_text import extended
 from swarmctl.security.files import KeyringError
 from swarmctl.station import watch
-from swarmctl.station.watch import Board, View, table
+from swarmctl.station.watch import StateBoard, SwarmView, table
 
 LINES_EVERY_S = 30.0
 
@@ -57,7 +57,7 @@ def show(
         advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT"
         fail([extended(str(error), advice)], USAGE)
     verify = None if keyring is None else keyring.verify
-    board = Board(swarm.name, swarm.names, swarm.grid, FrameCodec(swarm.name, None, verify))
+    board = StateBoard(swarm.name, swarm.names, swarm.grid, FrameCodec(swarm.name, None, verify))
     shown = _live if out.is_terminal and not once else _lines if not once else _once
     try:
         with shown() as show_view:
@@ -78,7 +78,12 @@ def show(
 
 
 async def _watch(
-    network: Configuration, board: Board, swarm: str, show_view: Callable[[View], None], *, once: bool
+    network: Configuration,
+    board: StateBoard,
+    swarm: str,
+    show_view: Callable[[SwarmView], None],
+    *,
+    once: bool,
 ) -> None:
     """Show the swarm. Raises CancelledError on Ctrl-C; a second Ctrl-C ends the process at once."""
     task = asyncio.current_task()
@@ -105,16 +110,16 @@ async def _watch(
 
 
 @contextlib.contextmanager
-def _live() -> Iterator[Callable[[View], None]]:
+def _live() -> Iterator[Callable[[SwarmView], None]]:
     with Live(console=out, auto_refresh=False) as live:
         yield lambda view: live.update(table(view), refresh=True)
 
 
 @contextlib.contextmanager
-def _once() -> Iterator[Callable[[View], None]]:
+def _once() -> Iterator[Callable[[SwarmView], None]]:
     yield lambda view: out.print(table(view))
 
 
 @contextlib.contextmanager
-def _lines() -> Iterator[Callable[[View], None]]:
-    yield watch.Lines(log, LINES_EVERY_S).show
+def _lines() -> Iterator[Callable[[SwarmView], None]]:
+    yield watch.StateLines(log, LINES_EVERY_S).show

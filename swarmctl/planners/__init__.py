@@ -18,8 +18,8 @@ Small areas need no compiler. Large areas are searched by numba's machine code, 
 `warm_up` compiles this code once (about 20 s) for this and all later processes. `kernels` has all searches.
 
 A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
-`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. This room imports
-core, numpy, scipy and numba, and nothing that does I/O.
+`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Imports core,
+numpy, scipy and numba, and no module with I/O.
 """
 
 from __future__ import annotations

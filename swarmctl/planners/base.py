@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 
-LARGEST = 1e200
-"""greatest exposure and ψ: sums of these over any route are still finite"""
+MAX_FINITE = 1e200
+"""greatest finite exposure, and greatest ψ; their sums over any route are finite too"""
 
 
 class BadProblem(ValueError):
-    """An invalid problem, such as one with a negative exposure."""
+    """An invalid problem, for example with a negative exposure."""
 
 
 class Unreachable(ValueError):
@@ -41,16 +41,17 @@ class BoundTooTight(Unreachable):
 class Problem:
     """A search for the best route from `start` to one of `goals`. Raises BadProblem for invalid values.
 
-    `exposure` is P_s, shape (rows, cols), 0 or more. An array of floats is not copied. A cell of infinite
-    exposure is a wall: no route enters it or passes its corner diagonally. A route that starts in a wall may
-    leave it in any direction. `start` is one (row, col); `goals` is one or several.
+    exposure: P_s, shape (rows, cols), 0 or more, infinite in walls; an array of floats is not copied
+    start: a cell (row, col)
+    goals: a cell or several cells
+    w: distance anxiety in [0, 1]; 0 gives the shortest route, 1 the least exposed route
+    psi_per_cell: ψ, the cost of one cell of length
+    max_exposure: greatest P_s that a route enters; a cell of greater P_s is a wall too
+    min_length_cells, max_length_cells: bounds on the route's length [cells], for planners that keep bounds;
+        at the vehicle's speed these are a time bound or an arrival window
 
-    `w` is the distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed. `psi_per_cell` is ψ,
-    the cost of one cell of length. Planners that do not follow Eq. 5 ignore both.
-
-    A cell of P_s above `max_exposure` is a wall too. `min_length_cells` and `max_length_cells` bound the
-    length of the route [cells], for planners that keep bounds. At the vehicle's speed they are a time bound
-    or an arrival window.
+    No route enters a wall or passes a wall's corner diagonally. A route that starts in a wall may leave the
+    wall in any direction. Planners that do not follow Eq. 5 ignore `w` and `psi_per_cell`.
     """
 
     exposure: NDArray[np.float64]
@@ -98,7 +99,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """One of the routes that a planner found before its answer."""
+    """The sums of a route that one of a planner's searches found, at the search's w."""
 
     w: float
     length_cells: float
@@ -109,12 +110,12 @@ class Searched:
 class Route:
     """Neighbouring cells from the start to a goal, both included, and their sums.
 
-    `cost` is the measure that the planner minimises: for `dijkstra` the sum of Eq. 5 over the route.
-    `length_cells` counts √2 for a diagonal step. `exposure_sum` is ΣP_s and `safety_factor` is ∏(1 − P_s),
-    both without the start cell; neither is the probability to survive.
-
-    `searched` has one entry for each search, in order, if the planner searches more than once. `lower_bound`
-    is a proved lower bound on the cost of every route. If the bound equals `cost`, the route is optimal.
+    cost: measure that the planner minimises; for `dijkstra` the sum of Eq. 5 over the route
+    length_cells: length, √2 for a diagonal step [cells]
+    exposure_sum: ΣP_s without the start cell; not a probability
+    safety_factor: ∏(1 − P_s) without the start cell; not the probability to survive
+    searched: one entry for each search, in order, if the planner searches more than once
+    lower_bound: proved lower bound on the cost of every route; the route is optimal if it equals `cost`
     """
 
     cells: tuple[Cell, ...]
@@ -141,16 +142,16 @@ class Planner(Protocol):
         """Return the best route by this planner's measure. Raises Unreachable."""
 
     def measure(self, problem: Problem, cells: Sequence[Cell], params: Any, /) -> float:
-        """Return the measure that `plan` minimises, of any route from the start to a goal.
+        """Return the measure that `plan` minimises, for any route from the start to a goal.
 
-        The measure is infinite if the route does not solve the problem (through a wall, out of bounds). A
-        vehicle changes its mission only for a route of lower measure.
+        The measure is infinite for a route through a wall or out of the bounds. A vehicle changes its mission
+        only for a route of lower measure.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A planner with its parameters, by which a vehicle chooses its routes."""
+    """A planner with its parameters."""
 
     name: str
     planner: Planner
@@ -207,7 +208,7 @@ def _eq5(problem: Problem, length: float, total: float) -> float:
 def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
     """Return whether a route over neighbouring cells enters no wall and passes no wall's corner.
 
-    A route that starts in a wall may leave it in any direction.
+    A route that starts in a wall may leave the wall in any direction.
     """
     field, limit = problem.exposure, min(problem.max_exposure, sys.float_info.max)
     for here, there in pairwise(cells):
@@ -220,9 +221,9 @@ def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
 def checked_field(
     exposure: object, goals: object, w: float, psi_per_cell: float
 ) -> tuple[NDArray[np.float64], tuple[Cell, ...]]:
-    """Return P_s as an array of floats (rows, cols), and the goals as cells; copy no array of floats.
+    """Return P_s as an array of floats (rows, cols), and the goals as cells.
 
-    Raises BadProblem for values that Eq. 5 does not allow.
+    An array of floats is not copied. Raises BadProblem for values that Eq. 5 does not allow.
     """
     array = np.asarray(exposure)
     if array.dtype.kind not in "fiu":
@@ -230,15 +231,15 @@ def checked_field(
     array = array.astype(np.float64, copy=False)
     if array.ndim != 2 or array.size == 0:
         raise BadProblem(f"exposure of shape {array.shape}: expected (rows, cols), both at least 1")
-    is_sound = (array >= 0.0) & ((array <= LARGEST) | (array == math.inf))
+    is_sound = (array >= 0.0) & ((array <= MAX_FINITE) | (array == math.inf))
     if not is_sound.all():
         row, col = (int(index) for index in np.argwhere(~is_sound)[0])
         found = float(array[row, col])
-        expected = f"at most {LARGEST:g}, or infinite for a wall" if found >= 0.0 else "0 or more"
+        expected = f"at most {MAX_FINITE:g}, or infinite for a wall" if found >= 0.0 else "0 or more"
         raise BadProblem(f"exposure of cell ({row}, {col}) is {found}: expected {expected}")
     if not 0.0 <= _number("distance anxiety w", w) <= 1.0:
         raise BadProblem(f"distance anxiety w = {w}: expected 0 (shortest route) to 1 (least exposed)")
-    if not 0.0 <= _number("ψ per cell", psi_per_cell) <= LARGEST:
+    if not 0.0 <= _number("ψ per cell", psi_per_cell) <= MAX_FINITE:
         raise BadProblem(f"ψ = {psi_per_cell} per cell: expected a finite number, 0 or more")
     return array, _goals(goals, array)
 

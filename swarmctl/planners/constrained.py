@@ -20,10 +20,10 @@ from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
-from swarmctl.planners.envelope import Summed, Sweep
+from swarmctl.planners.envelope import SummedRoute, Sweep
 
 SMALL_GAP = 0.02
-"""relative gap between the bounds from which labels are faster than one more search"""
+"""relative gap between the bounds below which labels are faster than another search"""
 
 
 USES_W = False
@@ -34,7 +34,7 @@ class Params:
     """The effort of the search."""
 
     max_labels: int | None = 4_000_000
-    """greatest number of labels, some 50 bytes each; 0 or none: no limit"""
+    """greatest number of labels of about 50 bytes each; 0 or None: no limit"""
 
     def __post_init__(self) -> None:
         if self.max_labels is not None and self.max_labels < 0:
@@ -42,7 +42,7 @@ class Params:
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """Return the least exposed route within the upper bound on length; among equals the shortest.
+    """Return the least exposed route within the upper bound on length; among equal routes the shortest.
 
     w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost`. If `max_labels` are used up,
     the route is the best so far, and its `lower_bound` may be less. Raises Unreachable, BoundTooTight with
@@ -51,7 +51,7 @@ def plan(problem: Problem, params: Params) -> Route:
     if problem.min_length_cells > 0.0:
         # The least exposed route above a length would fly loops. That search is as hard as a longest path.
         raise BadProblem(
-            f"the problem wants a route of at least {problem.min_length_cells:g} cells, but planner "
+            f"the problem asks for a route of at least {problem.min_length_cells:g} cells, but planner "
             "constrained keeps an upper bound only; use time_bound for an arrival window, or fly slower"
         )
     if problem.start in problem.goals:
@@ -77,8 +77,8 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
     return measures.exposure_sum(problem.exposure, cells)
 
 
-def _label(sweep: Sweep, best: Summed, to_go: kernels.ToGo, params: Params) -> Route:
-    """Return the least exposed route that labels find; without one, `best`."""
+def _label(sweep: Sweep, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
+    """Return the least exposed route that labels find, or `best` if labels find no route."""
     problem = sweep.problem
     greatest = bounds.window(problem)[1]
     found = kernels.label_search(

@@ -1,8 +1,8 @@
 """The paper's planner: the route of least Eq. 5, C_mn = (1 − w)·ψ·d_mn + w·P_s(n).
 
 The field of the cost to go is spread backwards from the goals, and the route runs down the field (the paper's
-hill climbing). One field serves every start. `PLANNERS` of the room names all planners; `base.Planner` is
-their interface.
+hill climbing). One field serves every start. `planners.PLANNERS` names all planners; `base.Planner` is their
+interface.
 """
 
 from __future__ import annotations
@@ -69,10 +69,10 @@ class CostToGo:
 def plan(problem: Problem, _params: Params) -> Route:
     """Return the route of least cost by Eq. 5; among equals the shortest, and among these always the same.
 
-    Earlier searches for the same goals and weights are used again. They do not change the answer.
+    The search uses earlier searches for the same goals and weights; they do not change the answer.
     """
     exposure = problem.passable  # cells above the maximum exposure are walls here
-    search = _search_again if exposure.size >= LARGE else _search_all
+    search = _search_again if exposure.size >= LARGE_AREA_CELLS else _search_all
     try:
         return eq5_route(problem, search(problem, exposure))
     except Unreachable:
@@ -84,9 +84,9 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
     return eq5_cost(problem, cells) if is_open(problem, cells) else math.inf
 
 
-LARGE = 100_000
-"""Areas of at least this many cells are replanned in a box around the old route (`replan`)."""
-KEPT_CELLS = 8_000_000
+LARGE_AREA_CELLS = 100_000
+"""smallest number of cells of an area that is replanned in a box around the old route (`replan`)"""
+MAX_KEPT_CELLS = 8_000_000
 """greatest number of cells of such areas in memory, some 40 bytes each"""
 
 _fields: Pool[kernels.Field] = Pool()
@@ -116,7 +116,7 @@ def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell
     key = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
     taken = _replanners.take_all()
     planner = next((kept for kept in taken if kept.problem_key == key), None)
-    _replanners.put([kept for kept in taken if kept is not planner], Replanner.size, KEPT_CELLS)
+    _replanners.put([kept for kept in taken if kept is not planner], Replanner.size, MAX_KEPT_CELLS)
     if planner is None:
         planner = Replanner(exposure, problem.goals, problem.w, problem.psi_per_cell)
     else:
@@ -124,7 +124,7 @@ def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell
     try:
         return planner.route(problem.start)
     finally:
-        _replanners.put([planner], Replanner.size, KEPT_CELLS)
+        _replanners.put([planner], Replanner.size, MAX_KEPT_CELLS)
 
 
 def cost_to_go(

@@ -1,4 +1,4 @@
-"""The lower envelope: the routes that some w in [0, 1] finds, and the w at which they change.
+"""The lower envelope: the routes that some w in [0, 1] finds, and the values of w at which the route changes.
 
 Eq. 5 at w is w·(E + λ·L). L is the length of a route and E is its ΣP_s. λ = (1 − w)·ψ/w is the price of a
 cell of length. Over λ each route is a line. The routes that some w finds are the corners of the lower
@@ -6,9 +6,9 @@ envelope of all lines. Take two of these routes, and the price at which both cos
 price finds a route between the two, or proves that the two are neighbours (Eisner and Severance 1976; with a
 bound on one of the sums, Handler and Zang 1980).
 
-A route counts if `dijkstra` gives it at some w > 0, as the shortest of the cheapest. A route that is the
-cheapest at one w only does not count if a shorter route costs the same there. At w = 0 all shortest routes
-are equal; the least exposed of these counts.
+A route counts if `dijkstra` returns the route at some w > 0: the shortest of the cheapest routes. A route
+that is the cheapest at a single w does not count if a shorter route costs the same at this w. At w = 0 all
+shortest routes cost the same; the least exposed of these counts.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from swarmctl.planners import kernels
 from swarmctl.planners.base import Problem, Searched
 
 COST_TIE = 1e-11
-"""A route between two others is new if it is cheaper than both by more than this share."""
+"""smallest share by which a route between two neighbours must be cheaper than both to be new"""
 FIRST_PRICE = 0.5
-"""first price of length, as a share of the shortest route's mean exposure a cell"""
+"""first price of length, as a share of the shortest route's mean exposure per cell"""
 PRICE_STEP = 0.25
-"""ratio of a price to the one before"""
+"""ratio of a price to the price before"""
 N_PRICES = 3
-"""prices before the search for the least exposed route, which takes longest"""
+"""number of prices before the search for the least exposed route, the longest search"""
 
 
 @dataclass(frozen=True, slots=True)
-class Summed:
+class SummedRoute:
     """A route and its two sums."""
 
     cells: tuple[Cell, ...]
@@ -49,8 +49,8 @@ class Summed:
 class Edge:
     """Two neighbours of the envelope, the price at which both cost the same, and the field at that price."""
 
-    short: Summed
-    long: Summed
+    short: SummedRoute
+    long: SummedRoute
     price: float
     field: kernels.Field
 
@@ -59,8 +59,8 @@ class Edge:
 class Bracket:
     """The last route of the envelope within a bound on length, and the first beyond the bound."""
 
-    short: Summed
-    long: Summed | None
+    short: SummedRoute
+    long: SummedRoute | None
     """None if the least exposed route of all is within the bound"""
     price: float
     """price of length in `field`"""
@@ -77,8 +77,8 @@ class Sweep:
         self.passable = problem.passable
         self.searched: list[Searched] = []
 
-    def search(self, price: float) -> tuple[Summed, kernels.Field]:
-        """Return the cheapest route at a price of length, of equals the shortest, and its field.
+    def search(self, price: float) -> tuple[SummedRoute, kernels.Field]:
+        """Return the cheapest route at a price of length, and its field; among equal routes the shortest.
 
         Price 0 gives the least exposed route, an infinite price the shortest. Raises Unreachable.
         """
@@ -91,10 +91,10 @@ class Sweep:
         self.searched.append(Searched(self.weight(price), found.length_cells, found.exposure_sum))
         return found, field
 
-    def summed(self, cells: tuple[Cell, ...]) -> Summed:
-        """Return a route with its two sums, exact and not from a field."""
+    def summed(self, cells: tuple[Cell, ...]) -> SummedRoute:
+        """Return a route with its two sums, computed from the cells."""
         exposure_sum = measures.exposure_sum(self.problem.exposure, cells)
-        return Summed(cells, measures.length_cells(cells), exposure_sum)
+        return SummedRoute(cells, measures.length_cells(cells), exposure_sum)
 
     def weight(self, price: float) -> float:
         """Return the w at which Eq. 5 has this price of length; for ψ = 0 the limit of ψ → 0."""
@@ -102,12 +102,11 @@ class Sweep:
             return 1.0
         return 0.0 if math.isinf(price) else self.problem.psi_per_cell / (self.problem.psi_per_cell + price)
 
-    def bracket(self, short: Summed, bound_cells: float, accepted_gap: float = 0.0) -> Bracket:
+    def bracket(self, short: SummedRoute, bound_cells: float, accepted_gap: float = 0.0) -> Bracket:
         """Return the routes on both sides of a bound on length.
 
-        At first `short` is the shortest route, within the bound. The two results are neighbours, unless the
-        search ends early. It does so if the exposure of `short` can fall by at most the share `accepted_gap`
-        within the bound.
+        `short`: the shortest route, which is within the bound. The two results are neighbours, unless the
+        search ends early: when the exposure within the bound can fall by at most the share `accepted_gap`.
         """
         short, long = self._lower_price(short, bound_cells)
         proof: tuple[float, kernels.Field | None] = (0.0, None)
@@ -127,7 +126,7 @@ class Sweep:
                 break
         return Bracket(short, long, *proof)
 
-    def edges(self, short: Summed, long: Summed, window: tuple[float, float]) -> Iterator[Edge]:
+    def edges(self, short: SummedRoute, long: SummedRoute, window: tuple[float, float]) -> Iterator[Edge]:
         """Yield all pairs of neighbours that reach into a window of lengths [cells], the shortest first."""
         ahead = [long]
         while ahead and short.length_cells <= window[1]:
@@ -143,7 +142,7 @@ class Sweep:
             yield Edge(short, long, price, field)
             short = ahead.pop()
 
-    def _lower_price(self, short: Summed, bound_cells: float) -> tuple[Summed, Summed | None]:
+    def _lower_price(self, short: SummedRoute, bound_cells: float) -> tuple[SummedRoute, SummedRoute | None]:
         """Lower the price of length until a route is too long; return the route before, and this route.
 
         The second value is None if no route is too long.
@@ -158,7 +157,7 @@ class Sweep:
         return short, None
 
 
-def _crossing(short: Summed, long: Summed) -> float:
+def _crossing(short: SummedRoute, long: SummedRoute) -> float:
     """Return the price of length at which two routes cost the same.
 
     The price is 0 or less if the first route is dominated or the lengths are equal.
@@ -169,6 +168,6 @@ def _crossing(short: Summed, long: Summed) -> float:
     return (short.exposure_sum - long.exposure_sum) / longer
 
 
-def _is_new(found: Summed, crossing: Summed, price: float) -> bool:
+def _is_new(found: SummedRoute, crossing: SummedRoute, price: float) -> bool:
     """Return whether a route is cheaper than the two that cross at the price of its search."""
     return found.cost(price) < crossing.cost(price) * (1.0 - COST_TIE)

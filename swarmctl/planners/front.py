@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, eq5_route
-from swarmctl.planners.envelope import Summed, Sweep
+from swarmctl.planners.envelope import SummedRoute, Sweep
 
 MAX_LABELS = 20_000_000
 """default limit of labels over all triangles; a label takes 50 bytes"""
@@ -23,18 +23,19 @@ MAX_LABELS = 20_000_000
 class Front:
     """Routes from short and exposed to long and safe.
 
-    Two points are one if they differ by rounding only: lengths by less than LENGTH_TIE, or exposures by a
-    share of less than REL_TIE at each step.
+    Two points count as the same if they differ by rounding only: lengths by less than LENGTH_TIE, or
+    exposures by a share of less than REL_TIE at each step.
     """
 
     routes: tuple[Route, ...]
-    """one route a point, by length; `cost` is Eq. 5 at the problem's w"""
+    """one route for each point, by length; `cost` is Eq. 5 at the problem's w"""
     supported: tuple[bool, ...]
     """True for the routes that some w > 0 finds: the corners of the front's convex hull. A route on an edge
     of the hull is no corner: at the only w at which it is the cheapest, a shorter route costs the same."""
     w_ranges: tuple[tuple[float, float] | None, ...]
-    """the range of w in [0, 1] at which `dijkstra` gives the route; None if at no w. Where two ranges meet,
-    `dijkstra` gives the shorter route; at w = 0 any of the shortest. If ψ = 0, w finds the two ends only."""
+    """range of w in [0, 1] at which `dijkstra` returns the route; None if no w finds the route. Where two
+    ranges meet, `dijkstra` returns the shorter route; at w = 0 any of the shortest routes. If ψ = 0, only the
+    two ends have a range."""
     complete: bool
     """False if the limit on labels was reached: `routes` has all supported routes, but may lack others"""
 
@@ -42,7 +43,7 @@ class Front:
 def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
     """Return all non-dominated points (length, ΣP_s) within the bounds on length, with a route each.
 
-    `max_labels` limits the labels (none: MAX_LABELS; 0: no limit). Raises Unreachable, and BoundTooTight if
+    `max_labels` limits the labels (None: MAX_LABELS; 0: no limit). Raises Unreachable, and BoundTooTight if
     no point is within the bounds.
     """
     budget = MAX_LABELS if max_labels is None else max_labels
@@ -50,7 +51,7 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
         raise BadProblem(f"max_labels = {budget}: expected 0 or more")
     sweep = Sweep(problem)
     if problem.start in problem.goals:
-        return _front(sweep, _Points(Summed((problem.start,), 0.0, 0.0)))
+        return _front(sweep, _Points(SummedRoute((problem.start,), 0.0, 0.0)))
     window = bounds.window(problem)
     short, to_length = sweep.search(math.inf)
     if short.length_cells > window[1]:
@@ -83,10 +84,10 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
 class _Points:
     """The points found so far."""
 
-    safest: Summed
-    edges: list[tuple[Summed, Summed, float]] = field(default_factory=list)
+    safest: SummedRoute
+    edges: list[tuple[SummedRoute, SummedRoute, float]] = field(default_factory=list)
     """neighbours and the price of length at which they cost the same"""
-    inside: list[Summed] = field(default_factory=list)
+    inside: list[SummedRoute] = field(default_factory=list)
     """routes that no w finds"""
     complete: bool = True
 
@@ -95,7 +96,7 @@ def _front(sweep: Sweep, points: _Points) -> Front:
     """Return the points within the bounds, by length."""
     problem = sweep.problem
     least, greatest = bounds.window(problem)
-    ranges: dict[Summed, tuple[float, float]] = {}
+    ranges: dict[SummedRoute, tuple[float, float]] = {}
     for short, long, price in points.edges:
         ranges[short] = (ranges.get(short, (0.0, 1.0))[0], sweep.weight(price))
         ranges[long] = (sweep.weight(price), 1.0)
@@ -114,7 +115,7 @@ def _front(sweep: Sweep, points: _Points) -> Front:
 
 
 def _w_range(
-    problem: Problem, shortest: Summed, route: Summed, weights: tuple[float, float] | None
+    problem: Problem, shortest: SummedRoute, route: SummedRoute, weights: tuple[float, float] | None
 ) -> tuple[float, float] | None:
     """Return the range of w of a route; if ψ = 0, all prices of length between the ends fall on w = 0."""
     if problem.psi_per_cell == 0.0 and weights == (0.0, 0.0) and route != shortest:

@@ -1,7 +1,7 @@
 """Exact replanning in a large area that becomes known cell by cell, by a search of a small part.
 
-An observation changes P_s much in a few cells. It changes P_s a little everywhere, because the cells not seen
-share the remaining hostiles. The new route is nearly always near the old one. A replan has these steps:
+An observation changes P_s much in a few cells, and a little everywhere, because the cells not seen share the
+remaining hostiles. The new route is nearly always near the old route. A replan has these steps:
 
 1. Search a box around the old route, with the present costs.
 2. Prove that no route out of the box is cheaper. The box's field gives the cost to each cell of the box's
@@ -29,15 +29,15 @@ from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.large_field import LargeField, compilable, spread_large
 from swarmctl.planners.kernels.lattice import Floats
 
-FIRST_MARGIN = 12
-"""first distance from the old route to the edge of the box [cells]"""
-LARGEST_BOX = 0.25
-"""largest box, as a share of the area; beyond it the whole area is searched"""
-STRIDE = 997
+FIRST_MARGIN_CELLS = 12
+"""first distance from the old route to the edge of the box"""
+LARGEST_BOX_SHARE = 0.25
+"""largest box, as a share of the area; instead of a larger box, the whole area is searched"""
+SAMPLE_STRIDE_CELLS = 997
 """distance between the cells that are sampled for the drift of all costs"""
 WHOLE = slice(None)
-MOST_LOST = 4096.0
-"""greatest ratio of an old label to the lowered label; beyond it too few digits are left for a bound"""
+MAX_LABEL_RATIO = 4096.0
+"""greatest ratio of an old label to the lowered label; a greater ratio leaves too few digits for a bound"""
 PROOF_RATIO = 1.0 + 1e-9
 """least ratio of the cost outside the box to the cost inside, above 1 because sums are rounded"""
 
@@ -77,8 +77,8 @@ class Replanner:
         replanner.route((250, 100))                      # searches a small part of the area
 
     The routes are those of `dijkstra` without a maximum exposure, ties included. `exposure` is an array, or
-    `Layers` if all cells not seen have one p_O that drifts. The exposure is not copied: change it in place
-    and call `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does.
+    `Layers` if all cells not seen have the same drifting p_O. The exposure is not copied: change the array in
+    place and call `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Replanner:
         self._psi = psi_per_cell
         whole, self.goals = checked_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
         self._old = LargeField(*whole.shape)
-        self._margin = FIRST_MARGIN
+        self._margin = FIRST_MARGIN_CELLS
         self._outdated = False
         self._begin_from(whole)
 
@@ -138,7 +138,12 @@ class Replanner:
         self._now = Layers.of(exposure)
         self._p_unseen = 0.0
         self._drift, cells, costs = compiled(bounds.compare)(
-            exposure, self._w, self._old.step, self._old.straight, STRIDE, exposure.size // 50 + 50
+            exposure,
+            self._w,
+            self._old.step,
+            self._old.straight,
+            SAMPLE_STRIDE_CELLS,
+            exposure.size // 50 + 50,
         )
         self._outdated = self._outdated or self._drift == 0.0
         if not self._outdated:
@@ -161,7 +166,7 @@ class Replanner:
             margin = self._margin
             while guess.size > 0:
                 box = self._box(guess, margin)
-                if (box[1] - box[0]) * (box[3] - box[2]) > LARGEST_BOX * self._now.known.size:
+                if (box[1] - box[0]) * (box[3] - box[2]) > LARGEST_BOX_SHARE * self._now.known.size:
                     break
                 found = self._within(box, start)
                 if found:
@@ -180,7 +185,7 @@ class Replanner:
         old, straight = self._old, np.minimum(costs / self._drift, self._old.straight[cells])
         with np.errstate(invalid="ignore"):
             label = old.label[cells] - (old.straight[cells] - straight)
-        if not (old.label[cells] <= MOST_LOST * label).all():
+        if not (old.label[cells] <= MAX_LABEL_RATIO * label).all():
             # A wall, or a cell nearly as dear, has become cheap: the old labels next to it are only rounding.
             self._outdated = True
             return
@@ -220,7 +225,7 @@ class Replanner:
         )
 
     def _within(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
-        """Return the route in the box if every route out of the box is proved dearer; else an empty route."""
+        """Return the route in the box, or an empty route without a proof that routes out of it are dearer."""
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
         exposure = self._now.within(slice(top, bottom), slice(left, right))

@@ -1,9 +1,9 @@
 """The route of the greatest safety factor ∏(1 − P_s), by the least Σ −ln(1 − P_s)."""
 
 # ERRATUM: the paper holds that the route of least ΣP_s "would also be the one that gives the maximum value of
-# the safety factor". Counterexample: one cell of 0.50 has a lesser sum than two cells of 0.26, but these have
-# the better chance (0.548). The correct sum is Σ −ln(1 − P_s). It equals ΣP_s only for small P_s. The paper's
-# planner is `dijkstra` at w = 1.
+# the safety factor". Counterexample: one cell of 0.50 has a smaller sum than two cells of 0.26, but a smaller
+# safety factor too (0.500 against 0.548). The correct sum is Σ −ln(1 − P_s), which equals ΣP_s only for small
+# P_s. The paper's planner is `dijkstra` at w = 1.
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Params:
 
 
 def plan(problem: Problem, _params: Params) -> Route:
-    """Return the route of least Σ −ln(1 − P_s), which is its cost; among equals the shortest.
+    """Return the route of least cost Σ −ln(1 − P_s); among equal routes the shortest.
 
     w, ψ and bounds on length have no influence. Raises Unreachable.
     """

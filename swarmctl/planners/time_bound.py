@@ -1,9 +1,9 @@
 """The paper's search under a time bound (Figure 7): the route of least exposure or distance over all w.
 
 The problem has a bound on length, or a window of lengths. At the vehicle's speed these are a time bound, or
-an arrival window. The routes over all w in [0, 1] are the corners of a lower envelope (`envelope`). They get
-longer and less exposed from w = 0 to w = 1, so the answer is a neighbour of the bound. Each search gives the
-next w to try; `Route.searched` lists all searches.
+an arrival window. The routes over all w in [0, 1] are the corners of a lower envelope (`envelope`). From
+w = 0 to w = 1 the routes get longer and less exposed, so the best route is next to the bound. Each search
+gives the next w to try; `Route.searched` lists all searches.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds
 from swarmctl.planners.base import Problem, Route, is_open, route_of
-from swarmctl.planners.envelope import Summed, Sweep
+from swarmctl.planners.envelope import SummedRoute, Sweep
 
-# DEVIATION: the paper searches "in the space of w" without saying how. A list of values of w would miss
-# routes that only values between them find; this search leaves no w out.
+# DEVIATION: the paper searches "in the space of w" without a method. A list of values of w would miss the
+# routes of the values between; this search covers every w.
 
 
 USES_W = False
@@ -39,7 +39,7 @@ def plan(problem: Problem, params: Params) -> Route:
     Raises Unreachable, and BoundTooTight if no route over all w keeps the bounds.
     """
     if problem.start in problem.goals:
-        return _checked(problem, params, [Summed((problem.start,), 0.0, 0.0)], Sweep(problem))
+        return _checked(problem, params, [SummedRoute((problem.start,), 0.0, 0.0)], Sweep(problem))
     sweep = Sweep(problem)
     candidates = _least_exposed if params.minimise == "exposure" else _shortest
     return _checked(problem, params, candidates(sweep, *bounds.window(problem)), sweep)
@@ -52,7 +52,7 @@ def measure(problem: Problem, cells: Sequence[Cell], params: Params) -> float:
     return _sum(problem, cells, params)
 
 
-def _least_exposed(sweep: Sweep, _least: float, greatest: float) -> list[Summed]:
+def _least_exposed(sweep: Sweep, _least: float, greatest: float) -> list[SummedRoute]:
     """Return the longest route within the upper bound, and the next longer route."""
     if math.isinf(greatest):
         return [sweep.search(0.0)[0]]
@@ -63,7 +63,7 @@ def _least_exposed(sweep: Sweep, _least: float, greatest: float) -> list[Summed]
     return [bracket.short] if bracket.long is None else [bracket.short, bracket.long]
 
 
-def _shortest(sweep: Sweep, least: float, greatest: float) -> list[Summed]:
+def _shortest(sweep: Sweep, least: float, greatest: float) -> list[SummedRoute]:
     """Return the shortest route within the lower bound, and the next shorter route."""
     shortest, _ = sweep.search(math.inf)
     if shortest.length_cells > greatest:
@@ -74,11 +74,11 @@ def _shortest(sweep: Sweep, least: float, greatest: float) -> list[Summed]:
     return [bracket.short] if bracket.long is None else [bracket.long, bracket.short]
 
 
-def _checked(problem: Problem, params: Params, candidates: list[Summed], sweep: Sweep) -> Route:
+def _checked(problem: Problem, params: Params, candidates: list[SummedRoute], sweep: Sweep) -> Route:
     """Return the candidate that keeps the bounds. Raises BoundTooTight with the nearest candidate."""
     least, greatest = bounds.window(problem)
 
-    def missed_by(route: Summed) -> float:
+    def missed_by(route: SummedRoute) -> float:
         return max(least - route.length_cells, route.length_cells - greatest, 0.0)
 
     best = min(candidates, key=missed_by)

@@ -1,9 +1,10 @@
-"""A long route for a vehicle that is early: the least exposed one found within a window of lengths.
+"""A long route for a vehicle that is early: the least exposed route found within a window of lengths.
 
 The search begins with the least exposed route within the upper bound, as in `constrained`. If this route is
-too short, detours over one cell are tried, then over two. A detour is the best route to the cell and the best
-route from the cell to a goal, by Eq. 5 at a medium price of length. The answer is the least exposed detour
-that fits and does not cross itself. A better route may exist, because the longest path is a hard problem.
+too short, the planner tries detours over one cell, then over two cells. A detour is the best route to the
+cell and the best route from the cell to a goal, by Eq. 5 at a medium price of length. The answer is the least
+exposed detour within the window that passes no cell twice. A better route may exist, because the longest
+path is a hard problem.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from swarmctl.planners.base import Problem, Route, is_open, route_of
 USES_W = False
 
 N_DETOURS, N_PAIRED = 400, 25
-"""greatest numbers of detour cells, evenly over the area: alone, and in pairs"""
+"""greatest number of detour cells, evenly over the area: for one cell, and for two cells"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class Params:
     """The effort of the search."""
 
     max_labels: int = 200_000
-    """as in `constrained`"""
+    """greatest number of labels, as in `constrained`"""
 
 
 def plan(problem: Problem, params: Params) -> Route:
@@ -65,7 +66,7 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
 
 
 class _Detours:
-    """Routes without crossings from the start to a goal, over given cells."""
+    """Routes from the start to a goal over given cells, which pass no cell twice."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self._passable = problem, problem.passable

@@ -19,7 +19,7 @@ from cryptography.x509.oid import NameOID
 
 AUTHORITY = "ca"
 """folder of the certificate authority"""
-NAME = re.compile(r"uav[1-9][0-9]{0,2}|operator|router")
+PARTICIPANT_NAME = re.compile(r"uav[1-9][0-9]{0,2}|operator|router")
 """names of participants"""
 
 

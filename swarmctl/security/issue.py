@@ -1,4 +1,4 @@
-"""Making of the participants' folders of keys and their certificate authority; existing folders are kept."""
+"""Creation of the participants' key folders and their certificate authority; existing folders are kept."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from swarmctl.security.files import (
     AUTHORITY,
-    NAME,
+    PARTICIPANT_NAME,
     KeyringError,
     check_issuer,
     check_key_pair,
@@ -31,10 +31,10 @@ from swarmctl.security.files import (
     read_signer,
 )
 
-LOCAL = ("localhost", "127.0.0.1")
-BEFORE = dt.timedelta(days=1)
-"""start of a certificate's validity before its making: companions' clocks may be late"""
-PRIVATE = 0o600
+LOCAL_HOSTS = ("localhost", "127.0.0.1")
+BACKDATED_BY = dt.timedelta(days=1)
+"""time by which a certificate's validity starts before its issue: companions' clocks may be late"""
+PRIVATE_MODE = 0o600
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class ParticipantFolder:
     folder: Path
     is_new: bool
     is_changed: bool
-    """True for an existing folder with new public keys of other participants, which its machine lacks"""
+    """True for an existing folder with new public keys of other participants; its machine needs a new copy"""
     until: dt.datetime
     hosts: tuple[str, ...]
 
@@ -57,13 +57,13 @@ def make_keys(
     now: dt.datetime,
     hosts: Mapping[str, Sequence[str]] | None = None,
 ) -> list[ParticipantFolder]:
-    """Make the missing folders of the participants `names`; `hosts` are their addresses, by name.
+    """Make the missing folders of the participants `names`.
 
-    Certificates are valid for `days` from `now` (an aware datetime), the authority's certificate ten times as
-    long. Raises KeyringError.
+    Certificates are valid for `days` from `now` (an aware datetime), and the authority's certificate for ten
+    times as long. `hosts` are the participants' addresses by name. Raises KeyringError.
     """
     for name in names:
-        if not NAME.fullmatch(name):
+        if not PARTICIPANT_NAME.fullmatch(name):
             raise KeyringError(f"{name!r} is not a participant: expected uav1 to uav254, operator or router")
     hosts = hosts or {}
     try:
@@ -114,7 +114,7 @@ def _participant(
         return _existing(folder, name, authority, now, hosts)
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-    all_hosts = tuple(dict.fromkeys((name, *LOCAL, *hosts)))
+    all_hosts = tuple(dict.fromkeys((name, *LOCAL_HOSTS, *hosts)))
     purposes = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
     certificate = (
         _builder(subject, authority.certificate.subject, key.public_key(), now, days)
@@ -134,7 +134,7 @@ def _participant(
 def _existing(
     folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]
 ) -> ParticipantFolder:
-    """Return an existing folder after checking that this authority issued it."""
+    """Check that this authority issued the keys of an existing folder; return the folder."""
     certificate_file = folder / "cert.pem"
     certificate = read_certificate(certificate_file)
     check_name(certificate_file, certificate, name)
@@ -153,7 +153,7 @@ def _existing(
 
 def _distribute_public_keys(folder: Path) -> set[str]:
     """Write all public keys into every folder, new or existing; return the names of changed folders."""
-    folders = sorted(path for path in folder.iterdir() if NAME.fullmatch(path.name))
+    folders = sorted(path for path in folder.iterdir() if PARTICIPANT_NAME.fullmatch(path.name))
     public = {path.name: read_signer(path / "sign.pem").public_key().public_bytes_raw() for path in folders}
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
     content = text.encode() + b"\n"
@@ -176,7 +176,7 @@ def _builder(
         .issuer_name(issuer)
         .public_key(key)
         .serial_number(x509.random_serial_number())
-        .not_valid_before(now - BEFORE)
+        .not_valid_before(now - BACKDATED_BY)
         .not_valid_after(now + dt.timedelta(days=days))
     )
 
@@ -222,4 +222,4 @@ def _write_key(path: Path, key: ec.EllipticCurvePrivateKey | Ed25519PrivateKey) 
     pem = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    _write(path, pem, PRIVATE)
+    _write(path, pem, PRIVATE_MODE)

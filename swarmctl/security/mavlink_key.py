@@ -75,7 +75,7 @@ class TimestampFile:
         return _number(text, self.path)
 
     def keep(self, timestamp: int) -> None:
-        """Store a timestamp, unless the file has a higher one. Raises OSError, ValueError."""
+        """Store a timestamp, unless the file has a higher timestamp. Raises OSError and ValueError."""
         with os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="ascii") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             text = file.read()

@@ -34,18 +34,19 @@ class Keyring:
     name: str
     credentials: Credentials
     until: dt.datetime
+    """end of the certificate's validity"""
     signer: Ed25519PrivateKey
     signers: Mapping[str, Ed25519PublicKey]
 
     def sign(self, uav: int, data: bytes) -> bytes | None:
-        """Return a signature (64 bytes); None for a vehicle other than this keyring's."""
+        """Return a signature (64 bytes); None if the keyring does not belong to vehicle `uav`."""
         return self.signer.sign(data) if name_of(uav) == self.name else None
 
     def verify(self, uav: int, signature: bytes, data: bytes) -> bool:
         """Return whether vehicle `uav` signed `data`."""
         return self._is_signed_by(name_of(uav), signature, data)
 
-    def is_operators(self, signature: bytes, data: bytes) -> bool:
+    def is_signed_by_operator(self, signature: bytes, data: bytes) -> bool:
         """Return whether the operator signed `data`."""
         return self._is_signed_by(OPERATOR, signature, data)
 

@@ -18,8 +18,8 @@ from swarmctl.core.frames import SIGNATURE_BYTES
 from swarmctl.core.messages import BadMessage
 
 MAX_COMMAND_BYTES = 16_000
-FRESH_S = 20.0
-"""Largest age of a command: an older command may no longer be right."""
+MAX_COMMAND_AGE_S = 20.0
+"""largest age of a command; an older command may no longer be right"""
 
 
 class SignedCommand(msgspec.Struct, frozen=True):
@@ -73,10 +73,12 @@ def verify_answer(
 
 
 class CommandVerifier:
-    """Verifier of commands to an agent: signature, key, time, and no repetition.
+    """Verifier of commands to an agent: checks signature, key and time, and refuses repeated commands.
 
-    `verify` checks the operator's signature. Commands from before `began_unix_s`, the start of this process,
-    are refused: an earlier process may have executed them.
+    verify: function that checks the operator's signature
+    began_unix_s: start of this process; an earlier process may have executed older commands, so the verifier
+        refuses these
+    tolerance_s: largest lead of the operator's clock [s]
     """
 
     def __init__(
@@ -103,7 +105,7 @@ class CommandVerifier:
         if signed.key != key:
             raise BadMessage(f"the command is for the key {signed.key}, but arrived under {key}")
         self._check_time(signed.unix_s, unix_s)
-        self._taken = {at_s for at_s in self._taken if at_s > unix_s - FRESH_S}
+        self._taken = {at_s for at_s in self._taken if at_s > unix_s - MAX_COMMAND_AGE_S}
         if signed.unix_s in self._taken:
             raise BadMessage("the same command was received before: a replay [command-replayed]")
         self._taken.add(signed.unix_s)
@@ -119,11 +121,11 @@ class CommandVerifier:
         if given_unix_s < self._began_unix_s:
             before_s = self._began_unix_s - given_unix_s
             raise BadMessage(
-                f"the command was given {before_s:.1f} s before this agent started; repeat it. If that "
-                "fails, check the clocks of both machines [command-before-start]"
+                f"the command was given {before_s:.1f} s before this agent started; repeat the command. If "
+                "this fails too, check the clocks of both machines [command-before-start]"
             )
-        if age_s > FRESH_S:
+        if age_s > MAX_COMMAND_AGE_S:
             raise BadMessage(
-                f"the command is {age_s:.0f} s old (limit {FRESH_S:g} s); check the clocks of both machines "
-                "[command-old]"
+                f"the command is {age_s:.0f} s old (limit {MAX_COMMAND_AGE_S:g} s); check the clocks of both "
+                "machines [command-old]"
             )

@@ -1,4 +1,4 @@
-"""The operator's side: find a swarm, ask, order, recall, watch, route.
+"""The operator's side: find a swarm, send commands, recall vehicles, watch states, run a router.
 
 Imports bus, config, core, report and security.
 Begin with `client`.

@@ -39,7 +39,7 @@ class Unclear(ValueError):
 
 
 class NoAnswer(Exception):
-    """A command without a valid answer; the text tells whether the command may have had an effect."""
+    """A command without a valid answer; the text states whether the command may have had an effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def chosen_vehicles(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
 def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
     """Return the three firing strengths of the options; None without such an option. Raises Unclear.
 
-    All three are required, because this program does not know the swarm's present ones.
+    All three are required, because this program does not know the swarm's present strengths.
     """
     if text and any(value is not None for value in single):
         raise Unclear(
@@ -113,7 +113,7 @@ def find(
     connect: str | None,
     names: Mapping[int, str] | None = None,
 ) -> Station:
-    """Return the flight that the options select: by endpoint, by name, or the only one on this machine.
+    """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 
     `names` are the vehicles of `config`; each agent may run on a machine of its own. Raises Unclear, and
     BusError if no such swarm flies.
@@ -268,7 +268,7 @@ async def ask(
     if len(answers) > 1:
         raise NoAnswer(
             f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}, so the result of "
-            "the command is unknown; end all processes but one, and check the table of that one"
+            "the command is unknown; end all processes but one, and check the remaining flight's table"
         )
     try:
         return decode_answer(answers[0])
@@ -299,7 +299,7 @@ async def _ask_each(
         try:
             answers = await bus.ask(key, payload, TIMEOUT_S)
         except TimeoutError:
-            note = f"its agent did not answer within {TIMEOUT_S:g} s"
+            note = f"the vehicle's agent did not answer within {TIMEOUT_S:g} s"
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
         own = list(_signed_answers(signing, uav, key, payload, answers))
         return _merge_answers(uav, name, ended_text(station.swarm, uav), own, len(answers) - len(own))
@@ -317,7 +317,7 @@ def _signed_answers(
 
 
 def _merge_answers(uav: int, name: str, ended: str, answers: Sequence[bytes], dropped: int) -> VehicleAnswer:
-    """Return an agent's answer; `dropped` is the number of answers without its signature."""
+    """Return an agent's answer; `dropped` is the number of answers without the vehicle's signature."""
     if not dropped:
         return _decode_one(uav, name, ended, answers)
     warning = (
@@ -337,22 +337,24 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
         if ended:
             return VehicleAnswer(uav, name, "silent", note=f"{ended} on this machine [flight-ended]")
         note = (
-            "its agent does not answer: the flight has ended, or `swarmctl agent` does not run or has no "
-            "connection to the network [agent-silent]"
+            "the vehicle's agent does not answer: the flight has ended, or `swarmctl agent` does not run or "
+            "has no connection to the network [agent-silent]"
         )
         return VehicleAnswer(uav, name, "silent", note=note)
     if len(answers) > 1:
-        note = f"{len(answers)} agents answer for this vehicle; end all but one"
+        note = f"{len(answers)} agents answer for this vehicle; end all agents but one"
         return VehicleAnswer(uav, name, "unconfirmed", note=note)
     try:
         answer = decode_answer(answers[0])
     except BadMessage as error:
-        note = f"its answer is invalid: {error}; its agent may run another version of this program"
+        note = f"the agent's answer is invalid: {error}; the agent may run another version of this program"
         return VehicleAnswer(uav, name, "unconfirmed", note=note)
     if answer.refused:
         return VehicleAnswer(uav, name, "refused", note=answer.refused)
     if [vehicle.uav for vehicle in answer.vehicles] != [uav]:
-        return VehicleAnswer(uav, name, "unconfirmed", note="its agent answered for another vehicle")
+        return VehicleAnswer(
+            uav, name, "unconfirmed", note="the vehicle's agent answered for another vehicle"
+        )
     return answer.vehicles[0]
 
 

@@ -15,10 +15,10 @@ from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Reque
 from swarmctl.station import client
 from swarmctl.station.client import UNSIGNED, CommandSigning, Station
 
-NO_TURN_S = 120.0
-"""Time after which a holding vehicle without a turn returns by itself, because the station may be lost."""
+FALLBACK_RETURN_S = 120.0
+"""time after which a holding vehicle returns without a turn, because the station may be lost"""
 MAX_ATTEMPTS = 3
-"""attempts per vehicle: an unconfirmed return delays the turns of the others"""
+"""number of attempts for each vehicle; an unconfirmed return delays the turns of the other vehicles"""
 
 
 async def send(
@@ -42,34 +42,36 @@ async def ask(
 
     Raises Unclear and NoAnswer.
     """
-    # A process that flies all vehicles gives them their turns itself.
+    # A process that flies all vehicles schedules the turns of the vehicles.
     if not (station.agents and isinstance(command, GiveOrder) and command.order == "return"):
         return await client.ask(bus, station, command, signing)
     began_s = _now_s()
-    held = await _send_repeatedly(bus, station, msgspec.structs.replace(command, after_s=NO_TURN_S), signing)
+    held = await _send_repeatedly(
+        bus, station, msgspec.structs.replace(command, after_s=FALLBACK_RETURN_S), signing
+    )
     recalled = [v for v in held if v.outcome == "taken"]
     turns = schedule_for({v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)})
     down_s = turns.down_s if len(turns.begins_s) == len(recalled) else math.inf
-    later_s = 0.0
-    if any(v.outcome == "unconfirmed" for v in held) and down_s > NO_TURN_S - (_now_s() - began_s):
-        later_s = NO_TURN_S + _longest_s(recalled)
+    extra_delay_s = 0.0
+    if any(v.outcome == "unconfirmed" for v in held) and down_s > FALLBACK_RETURN_S - (_now_s() - began_s):
+        extra_delay_s = FALLBACK_RETURN_S + _longest_s(recalled)
 
     async def give_turn(vehicle: VehicleAnswer) -> VehicleAnswer:
-        # Vehicles at unknown positions return after all others are down.
-        after_s = min(later_s + turns.begins_s.get(vehicle.uav, turns.down_s), MAX_AFTER_S)
+        # Vehicles at unknown positions return after the landing of all other vehicles.
+        after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.down_s), MAX_AFTER_S)
         turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
         (answer,) = await _send_repeatedly(bus, station, turn, signing)
         if answer.outcome == "taken":
             return answer
-        # The vehicle took the first command, so it returns after NO_TURN_S.
+        # The vehicle took the first command, so it returns after FALLBACK_RETURN_S.
         note = (
-            f"the vehicle holds, and returns after {NO_TURN_S:g} s without regard to other vehicles: "
-            f"{answer.note}"
+            f"the vehicle holds, and returns after {FALLBACK_RETURN_S:g} s without regard to other "
+            f"vehicles: {answer.note}"
         )
         return msgspec.structs.replace(vehicle, note=note)
 
     answers = {answer.uav: answer for answer in await asyncio.gather(*map(give_turn, recalled))}
-    return OperatorAnswer(tuple(answers.get(v.uav) or _with_unconfirmed_note(v, later_s) for v in held))
+    return OperatorAnswer(tuple(answers.get(v.uav) or _with_unconfirmed_note(v, extra_delay_s) for v in held))
 
 
 async def _send_repeatedly(
@@ -96,15 +98,18 @@ async def _send_repeatedly(
 def _longest_s(recalled: Sequence[VehicleAnswer]) -> float:
     """Return the duration of the longest return [s], among the vehicles at known positions."""
     alone = [schedule_for({v.uav: v.place}).down_s for v in recalled if v.place is not None]
-    return max(alone, default=NO_TURN_S)
+    return max(alone, default=FALLBACK_RETURN_S)
 
 
-def _with_unconfirmed_note(vehicle: VehicleAnswer, later_s: float) -> VehicleAnswer:
+def _with_unconfirmed_note(vehicle: VehicleAnswer, extra_delay_s: float) -> VehicleAnswer:
     if vehicle.outcome != "unconfirmed":
         return vehicle
-    others = "the other vehicles wait until then" if later_s else "the other vehicles have landed by then"
+    others = (
+        "the other vehicles wait until then" if extra_delay_s else "the other vehicles have landed by then"
+    )
     note = (
-        f"a vehicle that took the command holds and returns after {NO_TURN_S:g} s; {others}: {vehicle.note}"
+        f"if the vehicle took the command, it holds and returns after {FALLBACK_RETURN_S:g} s; {others}: "
+        f"{vehicle.note}"
     )
     return msgspec.structs.replace(vehicle, note=note)
 

@@ -20,14 +20,14 @@ from swarmctl.core.operator_text import printable
 from swarmctl.report.live_rows import COLOURS
 from swarmctl.report.tables import Column, FittedTable
 
-SILENT_S = 5.0
-"""age after which a state is shown as old; vehicles send a state each second"""
+OLD_AFTER_S = 5.0
+"""age from which a state is shown as old; vehicles send a state each second"""
 REFRESH_S = 0.5
 STATE_AGE_S = 60.0
 """greatest difference between a state's time and now, by both machines' clocks; other states are refused"""
 MAX_SHOWN = 10**6
-"""larger numbers are invalid, and would widen the table"""
-ONCE_S = 5.0
+"""limit on shown numbers; larger numbers are invalid and would widen the table"""
+ONCE_TIMEOUT_S = 5.0
 """longest wait of `--once` for the states of all vehicles"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
 COLUMNS = (
@@ -60,7 +60,7 @@ class VehicleRow:
 
     @property
     def is_silent(self) -> bool:
-        return self.age_s is None or self.age_s > SILENT_S
+        return self.age_s is None or self.age_s > OLD_AFTER_S
 
     @property
     def note(self) -> str:
@@ -71,7 +71,7 @@ class VehicleRow:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SwarmView:
     """The whole swarm at one moment."""
 
     swarm: str
@@ -82,7 +82,7 @@ class View:
     """messages that were not valid states of this swarm's vehicles"""
 
 
-class Board:
+class StateBoard:
     """The newest state of each vehicle. Pure: time is an argument."""
 
     def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, codec: FrameCodec) -> None:
@@ -124,8 +124,8 @@ class Board:
     def has_any(self) -> bool:
         return bool(self._newest)
 
-    def view(self, network: str, now_s: float) -> View:
-        return View(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
+    def view(self, network: str, now_s: float) -> SwarmView:
+        return SwarmView(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
 
     def _row(self, uav: int, now_s: float) -> VehicleRow:
         name, known = self._names[uav], self._newest.get(uav)
@@ -140,21 +140,22 @@ class Board:
 
 async def watch(
     bus: Transport,
-    board: Board,
+    board: StateBoard,
     swarm: str,
     network: Callable[[], str],
-    show: Callable[[View], None],
+    show: Callable[[SwarmView], None],
     *,
     once: bool,
     wall_clock: Callable[[], float] = time.time,
 ) -> None:
-    """Show states until cancelled; `once`: one view, after the states of all vehicles or after `ONCE_S`.
+    """Show states until cancelled.
 
+    `once`: show a single view, when all vehicles have sent a state or after `ONCE_TIMEOUT_S`.
     `wall_clock` returns seconds since 1970.
     """
     clock = asyncio.get_running_loop().time
     bus.subscribe(keys.station(swarm), lambda key, payload: board.take(key, payload, clock(), wall_clock()))
-    until_s = clock() + ONCE_S
+    until_s = clock() + ONCE_TIMEOUT_S
     while True:
         if not once:
             show(board.view(network(), clock()))
@@ -164,7 +165,7 @@ async def watch(
         await asyncio.sleep(REFRESH_S)
 
 
-def table(view: View) -> Group:
+def table(view: SwarmView) -> Group:
     """Return a view as a table for a terminal."""
     late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
     contradicted = any(row.contradicted_by for row in view.rows)
@@ -210,8 +211,8 @@ def _late(row: VehicleRow) -> Text:
     return Text("" if late_s is None else number(late_s), style="red")
 
 
-class Lines:
-    """Plain lines for logs and pipes: one at each change, and one for each vehicle in intervals."""
+class StateLines:
+    """Plain lines for logs and pipes: a line at each change, and a line for each vehicle every `every_s`."""
 
     def __init__(self, say: Callable[[str], None], every_s: float) -> None:
         self._say = say
@@ -220,7 +221,7 @@ class Lines:
         self._network = ""
         self._last: dict[str, tuple[str, bool]] = {}
 
-    def show(self, view: View) -> None:
+    def show(self, view: SwarmView) -> None:
         due = self._views % self._every == 0
         self._views += 1
         if view.network != self._network:

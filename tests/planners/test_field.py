@@ -75,7 +75,7 @@ def best_offer(
 
 @pytest.mark.parametrize("large", [1, 10**9])
 def test_an_exposure_changed_in_place_is_seen(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dijkstra, "LARGE", large)
+    monkeypatch.setattr(dijkstra, "LARGE_AREA_CELLS", large)
     p_s = np.full((5, 5), 0.1)
     problem = Problem(p_s, (2, 0), ((2, 4),), 0.9, 0.01)
     straight = plan(problem, Params())
@@ -88,8 +88,8 @@ def test_an_exposure_changed_in_place_is_seen(large: int, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("large", [1, 10**9])
 def test_what_was_planned_before_changes_nothing(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dijkstra, "LARGE", large)
-    monkeypatch.setattr(dijkstra, "KEPT_CELLS", 500)
+    monkeypatch.setattr(dijkstra, "LARGE_AREA_CELLS", large)
+    monkeypatch.setattr(dijkstra, "MAX_KEPT_CELLS", 500)
     rng = np.random.default_rng(3)
     fields = [field_of(kind, (12, 17), rng) for kind in ("random", "belief", "random")]
     problems = [

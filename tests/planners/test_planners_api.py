@@ -92,8 +92,8 @@ def in_threads(work: Callable[[int], list[bool]]) -> list[bool]:
 def test_threads_that_plan_at_once_find_what_each_would_find_alone(
     large: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dijkstra, "LARGE", large)
-    monkeypatch.setattr(dijkstra, "KEPT_CELLS", 3 * FIELD.size)
+    monkeypatch.setattr(dijkstra, "LARGE_AREA_CELLS", large)
+    monkeypatch.setattr(dijkstra, "MAX_KEPT_CELLS", 3 * FIELD.size)
     warm_up()
     problems = [
         Problem(FIELD, (row, 0), ((goal, 19),), w, 0.13)

@@ -70,9 +70,9 @@ def agree(
 @pytest.fixture
 def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small boxes, and no fear of large ones, so that small areas show what large ones do."""
-    monkeypatch.setattr(replan, "FIRST_MARGIN", 1)
-    monkeypatch.setattr(replan, "LARGEST_BOX", 0.9)
-    monkeypatch.setattr(replan, "STRIDE", 3)
+    monkeypatch.setattr(replan, "FIRST_MARGIN_CELLS", 1)
+    monkeypatch.setattr(replan, "LARGEST_BOX_SHARE", 0.9)
+    monkeypatch.setattr(replan, "SAMPLE_STRIDE_CELLS", 3)
 
 
 @pytest.mark.usefixtures("boxes")

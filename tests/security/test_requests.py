@@ -10,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.core.messages import BadMessage
-from swarmctl.security.requests import FRESH_S, CommandVerifier, sign_answer, sign_command, verify_answer
+from swarmctl.security.requests import (
+    MAX_COMMAND_AGE_S,
+    CommandVerifier,
+    sign_answer,
+    sign_command,
+    verify_answer,
+)
 
 NOW = 1_800_000_000.0
 KEY = "swarmctl/test/uav/3/request/order/operator"
@@ -18,7 +24,7 @@ OPERATOR = Ed25519PrivateKey.from_private_bytes(b"o" * 32)
 UAV = Ed25519PrivateKey.from_private_bytes(b"u" * 32)
 
 
-def is_operators(signature: bytes, data: bytes) -> bool:
+def is_signed_by_operator(signature: bytes, data: bytes) -> bool:
     try:
         OPERATOR.public_key().verify(signature, data)
     except InvalidSignature:
@@ -27,7 +33,7 @@ def is_operators(signature: bytes, data: bytes) -> bool:
 
 
 def verifier(began_unix_s: float = NOW - 100.0) -> CommandVerifier:
-    return CommandVerifier("test", is_operators, began_unix_s, 5.0)
+    return CommandVerifier("test", is_signed_by_operator, began_unix_s, 5.0)
 
 
 def signed(
@@ -54,7 +60,7 @@ REFUSED = {
     "of another swarm": (signed(swarm="other"), "not-signed"),
     "changed on its way": (signed()[:-1] + b"!", "not-signed"),
     "for another vehicle": (signed(key=KEY.replace("/3/", "/4/")), "swarmctl/test/uav/4"),
-    "old": (signed(NOW - FRESH_S - 1.0), "21 s.*command-old"),
+    "old": (signed(NOW - MAX_COMMAND_AGE_S - 1.0), "21 s.*command-old"),
     "from the future": (signed(NOW + 6.0), "6 s.*command-early"),
     "no time": (timeless(), "time"),
 }
@@ -72,7 +78,7 @@ def test_a_command_is_accepted_once() -> None:
     with pytest.raises(BadMessage, match="command-replayed"):
         agent.verify(KEY, data, NOW + 1.0)
     with pytest.raises(BadMessage, match="command-old"):
-        agent.verify(KEY, data, NOW + FRESH_S + 1.0)
+        agent.verify(KEY, data, NOW + MAX_COMMAND_AGE_S + 1.0)
 
 
 @pytest.mark.parametrize("down_s", [0.001, 3.0, 8.0])

@@ -22,7 +22,7 @@ from swarmctl.core.messages import (
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import recall
 from swarmctl.station.client import TIMEOUT_S, Station
-from swarmctl.station.recall import MAX_ATTEMPTS, NO_TURN_S
+from swarmctl.station.recall import FALLBACK_RETURN_S, MAX_ATTEMPTS
 
 STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 
@@ -72,7 +72,10 @@ def test_a_vehicle_with_a_lost_answer_is_asked_again_and_gets_its_turn() -> None
     answers = recalled(agents)
     assert {v.outcome for v in answers.values()} == {"taken"}
     # What is left of the first time, and then a turn behind the nearer one.
-    assert [after_s for uav, after_s in agents.taken if uav == 2][:2] == [NO_TURN_S, NO_TURN_S - TIMEOUT_S]
+    assert [after_s for uav, after_s in agents.taken if uav == 2][:2] == [
+        FALLBACK_RETURN_S,
+        FALLBACK_RETURN_S - TIMEOUT_S,
+    ]
     assert agents.last(1) == 0.0
     assert agents.last(2) > 0.0
 
@@ -85,7 +88,7 @@ def test_no_vehicle_returns_while_an_unconfirmed_one_may() -> None:
     assert sum(1 for uav, _ in agents.taken if uav == 2) == MAX_ATTEMPTS
     # 120 s until it begins, and as long as a return takes: reacting, climbing 20 m, 773 m at half its speed,
     # 60 m down.
-    assert agents.last(1) > NO_TURN_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
+    assert agents.last(1) > FALLBACK_RETURN_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
 
 
 def test_a_vehicle_that_lands_before_the_time_out_returns_at_once() -> None:
@@ -98,7 +101,7 @@ def test_a_vehicle_that_lands_before_the_time_out_returns_at_once() -> None:
 def test_a_vehicle_at_an_unknown_position_waits_as_well() -> None:
     agents = Agents({1: None, 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
-    assert agents.last(1) >= 2.0 * NO_TURN_S
+    assert agents.last(1) >= 2.0 * FALLBACK_RETURN_S
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from swarmctl.core.frames import UNSIGNED, VERSION, Frame, FrameCodec, StateShar
 from swarmctl.core.grid import Grid
 from swarmctl.core.observation import Observation
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.station.watch import ONCE_S, Board, Lines, View, line, table, watch
+from swarmctl.station.watch import ONCE_TIMEOUT_S, StateBoard, StateLines, SwarmView, line, table, watch
 
 pytestmark = pytest.mark.virtual
 
@@ -39,15 +39,15 @@ def frame(content: Any, sender: int = 1, n: int = 1, incarnation: int = 1, unix_
     return SEAL.encode(Frame(sender, incarnation, n, unix_s, content))
 
 
-def board() -> Board:
-    return Board("test", NAMES, GRID, FrameCodec("test"))
+def board() -> StateBoard:
+    return StateBoard("test", NAMES, GRID, FrameCodec("test"))
 
 
 def key(uav: int) -> str:
     return keys.to_station("test", uav)
 
 
-def text(view: View) -> str:
+def text(view: SwarmView) -> str:
     shown = Console(width=130, record=True, file=StringIO())
     shown.print(table(view))
     return shown.export_text()
@@ -134,7 +134,7 @@ def test_an_invalid_state_is_refused_and_counted(under: str, payload: bytes) -> 
 
 
 def test_unsigned_states_are_refused_with_keys() -> None:
-    seen = Board("test", NAMES, GRID, FrameCodec("test", None, lambda _uav, _signature, _data: False))
+    seen = StateBoard("test", NAMES, GRID, FrameCodec("test", None, lambda _uav, _signature, _data: False))
     seen.take(key(1), frame(state()), 0.0, UNIX_S)
     assert (seen.refused, seen.has_any) == (1, False)
 
@@ -236,7 +236,7 @@ def test_texts_of_other_machines_have_no_control_characters() -> None:
 
 def test_plain_lines_show_changes_and_all_vehicles_in_intervals() -> None:
     said: list[str] = []
-    lines, seen = Lines(said.append, 5.0), board()
+    lines, seen = StateLines(said.append, 5.0), board()
     for n in range(10):  # a view each half second: 5 s
         if n == 3:
             seen.take(key(1), frame(state(phase="standby")), n * 0.5, UNIX_S)
@@ -250,9 +250,9 @@ def test_plain_lines_show_changes_and_all_vehicles_in_intervals() -> None:
 
 
 def test_a_single_view_waits_for_all_vehicles_with_a_time_out() -> None:
-    async def scene(speaking: tuple[int, ...]) -> tuple[list[View], float]:
+    async def scene(speaking: tuple[int, ...]) -> tuple[list[SwarmView], float]:
         bus, seen = MemoryBus(), board()
-        views: list[View] = []
+        views: list[SwarmView] = []
         loop = asyncio.get_running_loop()
         for uav in speaking:
             loop.call_later(1.0, bus.put, key(uav), frame(state(), sender=uav))
@@ -265,4 +265,4 @@ def test_a_single_view_waits_for_all_vehicles_with_a_time_out() -> None:
     assert took_s < 2.0
     (view,), took_s = run_virtual(scene((1,)))
     assert [row.age_s is None for row in view.rows] == [False, True, True]
-    assert took_s == pytest.approx(ONCE_S, abs=0.6)
+    assert took_s == pytest.approx(ONCE_TIMEOUT_S, abs=0.6)

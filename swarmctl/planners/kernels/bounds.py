@@ -11,7 +11,7 @@ from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 def compare(
     exposure: Floats, w: float, step: float, straight: Floats, stride: int, most: int
 ) -> tuple[float, Ints, Floats]:
-    """Compare the present costs, from P_s of shape (rows, cols), with the older ones in `straight`.
+    """Compare the present costs, from P_s of shape (rows, cols), with the older costs in `straight`.
 
     Return a rate of at most 1, the cells whose cost has fallen below this share of the older cost, and their
     present costs. The rate is the least ratio of present to older cost among every `stride`-th cell: a
@@ -54,7 +54,7 @@ def descend_roughly(
 ) -> tuple[Ints, bool]:
     """Return a route from m to one of the sorted `goals` along falling labels, without regard to ties.
 
-    The second value is whether the route reaches a goal within `most` cells.
+    The second value is True if the route reaches a goal within `most` cells.
     """
     offsets = offsets_of(width)
     path = np.empty(most, dtype=np.int64)

@@ -19,14 +19,15 @@ import numpy as np
 
 from swarmctl.planners.kernels.lattice import Bytes, Floats, Int32s, Ints, offsets_of
 
-BLOCK = 256
+BLOCK_CELLS = 256
 N_BUCKETS = 1024
 TYPICAL_SPANS = 24
-"""spans in a typical edge; fewer if the cheapest edge allows a wider span"""
+"""number of spans in a typical edge; fewer if the cheapest edge allows a wider span"""
 N_SAMPLES = 128
+"""number of edges sampled for the typical edge"""
 MAX_KEY = np.int64(2**62)
-MOST_CELLS = 2**23
-"""greatest number of cells of a route; such a route costs under MAX_KEY spans, even over the dearest edges"""
+MAX_ROUTE_CELLS = 2**23
+"""greatest number of cells of a route, which costs under MAX_KEY spans even over the dearest edges"""
 
 
 def correct(
@@ -50,7 +51,7 @@ def correct(
     per_span = 1.0 / span
     n_buckets = min(int((greatest + extra) * per_span) + 3, N_BUCKETS)
     top = np.full(n_buckets, -1, dtype=np.int64)  # a bucket's block to fill; -1: empty
-    fill = np.full(n_buckets, BLOCK, dtype=np.int64)  # number of cells in that block
+    fill = np.full(n_buckets, BLOCK_CELLS, dtype=np.int64)  # number of cells in that block
     far = seeds.copy()  # cells beyond the circle, in no order
     n_far, far_key = far.size, np.int64(0)
     due = far[:0]  # cells of `far` that the circle has reached, by label
@@ -77,7 +78,7 @@ def correct(
         while next_due < joined or top[bucket] >= 0:
             block, filled = top[bucket], fill[bucket]
             top[bucket] = -1
-            fill[bucket] = BLOCK
+            fill[bucket] = BLOCK_CELLS
             while next_due < joined or block >= 0:
                 if next_due < joined:
                     n = due[next_due]
@@ -85,12 +86,12 @@ def correct(
                 else:
                     filled -= 1
                     queued -= 1
-                    n = np.int64(pool[block * BLOCK + filled])
+                    n = np.int64(pool[block * BLOCK_CELLS + filled])
                     if filled == 0:
                         free[n_free] = block
                         n_free += 1
                         block = below[block]
-                        filled = BLOCK
+                        filled = BLOCK_CELLS
                 if waiting[n] == 0:
                     continue  # the cell was already processed with this label
                 waiting[n] = 0
@@ -116,7 +117,7 @@ def correct(
                         continue
                     if q >= n_buckets:
                         q -= n_buckets
-                    if fill[q] == BLOCK:
+                    if fill[q] == BLOCK_CELLS:
                         if n_free == 0:
                             pool, below, free = _more_blocks(pool, below)
                             n_free = free.size // 2
@@ -124,7 +125,7 @@ def correct(
                         below[free[n_free]] = top[q]
                         top[q] = free[n_free]
                         fill[q] = 0
-                    pool[top[q] * BLOCK + fill[q]] = m
+                    pool[top[q] * BLOCK_CELLS + fill[q]] = m
                     fill[q] += 1
                     queued += 1
         key += 1
@@ -135,9 +136,9 @@ def correct(
     for q in range(n_buckets):
         block, filled = top[q], fill[q]
         while block >= 0:
-            remaining[size : size + filled] = pool[block * BLOCK : block * BLOCK + filled]
+            remaining[size : size + filled] = pool[block * BLOCK_CELLS : block * BLOCK_CELLS + filled]
             size += filled
-            block, filled = below[block], BLOCK
+            block, filled = below[block], BLOCK_CELLS
     kept = 0
     for i in range(size):
         if waiting[remaining[i]] != 0:
@@ -157,7 +158,7 @@ def _span(straight: Floats, least: float, greatest: float) -> float:
     typical = np.median(finite) if finite.size > 0 else 0.0
     if typical == 0.0:
         typical = greatest
-    span = max(least * (1.0 - 1e-9), typical / TYPICAL_SPANS, greatest / MAX_KEY * MOST_CELLS, 1e-280)
+    span = max(least * (1.0 - 1e-9), typical / TYPICAL_SPANS, greatest / MAX_KEY * MAX_ROUTE_CELLS, 1e-280)
     return span if span < np.inf else 1.0
 
 
@@ -168,7 +169,7 @@ def _more_blocks(pool: Int32s, below: Ints) -> tuple[Int32s, Ints, Ints]:
     free = np.zeros(n + n_new, dtype=np.int64)
     free[:n_new] = np.arange(n, n + n_new)
     return (
-        np.concatenate((pool, np.empty(n_new * BLOCK, dtype=np.int32))),
+        np.concatenate((pool, np.empty(n_new * BLOCK_CELLS, dtype=np.int32))),
         np.concatenate((below, np.full(n_new, -1, dtype=np.int64))),
         free,
     )

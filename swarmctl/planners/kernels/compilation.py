@@ -23,7 +23,7 @@ R = TypeVar("R")
 @functools.cache
 def _dispatcher(kernel: FunctionType) -> Any:
     """Return the kernel for numba, linked with the kernels that it calls; the first call compiles it."""
-    from numba import njit  # noqa: PLC0415 - small areas do without
+    from numba import njit  # noqa: PLC0415 - small areas need no numba
 
     called = {name: kernel.__globals__.get(name) for name in kernel.__code__.co_names}
     helpers = {name: _dispatcher(value) for name, value in called.items() if isinstance(value, FunctionType)}

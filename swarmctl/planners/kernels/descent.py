@@ -13,9 +13,9 @@ import numpy as np
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offered, offsets_of
 
 REL_TIE = 1e-12
-"""relative difference below which costs are equal; the rounding of a sum over thousands of cells is less"""
+"""relative difference below which costs are equal; sums over thousands of cells have a smaller error"""
 LENGTH_TIE = 1e-9
-"""Lengths closer than this are equal [cells]. Lengths of different steps differ by more on any real area."""
+"""difference below which lengths are equal [cells]; different sums of steps differ by more on real areas"""
 UNKNOWN = np.inf
 """value in `length` of a cell without a length yet"""
 ON_STACK = -1.0
@@ -37,7 +37,7 @@ def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets:
 def costs(
     label: Floats, step: float, extra: float, straight: Floats, rows: int, cols: int, walls: bool
 ) -> Floats:
-    """Return the least cost from every cell, as if none were a goal: (rows, cols)."""
+    """Return the least cost from every cell, (rows, cols), as if no cell were a goal."""
     width = cols + 2
     offsets = offsets_of(width)
     cost = np.empty((rows, cols))
@@ -138,7 +138,7 @@ def _with_lengths_from(
     m: int,
     length: Floats,
 ) -> Floats:
-    """Return `length` with the lengths of all cells on the cheapest routes from m; a new array if size 0."""
+    """Return `length` with the lengths of all cells on the cheapest routes from m; size 0: a new array."""
     if length.size == 0:
         length = np.full(label.size, UNKNOWN)
     if not find_lengths(label, step, extra, straight, width, goals, m, length):

@@ -22,7 +22,7 @@ from swarmctl.planners.kernels.field import Field, is_small
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offsets_of, pop_least, push
 
 KEY_TIE = 1e-13
-"""A route must be better by more than this share to count."""
+"""smallest relative gain by which a route counts as better"""
 FIRST_POOL = 1 << 12
 """number of labels with memory at the start of a search; the memory grows"""
 
@@ -39,7 +39,10 @@ class ToGo:
 
     @classmethod
     def of(cls, shortest: Field, safest: Field | None, cheapest: Field, price: float) -> ToGo:
-        """Return the bounds from fields at w = 0 (ψ = 1), at w = 1 (none: 0) and at w = 1/2 (ψ = price)."""
+        """Return the bounds from fields at w = 0 (ψ = 1), w = 1 and w = 1/2 (ψ = price).
+
+        `safest` None: the lower bound on exposure is 0.
+        """
         length = _to_go(shortest)
         exposure = np.zeros_like(length) if safest is None else _to_go(safest)
         return cls(length, exposure, 2.0 * _to_go(cheapest), price)

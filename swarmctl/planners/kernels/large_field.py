@@ -29,8 +29,8 @@ class LargeField(Field):
         self.least, self.greatest, self.walls = 0.0, 0.0, False
         """least and greatest finite cost of a straight step, and True if there are walls"""
         self._lengths: list[Floats] = []
-        """lengths of routes known so far. `routes_from` takes them out while it works, because threads may
-        share a field."""
+        """known lengths of routes, at most one array; `routes_from` removes the array while it works, because
+        threads may share a field"""
         self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
 
     def cost(self) -> Floats:

@@ -16,21 +16,21 @@ ROOT2 = math.sqrt(2.0)
 
 
 def offsets_of(width: int) -> Ints:
-    """Return the index offsets of the steps E, N, W, S, then of the diagonal ones NE, NW, SW, SE."""
+    """Return the index offsets of the steps E, N, W, S, NE, NW, SW, SE."""
     return np.array([1, width, -1, -width, width + 1, width - 1, -width - 1, -width + 1])
 
 
 def cuts_corner(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
     """Return whether the diagonal step from m in direction k (4 to 7) passes the corner of a wall."""
-    # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size on such an edge passes
-    # over the corners of both cells beside it, so the edge is closed if either is a wall. A vehicle in a wall
-    # may leave it in any direction, because getting out comes first.
+    # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size on a diagonal edge
+    # passes over the corners of the two cells beside the edge, so a wall in one of these cells closes the
+    # edge. A vehicle in a wall may leave the wall in any direction, because the exit has priority.
     beside, other = m + offsets[k - 4], m + offsets[(k - 3) & 3]
     return bool(enter[m] != np.inf and (enter[beside] == np.inf or enter[other] == np.inf))
 
 
 def offered(label: Floats, extra: float, width: int, m: int) -> float:
-    """Return the least label of the neighbours of m, with `extra` for diagonal ones; without walls."""
+    """Return the least label of the neighbours of m, plus `extra` for diagonal neighbours; ignore walls."""
     near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
     low = min(label[m - width - 1], label[m - width + 1])
     high = min(label[m + width - 1], label[m + width + 1])

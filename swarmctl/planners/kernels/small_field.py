@@ -1,4 +1,4 @@
-"""The field of a small area, computed with scipy and numpy. It needs no compiler."""
+"""The field of a small area, computed with scipy and numpy, without a compiler."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from swarmctl.planners.kernels.field import Field
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Int32s, Ints, offsets_of
 
 LENGTHS = np.array([1.0] * 4 + [ROOT2] * 4)
+"""lengths of the steps in the order of `offsets_of` [cells]"""
 
 
 class SmallField(Field):

@@ -1,4 +1,4 @@
-"""A first estimate of the whole field, right nearly everywhere, in a fraction of a search's time.
+"""A first estimate of the whole field, exact nearly everywhere, in a fraction of a search's time.
 
 Most parts of a route are monotone: they gain rows, or columns, and never turn back. Sweeps find all such
 routes. They carry labels outward from the goals, once by columns and once by rows. Each column (row) takes
@@ -130,7 +130,7 @@ def sweep_rows(
 
 
 def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows: int, cols: int) -> Ints:
-    """Return the cells whose label a neighbour improves, after writing the improved labels."""
+    """Write the labels that a neighbour improves; return the cells of these labels."""
     width = cols + 2
     counts = np.zeros(rows + 1, dtype=np.int64)
     for row in range(1, rows + 1):
