@@ -1,4 +1,4 @@
-"""`swarmctl abort`: vehicles in flight hold, return or land, under `swarmctl fly` and `swarmctl agent`."""
+"""`swarmctl abort`: end the flight of vehicles of `swarmctl fly` and `swarmctl agent`."""
 
 from __future__ import annotations
 
@@ -51,21 +51,21 @@ def register(cli: typer.Typer) -> None:
 def abort(
     how: Annotated[Manoeuvre, typer.Argument(metavar="hold|return|land", show_default=False)],
     uav: UavsOption = None,
-    everyone: AllOption = False,
+    all_vehicles: AllOption = False,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
     swarm: SwarmOption = None,
 ) -> None:
-    """End the flight of vehicles: hold where they are, return, or land where they are.
+    """End the flight of vehicles: hold in place, return, or land in place.
 
-    Reaches swarms flown by `swarmctl fly` and vehicles flown by `swarmctl agent`. A returning vehicle holds
-    until its turn, so that return routes do not conflict. A repeated command changes nothing for vehicles
-    that follow it already.
+    The command reaches vehicles of `swarmctl fly` and of `swarmctl agent`. A returning vehicle holds until
+    its turn, so that return routes do not conflict. A repeated command changes nothing for vehicles that
+    already follow the command.
     """
     if swarm is None and config is None and connect is None:
         _print_running()
     send_and_exit(
-        lambda: GiveOrder(client.chosen_vehicles(uav or [], everyone), how.value),
+        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), how.value),
         swarm,
         config,
         connect,
@@ -86,7 +86,7 @@ async def send_to_valid_names(
     A misspelt name must not keep the other vehicles in the air. Raises the errors of `send`.
     """
     words = tuple(map(str, command.uavs or ()))
-    if station.agents:  # each agent answers for itself, and all names are known here
+    if station.agents:  # each agent answers for one vehicle, and the configuration has all names
         wrong = {word: why for word in words if (why := _name_problem(word, station.agents))}
         good = tuple(word for word in words if word not in wrong)
         if not wrong or not good:

@@ -1,4 +1,4 @@
-"""`swarmctl agent`: one vehicle of a swarm, on a machine of its own."""
+"""`swarmctl agent`: fly one vehicle of a swarm."""
 
 from __future__ import annotations
 
@@ -72,7 +72,9 @@ def agent(
     ] = None,
     launch: Annotated[
         Launch,
-        typer.Option(help="ordered: on `swarmctl order launch`; when-ready: by itself, after its delay_s."),
+        typer.Option(
+            help="ordered: on `swarmctl order launch`; when-ready: without an order, after its delay_s."
+        ),
     ] = Launch.ORDERED,
     connect: Annotated[
         str | None,
@@ -85,10 +87,10 @@ def agent(
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
 ) -> None:
-    """Fly one vehicle of the swarm, with the others flown by agents on other machines.
+    """Fly one vehicle of the swarm; agents on other machines fly the other vehicles.
 
-    The agent uploads the mission and waits for the order to launch. Without the network it flies on with its
-    own knowledge, and synchronises when the network is back.
+    The agent uploads the mission and, by default, waits for the order to launch. Without the network the
+    agent continues the flight with its own knowledge, and synchronises after the network returns.
     """
     whole = load_scenario_or_exit(config)
     scenario = with_forwarding(companion.scenario_for(whole, _vehicle(whole, uav), _url(url)), forward or [])
@@ -182,7 +184,7 @@ def _network(
 
 
 def _without_listen(scenario: Scenario) -> Scenario:
-    """Return the scenario without `communication.listen`: an agent does not listen there."""
+    """Return the scenario without `communication.listen`, because an agent does not use that endpoint."""
     config = scenario.config
     closed = config.communication.model_copy(update={"listen": NO_ENDPOINT})
     return replace(scenario, config=config.model_copy(update={"communication": closed}))

@@ -1,4 +1,4 @@
-"""`swarmctl audit`: a check of a run's evidence, and its summary."""
+"""`swarmctl audit`: check and summarise the evidence of a run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FIRST = (
     *("message", "command", "items", "of", "first", "result", "times"),
     *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
 )
-"""keys of an entry that are shown first; the other keys follow in the order of the file"""
+"""keys of an entry, in the order of the output; other keys follow in the order of the file"""
 
 
 def register(cli: typer.Typer) -> None:
@@ -46,7 +46,8 @@ def audit(
 ) -> None:
     """Check the evidence of a run line by line, and summarise it.
 
-    The evidence is a chain: each line has the hash of the line before, and the last tells how many there are.
+    The evidence is a chain: each line has the hash of the line before, and the last line has the number of
+    lines.
     """
     if keys is not None and not keys.is_dir():
         fail(
@@ -137,18 +138,15 @@ def _show(checked: CheckedChain, *, every: bool) -> None:
     if every:
         for entry in checked.entries:
             say(_line(entry))
-    told = digest(checked.entries)
-    out.print(_table(told))
-    for entry in told.people:
+    summary = digest(checked.entries)
+    out.print(_table(summary))
+    for entry in summary.people:
         say(_line(entry))
-    for vehicle, unasked in told.unasked.items():
-        say(printable(f"{vehicle}: seen without a command from here: {_counted(unasked)}"))
-    for vehicle, n in told.landed.items():
-        say(
-            printable(
-                f"{vehicle}: disarmed itself on the ground{f' × {n}' if n > 1 else ''}, as after a landing"
-            )
-        )
+    for vehicle, changes in summary.unasked.items():
+        say(printable(f"{vehicle}: changes without a recorded command: {_counted(changes)}"))
+    for vehicle, n in summary.landed.items():
+        times = f" × {n}" if n > 1 else ""
+        say(printable(f"{vehicle}: disarmed automatically after landing{times}"))
 
 
 COLUMNS = (
@@ -162,10 +160,10 @@ COLUMNS = (
 )
 
 
-def _table(told: Digest) -> FittedTable:
+def _table(summary: Digest) -> FittedTable:
     caption = ["seen: the first change of that kind after the command"]
     table = FittedTable(COLUMNS, caption=caption, elsewhere="`swarmctl audit --all`")
-    for row in told.rows:
+    for row in summary.rows:
         others = f" ({row.by_others} by others)" if row.by_others else ""
         table.add_row(
             printable(row.vehicle),
@@ -184,7 +182,7 @@ def _counted(counter: Counter[str]) -> str:
 
 
 def _grouped(seen: Counter[str]) -> str:
-    """Return changes as a text that names each part of the state once: "mission_seq 5, 10; mode AUTO"."""
+    """Return changes as text, grouped by the part of the state: "mission_seq 5, 10; mode AUTO"."""
     values: dict[str, Counter[str]] = {}
     for change, n in seen.items():
         name, _, value = change.partition(" ")
@@ -195,8 +193,8 @@ def _grouped(seen: Counter[str]) -> str:
 def _line(entry: Entry) -> str:
     what = entry["what"]
     names = [*(name for name in _FIRST if name in what), *(name for name in what if name not in _FIRST)]
-    said = ", ".join(f"{name} {what[name]}" for name in names if what[name] not in (None, ""))
-    return printable(f"{entry['run_s']:9.3f} s  {entry['vehicle'] or 'all':<8} {entry['kind']:<15} {said}")
+    text = ", ".join(f"{name} {what[name]}" for name in names if what[name] not in (None, ""))
+    return printable(f"{entry['run_s']:9.3f} s  {entry['vehicle'] or 'all':<8} {entry['kind']:<15} {text}")
 
 
 def _time(entry: Entry) -> str:

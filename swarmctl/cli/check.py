@@ -34,8 +34,10 @@ def check(
     out.print(f"{config}: no problems. {describe(scenario)}", highlight=False, soft_wrap=True)
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:
-        text = f"preflight.endurance_s is not set, so {', '.join(real)} will fail the check `battery`"
-        out.print(f"{text}, except vehicles of the built-in simulator", highlight=False, soft_wrap=True)
+        text = f"preflight.endurance_s is not set, so the check `battery` will fail for {', '.join(real)}"
+        out.print(
+            f"{text}; set the key, unless these vehicles are simulated", highlight=False, soft_wrap=True
+        )
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Configurations of the commands: a roster or a whole scenario, or an exit with every problem found."""
+"""Loading of configurations. An invalid configuration ends the command with a list of all problems."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def load_roster_or_exit(path: Path) -> Roster:
 
 
 def config_or_example(config: Path | None, name: str | None) -> Path:
-    """Return the file of --config, or of the shipped configuration `name`; exit unless one is given."""
+    """Return the file of --config or --example; exit unless exactly one of the options is given."""
     if config is not None and name is None:
         return config
     if config is not None or name is None:
@@ -38,8 +38,8 @@ def config_or_example(config: Path | None, name: str | None) -> Path:
 
 
 def load_scenario_or_exit(path: Path) -> Scenario:
-    """Return the scenario of a configuration; exit with all problems of an invalid one."""
-    from swarmctl.config.model import ConfigError, load  # noqa: PLC0415 - commands that only send load less
+    """Return the scenario of a configuration; exit with all problems if the configuration is invalid."""
+    from swarmctl.config.model import ConfigError, load  # noqa: PLC0415 - unused by commands that send
     from swarmctl.config.scenario import build  # noqa: PLC0415
 
     try:
@@ -49,7 +49,7 @@ def load_scenario_or_exit(path: Path) -> Scenario:
 
 
 def describe(scenario: Scenario) -> str:
-    """Return a scenario as one line: vehicles, area, announced hostiles."""
+    """Return one line about a scenario: vehicles, area, announced hostiles."""
     n, grid = len(scenario.specs), scenario.grid
     return (
         f"{n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of {grid.cell_size_m:g} m, "
@@ -58,7 +58,7 @@ def describe(scenario: Scenario) -> str:
 
 
 def _checked(config: Config) -> Iterable[ConfigProblem]:
-    """Check a configuration across its sections; routes over a large area are planned by machine code."""
+    """Return the problems across the sections; for a large area, compile the planners first."""
     from swarmctl.cli import machine_code  # noqa: PLC0415
     from swarmctl.config.checks import check_config  # noqa: PLC0415
 
@@ -67,9 +67,10 @@ def _checked(config: Config) -> Iterable[ConfigProblem]:
 
 
 def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
-    """Exit if problems would stop a flight of this configuration on this machine now; print the problems.
+    """Exit with all problems that prevent a flight of this configuration on this machine now.
 
-    A problem of a key in the file begins with its line. `more` are problems that the caller has found.
+    The text of a problem begins with the file and line of its key, if the key is known. `more` are problems
+    that the caller has found.
     """
     from swarmctl.config.model import problem_lines  # noqa: PLC0415
     from swarmctl.preflight import host  # noqa: PLC0415
@@ -99,7 +100,7 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 
 def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:
-    """Return the problems of the folder `communication.keys`, each with its line of the configuration."""
+    """Return the problems of the folder `communication.keys`, each with the line of this key."""
     from swarmctl.config.model import ConfigProblem, problem_lines  # noqa: PLC0415 - loads the planners
 
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))

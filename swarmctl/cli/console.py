@@ -13,9 +13,9 @@ from rich.console import Console
 
 OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
-WIDE = 140
-"""columns of output that is not a terminal"""
-out = Console(width=None if sys.stdout.isatty() else WIDE)
+FILE_COLUMNS = 140
+"""width of output to a file or a pipe"""
+out = Console(width=None if sys.stdout.isatty() else FILE_COLUMNS)
 err = Console(stderr=True)
 
 ConfigOption = Annotated[
@@ -50,12 +50,12 @@ VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all m
 
 
 def say(text: str) -> None:
-    """Print a line of output unchanged."""
+    """Print a text without markup, highlighting or line breaks."""
     out.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def timed(text: str) -> str:
-    """Return a line of a log with the time by this machine's clock."""
+    """Return a text that begins with the time of this machine's clock."""
     return f"{datetime.now().astimezone():%H:%M:%S} {text}"
 
 
@@ -72,7 +72,7 @@ def fail(lines: Sequence[str], code: int) -> NoReturn:
 
 
 def run_folder(parent: Path, name: str) -> Path:
-    """Make a new folder for a run's files, and return it."""
+    """Create a new folder for the files of a run, and return its path."""
     stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
         folder = parent / f"{stamp}-{name}{suffix}"

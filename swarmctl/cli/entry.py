@@ -20,9 +20,9 @@ def _exit_at_once(_number: int, _frame: FrameType | None) -> None:
 
 def main() -> None:
     """Run the command line."""
-    # No file is open yet, and an exception during an import prints a long traceback.
+    # During the imports no file is open. An exception would print a long traceback, so Ctrl-C exits at once.
     signal.signal(signal.SIGINT, _exit_at_once)
-    from swarmctl.cli.main import main as run  # noqa: PLC0415 - takes a while
+    from swarmctl.cli.main import main as run  # noqa: PLC0415 - a slow import
 
     signal.signal(signal.SIGINT, _exit)
     run()

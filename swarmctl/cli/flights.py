@@ -1,4 +1,4 @@
-"""Commands that fly: their options, the permission to arm, the terminal, interruption and the exit code."""
+"""Shared parts of the commands that fly: options, arming permission, display, Ctrl-C, exit code."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def parse_waivers_or_exit(texts: list[str] | None, scenario: Scenario) -> tuple[
 
 
 class _TimedLines(PlainLines):
-    """Plain lines with the wall clock's time, for comparing logs of several machines."""
+    """Plain lines that begin with the time, because logs of several machines are compared."""
 
     def say(self, text: str) -> None:
         super().say(timed(text))
@@ -90,7 +90,7 @@ def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
 
 
 def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
-    """Return the scenario with more receivers of the vehicles' traffic."""
+    """Return the scenario with these receivers of the vehicles' traffic added; exit if a URL is invalid."""
     config = scenario.config
     for url in urls:
         try:
@@ -162,7 +162,10 @@ def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
 
 
 def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permission:
-    """Return the check that lets only confirmed real vehicles be armed; exit without a confirmation."""
+    """Return a function that refuses to arm real vehicles without confirmation.
+
+    With `real`, exit unless the operator confirms all real vehicles by name.
+    """
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
     def permit(external: Sequence[Member]) -> None:
@@ -174,7 +177,7 @@ def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permis
 
 
 def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
-    """Return the names of all real vehicles, after the operator has typed them; else exit."""
+    """Return the names of all real vehicles; exit unless the operator types exactly these names."""
     names = [spec.name for spec in scenario.specs if not spec.simulated]
     if not names:
         fail(["--real: every vehicle of this configuration is simulated; remove --real"], USAGE)
@@ -214,9 +217,9 @@ def _refusal(member: Member) -> str:
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """An event loop with a signal handler for the time after the flight has removed its own handlers.
+    """An event loop that sets `on_late_signal` when the flight removes a signal handler.
 
-    asyncio would restore handlers that end the process at once.
+    asyncio would restore a handler that ends the process at once.
     """
 
     def __init__(self, on_late_signal: Callable[[int, FrameType | None], None]) -> None:
@@ -245,7 +248,7 @@ def uninterrupted() -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
             os._exit(INTERRUPTED)
         is_warned = True
         with contextlib.suppress(OSError):
-            os.write(STDERR, LATE_INTERRUPT)  # a stream may be in the middle of writing another line
+            os.write(STDERR, LATE_INTERRUPT)  # sys.stderr may be writing another line
 
     def run(flight: Coroutine[Any, Any, T]) -> T:
         with asyncio.Runner(loop_factory=lambda: _Loop(on_late_signal)) as runner:

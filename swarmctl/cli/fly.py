@@ -78,7 +78,7 @@ def fly(
     scenario = with_forwarding(load_scenario_or_exit(config), forward or [])
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
         fail(
-            [f"{config}: vehicles with a URL need real time; --clock virtual is for `simulate` only"],
+            [f"{config}: vehicles with a URL need real time; remove --clock virtual, or use `simulate`"],
             USAGE,
         )
     if clock is Clock.VIRTUAL and scenario.config.simulate and scenario.config.simulate.link == "mavsdk":

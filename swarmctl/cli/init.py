@@ -24,7 +24,7 @@ def init(
         bool,
         typer.Option(
             "--real",
-            help="Real vehicles by MAVLink URL, not simulated ones; the lines to change are marked EDIT.",
+            help="Real vehicles by MAVLink URL, not simulated vehicles. The lines to change are marked EDIT.",
         ),
     ] = False,
 ) -> None:

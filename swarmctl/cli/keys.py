@@ -58,11 +58,11 @@ def keys(
 
 
 def _what_to_copy(made: list[ParticipantFolder]) -> str:
-    new = [str(one.folder) for one in made if one.is_new or one.is_changed]
+    new = [str(participant.folder) for participant in made if participant.is_new or participant.is_changed]
     if not new:
         return "No folder has changed; the machines need no new copies."
-    where = "to its machine, into the folder that communication.keys names there"
-    if all(one.is_new for one in made):
+    where = "to the participant's machine, as the folder of communication.keys"
+    if all(participant.is_new for participant in made):
         return f"Copy each folder {where}."
     refusing = "A machine with an old copy refuses the messages of participants with new keys."
     return f"Copy these folders again, each {where}: {', '.join(new)}. {refusing}"
@@ -92,9 +92,9 @@ def _table(made: list[ParticipantFolder], participants: dict[str, str]) -> Table
     table = Table(title="keys", title_justify="left")
     for heading in ("folder", "for", "", "valid until (UTC)", "names"):
         table.add_column(heading)
-    for one in made:
-        owner = participants.get(one.name, "the ground station" if one.name == OPERATOR else "the router")
-        state = "made" if one.is_new else "changed" if one.is_changed else "kept"
-        until = f"{one.until:%Y-%m-%d %H:%M}"
-        table.add_row(str(one.folder), owner, state, until, ", ".join(one.hosts))
+    for found in made:
+        owner = participants.get(found.name, "the ground station" if found.name == OPERATOR else "the router")
+        state = "made" if found.is_new else "changed" if found.is_changed else "kept"
+        until = f"{found.until:%Y-%m-%d %H:%M}"
+        table.add_row(str(found.folder), owner, state, until, ", ".join(found.hosts))
     return table

@@ -1,4 +1,4 @@
-"""Machine code of the planners for large areas, compiled once in a process of its own."""
+"""Machine code of the planners for large areas, compiled once in a separate process."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COMPILER = (
     "-c",
     "from swarmctl.planners import warm_up; warm_up(lambda done, total: print(done, total, flush=True))",
 )
-"""A process that prints the number of kernels done and of all kernels, a line each time."""
+"""command of the compiling process, which prints the counts of compiled and of all kernels"""
 
 
 class CompilerError(Exception):
@@ -30,12 +30,13 @@ class CompilerError(Exception):
 def prepare(n_cells: int, console: Console) -> None:
     """Compile the planners if an area of this size needs machine code; report the progress on the console.
 
-    If the compiling process fails, or machine code cannot be stored, this process compiles later by itself.
+    If the compiling process fails, or machine code cannot be stored, this process compiles later.
     """
     if is_small(n_cells) or is_ready():
         return
     if cache() is None:
-        _print(console, f"{TEXT}: no folder for the machine code can be written; set NUMBA_CACHE_DIR")
+        text = "machine code cannot be stored, so every run compiles the planners"
+        _print(console, f"{text}; set NUMBA_CACHE_DIR to a writable folder")
         return
     try:
         compile_all(console)

@@ -20,7 +20,7 @@ from swarmctl.cli.registry import COMMANDS
 
 
 class _LoadedByName(TyperGroup):
-    """A group that imports only the called command: an order does not wait for planners and pictures."""
+    """A group that imports only the called command, because planners and pictures are slow to import."""
 
     def __init__(self, **attrs: Any) -> None:
         super().__init__(**attrs)
@@ -81,7 +81,7 @@ def main() -> None:
 def _exit_code() -> int:
     try:
         cli(prog_name="swarmctl")  # also for `python -m swarmctl`
-    except SystemExit as ended:  # as every command ends
+    except SystemExit as ended:  # the usual end of a command
         return ended.code if isinstance(ended.code, int) else OK
     except KeyboardInterrupt:
         return INTERRUPTED

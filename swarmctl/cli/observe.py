@@ -1,4 +1,4 @@
-"""`swarmctl observe`: a person's observation, reported to a vehicle's agent like a payload's."""
+"""`swarmctl observe`: report an operator's observation to the agent of a vehicle."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def observe(
         typer.Option(
             "--uav",
             metavar="NAME",
-            help="The vehicle that gets the report: system id, or name with --config.",
+            help="The receiving vehicle: system id, or name with --config.",
         ),
     ] = "",
     cell: Annotated[
@@ -62,7 +62,7 @@ def observe(
         bool | None,
         typer.Option(
             "--occupied/--clear",
-            help="occupied: a hostile is in the cell; clear: none is.",
+            help="occupied: a hostile is in the cell; clear: no hostile is in the cell.",
             show_default=False,
         ),
     ] = None,
@@ -74,7 +74,7 @@ def observe(
         typer.Option("--schema", help="Print the JSON schema of payloads' reports and exit."),
     ] = False,
 ) -> None:
-    """Report an observation to a vehicle in flight; its agent handles it as its own and shares it.
+    """Report an observation to a vehicle in flight; the vehicle's agent uses and shares the observation.
 
     For swarms with `sensor: {source: external}` or `both`. Payloads report the same way: see --schema, and
     configs/detector.py for an example.
@@ -187,7 +187,7 @@ async def send_report(bus: Transport, station: Station, uav: int, report: Report
         ) from None
     if answer is None:
         raise NoAnswer(
-            f"vehicle {uav} of {station.swarm} takes no reports at {station.endpoint}: "
+            f"vehicle {uav} of {station.swarm} accepts no reports at {station.endpoint}: "
             f"{client.ended_text(station.swarm, uav) or 'its flight may have ended'}, or the vehicle is not "
             "of this swarm, or its configuration lacks `sensor: {source: external}` or `both` "
             "[no-report-receiver]"

@@ -35,7 +35,7 @@ UavsOption = Annotated[
 ]
 AllOption = Annotated[bool, typer.Option("--all", help="All vehicles of the swarm.")]
 SwarmOption = Annotated[
-    str | None, typer.Option(help="The swarm's name, if more than one flies on this machine.")
+    str | None, typer.Option(help="The swarm's name, if several swarms fly on this machine.")
 ]
 FlyingConfigOption = Annotated[
     Path | None,
@@ -65,7 +65,10 @@ def send_and_exit(
     line_of: Callable[[VehicleAnswer], str],
     send: SendCommand = client.send,
 ) -> None:
-    """Send a command and print the answers; exit with their code. `command` may raise ValueError."""
+    """Send a command and print the answers; exit with an error code if the command fails.
+
+    `command` creates the command from the options; it may raise ValueError.
+    """
     try:
         request = command()
         station, keyring = _find_station(swarm, config, connect)

@@ -1,4 +1,4 @@
-"""`swarmctl order`: launch, hold, return or land vehicles, mainly those flown by `swarmctl agent`."""
+"""`swarmctl order`: launch, hold, return or land vehicles, mainly vehicles of `swarmctl agent`."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ def order(
             show_default=False,
         ),
     ] = None,
-    everyone: AllOption = False,
+    all_vehicles: AllOption = False,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
     swarm: SwarmOption = None,
 ) -> None:
     """Order vehicles in flight to launch, hold, return or land.
 
-    The order reaches the vehicles of `swarmctl agent` and of `swarmctl fly`. `fly` launches real vehicles
-    only by itself. On the ground, hold, return and land keep a vehicle there until an order to launch. In
-    flight, hold, return and land end the vehicle's route permanently. A launch waits on the ground for
-    3 min at most while another vehicle conflicts with the route. After that the order expires; give it
-    again.
+    The order reaches the vehicles of `swarmctl agent` and of `swarmctl fly`. `fly` refuses an order to launch
+    real vehicles. On the ground, hold, return and land prevent a take-off until an order to launch.
+    In flight, hold, return and land end the vehicle's route permanently. A launch waits on the ground for
+    3 min at most while another vehicle conflicts with the route. After 3 min the order expires; give the
+    order again.
     """
     send_and_exit(
         lambda: GiveOrder(
-            client.chosen_vehicles(uav or [], everyone), what.value, ignore=tuple(ignore or ())
+            client.chosen_vehicles(uav or [], all_vehicles), what.value, ignore=tuple(ignore or ())
         ),
         swarm,
         config,

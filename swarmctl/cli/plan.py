@@ -38,7 +38,7 @@ def plan(
     front: Annotated[
         bool,
         typer.Option(
-            "--front", help="All Pareto-optimal routes: the exposure that each further metre saves."
+            "--front", help="Find all Pareto-optimal routes of length and exposure for each vehicle."
         ),
     ] = False,
     uav: Annotated[
@@ -52,7 +52,7 @@ def plan(
     ] = MAX_LABELS,
     known: Annotated[
         Path | None,
-        typer.Option(metavar="RUN", help="Plan with the observations of an earlier run over the area."),
+        typer.Option(metavar="RUN", help="Plan with the observations of an earlier run over the same area."),
     ] = None,
 ) -> None:
     """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""

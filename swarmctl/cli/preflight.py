@@ -45,13 +45,16 @@ def preflight(
 ) -> None:
     """Run the preflight checks of `fly` on every vehicle and print the results, without arming.
 
-    The fence and the first mission are uploaded. No parameter is set, even if the configuration lets `fly`
-    set some.
+    The fence and the first mission are uploaded. No parameter is set, even if the configuration allows `fly`
+    to set parameters.
     """
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
-        fail([f"{config}: --clock virtual is for `simulate` only; remove it"], USAGE)
+        fail(
+            [f"{config}: vehicles with a URL need real time; remove --clock virtual, or use `simulate`"],
+            USAGE,
+        )
     options = replace(app.DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)
@@ -82,7 +85,7 @@ def _conclude(checks: Report, scenario: Scenario) -> None:
         out.print(report.failures(checks.checked))
     listed = {str(found) for findings in checks.checked.values() for found in findings}
     for text in checks.trouble:
-        if text not in listed:  # the tables have the listed ones
+        if text not in listed:  # the tables show the listed problems
             err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if checks.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)

@@ -1,6 +1,6 @@
-"""The table of commands: the file of each, and its summary in `swarmctl --help`.
+"""The table of commands: file and summary of each command.
 
-A command's file has `register(cli)`. The summaries stand here, so that only the called command is imported.
+A command's file has `register(cli)`. `swarmctl --help` shows the summaries without importing a command.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "observe": (
         "observe",
-        "Report an observation to a vehicle in flight; its agent handles it as its own and shares it.",
+        "Report an observation to a vehicle in flight; the vehicle's agent uses and shares the observation.",
     ),
     "agent": (
         "agent",
-        "Fly one vehicle of the swarm, with the others flown by agents on other machines.",
+        "Fly one vehicle of the swarm; agents on other machines fly the other vehicles.",
     ),
     "watch": (
         "watch",
@@ -41,7 +41,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "order": ("order", "Order vehicles in flight to launch, hold, return or land."),
     "abort": (
         "abort",
-        "End the flight of vehicles: hold where they are, return, or land where they are.",
+        "End the flight of vehicles: hold in place, return, or land in place.",
     ),
     "router": (
         "router",

@@ -1,4 +1,4 @@
-"""`swarmctl replay`: the decisions of a recorded run, repeated."""
+"""`swarmctl replay`: repeat the decisions of a recorded run."""
 
 from __future__ import annotations
 

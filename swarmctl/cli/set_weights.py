@@ -1,4 +1,4 @@
-"""`swarmctl set`: new weights for vehicles in flight."""
+"""`swarmctl set`: new w and firing strengths for vehicles in flight."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def register(cli: typer.Typer) -> None:
 
 def set_weights(
     uav: UavsOption = None,
-    everyone: AllOption = False,
+    all_vehicles: AllOption = False,
     w: Annotated[
-        float | None, typer.Option("--w", help="Distance anxiety: 0 the shortest route, 1 the least exposed.")
+        float | None, typer.Option("--w", help="Distance anxiety: 0 shortest route, 1 least exposed route.")
     ] = None,
     firing_strength: Annotated[
         str,
@@ -49,7 +49,7 @@ def set_weights(
 
     def command() -> SetWeights:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        return SetWeights(client.chosen_vehicles(uav or [], everyone), w, strengths)
+        return SetWeights(client.chosen_vehicles(uav or [], all_vehicles), w, strengths)
 
     def line(answer: VehicleAnswer) -> str:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))

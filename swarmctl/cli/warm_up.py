@@ -1,4 +1,4 @@
-"""`swarmctl warm-up`: the planners compiled before the first flight over a large area."""
+"""`swarmctl warm-up`: compile the planners before the first flight over a large area."""
 
 from __future__ import annotations
 
@@ -16,13 +16,10 @@ def register(cli: typer.Typer) -> None:
 def warm_up() -> None:
     """Compile the planners for large areas, once on a machine; small areas need no compiler."""
     if (stored := cache()) is None:
-        fail(
-            ["no folder for machine code can be written; set NUMBA_CACHE_DIR to a writable folder"],
-            EXPECTED,
-        )
+        fail(["machine code cannot be stored; set NUMBA_CACHE_DIR to a writable folder"], EXPECTED)
     folder, _ = stored
     if machine_code.is_ready():
-        say(f"ready already: {folder}")
+        say(f"compiled earlier: {folder}")
         return
     try:
         took_s = machine_code.compile_all(out)
