@@ -237,9 +237,9 @@ class Link(Protocol):
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.
 
-        `blocked_by` returns the current obstacle to the take-off as text, or "". It is called right before
-        arming and right before the take-off. No command follows once another party has chosen a mode or armed
-        the vehicle. Raises LaunchFailed, and LaunchBlockedError for an obstacle.
+        `blocked_by` returns the current obstacle to the take-off as text, or "". The link calls `blocked_by`
+        right before arming and right before the take-off. No command follows once another party has chosen a
+        mode or armed the vehicle. Raises LaunchFailed, and LaunchBlockedError for an obstacle.
         """
 
     async def swap(self, plan: FlightPlan) -> Swapped:

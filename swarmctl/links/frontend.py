@@ -44,7 +44,7 @@ class FrontEnd:
     wall_time_us: clock for tlogs and signatures
     signing: signature of outgoing frames, and check of incoming frames
     memory: wires of `memory:NAME` endpoints
-    evidence: recorder of every message, which may forbid sending it
+    evidence: recorder of every message; the recorder may forbid messages to vehicles
     say: output of messages to the operator about other stations, refused frames and signing
     """
 

@@ -153,8 +153,8 @@ class Line:
         self._refusals = Refusals()
         self._splitters: dict[Address, FrameSplitter] = {}
         self._late: set[Address] = set()
-        """addresses with the right key but an old timestamp. They get a heartbeat: an autopilot without GPS
-        takes the time from signed frames."""
+        """Addresses with the right key but an old timestamp. Each address gets a heartbeat: an autopilot
+        without GPS takes the time from signed frames."""
 
     def send(self, message: Message, address: Address, sysid: int = 0) -> bytes:
         """Send a message; return its frame, or b"" if the evidence recorder forbids it."""

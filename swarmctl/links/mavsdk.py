@@ -51,7 +51,7 @@ _LOOK_UP_AFTER_S = 0.1
 
 
 class MavsdkStation:
-    """Owner of a front end's only `Mavsdk` object, from the first link on it to the last."""
+    """Owner of a front end's only `Mavsdk` object, from the front end's first MAVSDK link to the last."""
 
     def __init__(self, front_end: FrontEnd) -> None:
         self._loop = asyncio.get_running_loop()

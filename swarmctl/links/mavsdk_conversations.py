@@ -30,7 +30,7 @@ class MavsdkAdapter(Protocol):
         """Send a command; call `then` with the final COMMAND_ACK, if one arrives."""
 
     def give_up(self, message: Message) -> None:
-        """End a command: stop repeating it and waiting for its answer."""
+        """Stop the repetitions of a command and the wait for its answer."""
 
     def upload(
         self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]
@@ -135,7 +135,7 @@ _UPLOADED: dict[str, UploadOutcome] = {
     "TIMEOUT": UploadOutcome.UNCONFIRMED,
     "ERROR": UploadOutcome.UNCONFIRMED,
     "PROTOCOL_ERROR": UploadOutcome.UNCONFIRMED,
-    # ArduPilot answers this to a repeated item and continues, but MAVSDK has ended the transfer.
+    # ArduPilot sends this answer to a repeated item and continues, but MAVSDK ends the transfer.
     "INVALID_SEQUENCE": UploadOutcome.INCOMPLETE,
     "TRANSFER_CANCELLED": UploadOutcome.CANCELLED,
     "BUSY": UploadOutcome.DENIED,

@@ -54,7 +54,7 @@ class TimestampStore(Protocol):
     """Store of a timestamp that outlives the process."""
 
     def load(self) -> int:
-        """Return a timestamp above all used ones; 0 if there is none. Raises OSError, ValueError."""
+        """Return a timestamp above all used timestamps; 0 if none is stored. Raises OSError, ValueError."""
 
     def keep(self, timestamp: int) -> None:
         """Store a timestamp, unless the stored one is higher. Raises OSError."""
@@ -87,7 +87,7 @@ def ticks(unix_us: int) -> int:
 class Signing:
     """One key with its timestamps, and the numbers of refused frames.
 
-    Before a timestamp is used, the store has a higher one, so no timestamp repeats after a restart.
+    Before a timestamp is used, a higher timestamp is stored, so no timestamp repeats after a restart.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Signing:
     ) -> None:
         """Load the store. Raises OSError and ValueError if that fails.
 
-        `pool` writes the store in the background; None writes it at once.
+        `pool` writes the store in the background; without a pool each write is immediate.
         """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, found {len(key)}")
@@ -111,7 +111,7 @@ class Signing:
         self._is_late = False
         """True after a wait for the disk that timed out"""
         self._first_link_id = first_link_id
-        self._last = self._began = store.load()  # highest used or accepted timestamp: now, at the start
+        self._last = self._began = store.load()  # highest used or accepted timestamp, and its first value
         if self._last > LAST_TIMESTAMP - MAX_AHEAD_TICKS:
             raise ValueError(
                 "the timestamps of this signing key are used up; make a new key, for the vehicles too "
@@ -148,7 +148,7 @@ class Signing:
         stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
-        # Timestamps of earlier runs count as the own time: the clock may have been ahead in those runs.
+        # Timestamps of earlier runs raise the limit: the clock may have been ahead in those runs.
         if timestamp > max(clock, self._began) + MAX_AHEAD_TICKS:
             return AHEAD
         if last is None and timestamp + MAX_NEW_STREAM_TICKS < max(self._last, clock):
@@ -247,7 +247,7 @@ class Refusals:
 
     def __init__(self) -> None:
         self._kinds: dict[tuple[int, str], _RefusalCount] = {}
-        """counts by system id and reason; id 0 stands for all unknown systems, to bound the memory"""
+        """counts by system id and reason; id 0: all unknown systems, to limit the memory"""
 
     def of_vehicle(self, sysid: int, component: int, why: str, address: str, now_s: float) -> str:
         """Count a refused frame with the system id of an own vehicle."""

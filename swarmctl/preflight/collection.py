@@ -56,7 +56,7 @@ class VehicleToCheck(Protocol):
 
 @dataclass(slots=True)
 class _Answers:
-    """The answers of one vehicle; a default stands for a missing answer."""
+    """The answers of one vehicle; a missing answer has its default value."""
 
     instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -194,7 +194,7 @@ class FactCollector:
     def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
         """Return a vehicle's clock less its reference [s]; None if the vehicle reports no time.
 
-        The reference is this machine's clock. With `free_clocks` it is the median of the simulated vehicles.
+        The reference is this machine's clock; with `free_clocks`, the median clock of the simulated vehicles.
         """
         offset_s = self._offset_from_machine_s(vehicle)
         if offset_s is None or not (self._free_clocks and _is_simulated(vehicle)):

@@ -30,7 +30,7 @@ class Readiness:
 
 
 class Dialect(Protocol):
-    """Facts about one autopilot and airframe, and conversions for it."""
+    """Facts about one autopilot and airframe, and conversions of plans, modes and items."""
 
     @property
     def name(self) -> str:
@@ -75,7 +75,7 @@ class Dialect(Protocol):
 
     @property
     def first_seq(self) -> int | None:
-        """Item that has to be current before a launch; None if the start of the mission sets it."""
+        """Item that has to be current before a launch; None if `start_mission` sets the item."""
 
     @property
     def may_lack_rally(self) -> bool:

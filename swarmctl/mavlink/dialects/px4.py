@@ -59,11 +59,11 @@ class Px4:
     """Common part of the dialects of PX4."""
 
     name = "PX4"
-    # POSCTL and ALTCTL need a pilot's stick and are refused in the air without one.
+    # POSCTL and ALTCTL need a pilot's stick and are refused in the air without a stick.
     hold_mode = "AUTO.LOITER"
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
-    # PX4 sends all of these without a request, some at lower rates.
+    # PX4 sends all these messages without a request, some at lower rates.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,

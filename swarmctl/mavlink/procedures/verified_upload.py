@@ -109,8 +109,8 @@ def read_back(
 ) -> Procedure[DownloadResult]:
     """Read the items from `first` on; try again after curable failures. Return the last try's result.
 
-    PX4 serves items in order only. So each of its items is requested several times on a lossy link, and
-    after a failed try.
+    PX4 serves items in order only. So each item of PX4 is requested several times on a lossy link, and after
+    a failed try.
     """
     in_order = not ctx.dialect.serves_single_items
     windows = WINDOWS_ANY_ORDER if not in_order else WINDOWS_IN_ORDER[1:] if is_lossy else WINDOWS_IN_ORDER

@@ -44,7 +44,7 @@ class AppendResult:
     is_late: bool = False
     """True if `too_late` stopped the append"""
     is_foreign: bool = False
-    """True if the vehicle stores another mission than the verified one"""
+    """True if the vehicle stores another mission than the verified mission"""
 
 
 class Append(Conversation[AppendResult]):
@@ -178,7 +178,7 @@ class Append(Conversation[AppendResult]):
             return self._burst(now) if self._awaits_count else []
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
         if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
-            # This is also the answer to a second copy, from this transfer or the previous one.
+            # A second copy, from this or the previous transfer, gets the same answer.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             pass  # end of an earlier transfer, or a lost item: the next deadline asks for the count

@@ -100,7 +100,7 @@ class Upload(Conversation[UploadResult]):
         self._last_requested = 0
         """item requested last"""
         self._next_to_send = 0
-        """item to send after those under way"""
+        """next item to send, after the items under way"""
         self._sent_s: dict[int, float] = {}
         """time when each item was last sent, by item"""
         self._requested: set[int] = set()
@@ -188,10 +188,10 @@ class Upload(Conversation[UploadResult]):
             self._round_trip_s = min(self._round_trip_s, now - self._sent_s[seq - 1])
 
     def _answer(self, seq: int, now: float) -> list[Message]:
-        """Return the requested item and the next ones in the window, except those already under way."""
+        """Return the requested item and the next items in the window, except items already under way."""
         if self._is_overdue(seq, now):
             self._is_lossy = self._is_lossy or seq in self._sent_s
-            self._next_to_send = seq  # the vehicle has not accepted the items sent after this one
+            self._next_to_send = seq  # the vehicle has not accepted the items sent after `seq`
             self._requested.clear()
         self._requested.add(seq)
         self._last_requested = seq
@@ -232,7 +232,7 @@ class Upload(Conversation[UploadResult]):
             # ArduPilot's answer to each duplicate; the transfer continues.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_ERROR:
-            # ArduPilot: a repeated last item after acceptance, in this transfer or the previous one. PX4: a
+            # ArduPilot: a repeated last item after acceptance, in this or the previous transfer. PX4: a
             # repeated announcement, or a final error. After a final error the requests stop.
             self._last_nack = name
             if self._is_all_sent and now - max(self._sent_s.values()) >= 0.9 * self._round_trip_s:

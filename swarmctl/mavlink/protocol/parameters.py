@@ -85,7 +85,7 @@ def same_value(a: float, b: float) -> bool:
 class _ParameterExchange(Conversation[dict[str, Parameter]]):
     """Base of reading and writing: several requests at a time, each sent up to TRIES times.
 
-    ArduPilot queues about twenty requests and drops further ones.
+    ArduPilot queues about twenty requests and drops further requests.
     """
 
     REPEAT_S = 1.0

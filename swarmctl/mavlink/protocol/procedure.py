@@ -1,7 +1,7 @@
 """Procedures as generators: `result = yield Upload(...)`, driven without I/O.
 
 A procedure yields conversations and is resumed with their results, so its steps are in order in the source.
-The `Driver` of a procedure is itself a conversation.
+The `Driver` of a procedure is a conversation.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Context:
     plan_first_seq: int = 0
     """index in `verified_items` of the flown plan's first item; earlier items belong to earlier plans"""
     interrupted: bool = False
-    """True if the previous procedure was cancelled: the vehicle may still follow its last command"""
+    """True if the previous procedure was cancelled: a command of that procedure may take effect later"""
 
     @property
     def state(self) -> VehicleState:

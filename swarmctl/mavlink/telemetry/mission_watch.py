@@ -54,7 +54,7 @@ class MissionWatch:
         self._settled_at_s = 0.0
         self._other_since_s: float | None = None
         self._reports_count = False
-        """True if the vehicle has reported the expected number of items: then 0 is not "unsupported"."""
+        """True if the vehicle has reported the expected number of items, so 0 does not mean "unsupported"."""
         self._own_id: int | None = None
         """the vehicle's id of the own mission"""
         self._acknowledged_id = 0

@@ -63,7 +63,7 @@ class StreamKeeper:
         self._received_s: dict[int, float] = {}
         """last arrival of each unused message [s]"""
         self._stopped: dict[int, tuple[float, float]] = {}
-        """time of the last command to end each stream, and pause before the next one [s]"""
+        """time of the last command to end each stream, and pause before the next command [s]"""
         self._to_stop: deque[int] = deque()
         self._stop_at = 0.0
 

@@ -51,8 +51,8 @@ class DeclaredBehaviour:
     def returns_at_most_m(self) -> float:
         """Return the greatest height above home to which a return may climb [m].
 
-        The return schedule assumes this height. The vehicles of a swarm do not climb above their different
-        flight altitudes.
+        The return schedule assumes this height. In a swarm each vehicle returns at or below its own flight
+        altitude, so two vehicles do not climb to the same height.
         """
         return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 

@@ -177,7 +177,7 @@ def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: i
 
 
 def _rejection_in_hold(ctx: Context, n_texts: int) -> str | None:
-    """Return the vehicle's text if it holds because it rejects the new mission, else None.
+    """Return the vehicle's text if the vehicle holds because of a rejected mission, else None.
 
     PX4 accepts a mission that it cannot fly, sends a text, and leaves mission mode.
     """

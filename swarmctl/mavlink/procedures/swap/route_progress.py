@@ -35,7 +35,7 @@ class RoutePosition:
     corner_s: float
     """time to the nearest corner: the next item or the previous item"""
     past_splice_m: float = -math.inf
-    """distance past the splice point, where the new route leaves the flown one; negative before"""
+    """distance past the splice point, where the new route leaves the flown route; negative before"""
     item_m: float = math.inf
     """distance along the route to the next item"""
 

@@ -35,7 +35,7 @@ class OldPlan:
     seq: int
     """current item"""
     progress: RouteProgress
-    """progress on the items from the current one on"""
+    """progress on the items from the current item on"""
 
     @classmethod
     def of(cls, ctx: Context) -> OldPlan:
