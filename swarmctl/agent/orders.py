@@ -28,7 +28,7 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
     place = place_for_return(state)
-    if (outcome == "taken" or not remote) and not _keeps_landing(state, event):
+    if (outcome == "taken" or not remote) and not _would_stop_landing(state, event):
         if event.after_s and urgent_return_reason(state):
             event = msgspec.structs.replace(event, after_s=0.0)  # other returns are scheduled around it
         state, effects = _ordered(state, event, remote=remote)
@@ -83,19 +83,17 @@ def _demanded(state: AgentState, kind: DemandKind) -> str:
     return next(urgent, "")
 
 
-def _keeps_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """Return whether an order is a recall that must not stop a failsafe's landing."""
+def _would_stop_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
+    """Return whether an order is a recall that would stop a landing demanded by a failsafe."""
     is_recall = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
     return is_recall and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
 def _is_released_in_air(state: AgentState) -> bool:
-    """Return whether the vehicle was released in flight and may still be in the air."""
     return state.phase is Phase.RELEASED and state.vehicle.armed
 
 
 def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[CommandOutcome, str]:
-    """Return the outcome of an order and its reason."""
     order = event.order
     if _is_released_in_air(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
         return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
@@ -111,7 +109,7 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
         return "taken", "the vehicle aborts its launch and lands [launch-aborted]"
     if _follows(state, order):
         return "taken", "the vehicle already follows this order [already-done]"
-    if _keeps_landing(state, event):
+    if _would_stop_landing(state, event):
         reason = _demanded(state, DemandKind.LAND)
         return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
     notes = (
@@ -124,7 +122,9 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     if event.after_s and urgent_return_reason(state):
         notes.append(f"the vehicle returns at once: {urgent_return_reason(state)} [urgent-return]")
     elif event.after_s:
-        notes.append(f"the vehicle first holds for {event.after_s:g} s, while others return [return-queue]")
+        notes.append(
+            f"the vehicle first holds for {event.after_s:g} s, while other vehicles return [return-queue]"
+        )
     return "taken", "; ".join(notes)
 
 

@@ -19,7 +19,7 @@ SHARE_STATE_EVERY_S = 1.0
 def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> StepResult:
     """Merge and publish the own observations that add to the belief or contradict it."""
     # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle publishes an observation that
-    # contradicts a received one: one of the two sensors errs, or a sender lies.
+    # contradicts a received observation: a sensor errs, or a sender lies.
     contradicting = state.belief.contradicted(event.cells)
     new = (*state.belief.uncertain(event.cells), *contradicting)
     effects: list[ev.Effect] = []

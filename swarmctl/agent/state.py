@@ -139,7 +139,7 @@ class FlightComparison:
 class AgentState:
     """Everything an agent knows; `step` replaces it and never changes it in place.
 
-    Names in `_boot_s` are times by the vehicle's clock; `repeat_order_at_s` and `retry_at_s` are times by the
+    Names in `_boot_s` are times by the vehicle's clock. `repeat_order_at_s` and `retry_at_s` are times by the
     run's clock.
     """
 

@@ -149,16 +149,16 @@ class _Run:
         return {task.uav: task.name for task in self.scenario.tasks}
 
     def failed(self, error: Exception) -> None:
-        self.failures += _leaves(error)
-        for leaf in self.failures:
-            if isinstance(leaf, EXPECTED_ERRORS):
-                self.trouble += str(leaf).splitlines()
+        self.failures += _single_errors(error)
+        for failure in self.failures:
+            if isinstance(failure, EXPECTED_ERRORS):
+                self.trouble += str(failure).splitlines()
             else:
                 self.bug = error
 
     def report(self) -> Report:
         states = {m.spec.sysid: m.state for m in self.members}
-        simulator_failed = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in self.failures)
+        simulator_failed = any(isinstance(error, simulator.SimulatorFailed) for error in self.failures)
         final_states = tuple(
             f"{m.name}: ended with the simulator [simulator-ended]"
             if simulator_failed and m.spec.simulated
@@ -194,7 +194,6 @@ def _network(run: _Run, resources: FlightResources, observers: Sequence[Observer
 def _build_members(
     run: _Run, resources: FlightResources, network: Network, observers: tuple[Observer, ...]
 ) -> None:
-    """Build the members of the flight and the operator service that orders them."""
     operator_service = operator_service_for(
         run.scenario,
         resources.transport,
@@ -308,10 +307,9 @@ def _reachable(members: Sequence[Member], simulator_task: asyncio.Task[None] | N
     ]
 
 
-def _leaves(error: BaseException) -> Iterator[BaseException]:
-    """Yield the single exceptions of a group."""
+def _single_errors(error: BaseException) -> Iterator[BaseException]:
     if isinstance(error, BaseExceptionGroup):
         for part in error.exceptions:
-            yield from _leaves(part)
+            yield from _single_errors(part)
     else:
         yield error

@@ -1,7 +1,7 @@
 """The course of a flight: all vehicles answer, become ready, receive a verified mission, then launch.
 
 Before the launch all vehicles are on the ground, and one failed vehicle stops the whole flight. After the
-launch a failed vehicle is reported, and the others fly on.
+launch a failed vehicle is reported, and the other vehicles fly on.
 """
 
 from __future__ import annotations

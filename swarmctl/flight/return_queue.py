@@ -41,7 +41,7 @@ class ReturnQueue:
     uav: int
     states: Callable[[], Mapping[int, StateShared]]
     _received: dict[int, _ReceivedState] = field(default_factory=dict)
-    _free: tuple[object, float] | None = None
+    _free_since: tuple[object, float] | None = None
     """(vehicles ahead in the queue, returning vehicles), and the time since which the path is free [s]"""
 
     def may_return(self, place: VehiclePosition, now_s: float) -> bool:
@@ -49,15 +49,15 @@ class ReturnQueue:
         self._update(now_s)
         returning = self._returning(place, now_s)
         if schedule_for({**returning, self.uav: place}).begins_s[self.uav] > 0.0:
-            self._free = None
+            self._free_since = None
             return False
         ahead = frozenset(
             uav for uav, received in self._received.items() if uav < self.uav and _may_wait(received, now_s)
         )
         key = (ahead, frozenset(returning))
-        if self._free is None or self._free[0] != key:
-            self._free = (key, now_s)
-        return now_s - self._free[1] >= SLOT_S * len(ahead)
+        if self._free_since is None or self._free_since[0] != key:
+            self._free_since = (key, now_s)
+        return now_s - self._free_since[1] >= SLOT_S * len(ahead)
 
     def may_land(self, place: VehiclePosition, now_s: float) -> bool:
         """Return whether the descent from this position is free of airborne vehicles.

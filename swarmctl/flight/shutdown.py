@@ -196,5 +196,5 @@ def return_delays_s(
     if any(turns.begins_s.values()) or turns.height_only:
         schedule = describe_schedule(turns, {m.spec.sysid: m.name for m in returning})
         say(f"returning: {schedule} [return-schedule]")
-    # Vehicles without a known position return when all others are down.
+    # Vehicles without a known position return after all other vehicles have landed.
     return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}

@@ -12,12 +12,15 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Backoff:
-    """The waits between `attempts` attempts: `first_s`, then each `factor` times longer, up to `most_s`."""
+    """The waits between repeated attempts."""
 
     attempts: int
     first_s: float
+    """wait after the first failure [s]"""
     factor: float = 2.0
+    """ratio of each wait to the previous wait"""
     most_s: float = 60.0
+    """longest wait [s]"""
 
     def delay_s(self, failed: int) -> float | None:
         """Return the wait after the `failed`-th failure (from 1) [s]; None: give up."""

@@ -256,5 +256,4 @@ def with_free_port(scenario: Scenario) -> Scenario:
 
 
 def _simulated_url(scenario: Scenario) -> str:
-    """Return the address at which all simulated vehicles are received."""
     return next(spec.url for spec in scenario.specs if spec.simulated)

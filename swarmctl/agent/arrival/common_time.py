@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 LEAST_SHARE = 0.2
-"""least speed of a vehicle that waits for others, as a share of its full speed"""
+"""least speed of a waiting vehicle, as a share of its full speed"""
 LEAST_M_S = 1.0
-"""least speed of a vehicle that waits for others [m/s]; `not_following` would act on a slower vehicle"""
+"""least speed of a waiting vehicle [m/s]; `not_following` would act on a slower vehicle"""
 N_BISECTIONS = 14
 """number of bisections for a speed, to within 1 mm/s"""
 
@@ -24,7 +24,7 @@ class ArrivalGroup:
     tolerance_s: float = 3.0
     """greatest difference from the planned arrival times that the report accepts [s]"""
     slowest_m_s: float = 0.0
-    """least speed of a vehicle that waits for others [m/s]"""
+    """least speed of a waiting vehicle [m/s]"""
 
 
 def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:

@@ -128,7 +128,7 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     here = (*grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m or 0.0)
     points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
     track = [point[:2] for point in (here, *track_ahead(points, here))]
-    wings, edge_m = state.task.wings, _edge_m(track, grid.cell_size_m)
+    wings, edge_m = state.task.wings, _leg_in_goal_cell_m(track, grid.cell_size_m)
     speed_m_s = vehicle.ground_speed_m_s
     if wings is not None:  # a fixed wing climbs along its route
         roll_s = 0.0 if vehicle.armed else ROLL_S
@@ -143,7 +143,7 @@ def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
     return group.slowest_m_s if wings is None else max(group.slowest_m_s, wings.min_speed_m_s)
 
 
-def _edge_m(track: Sequence[PlanarPoint], cell_size_m: float) -> float:
+def _leg_in_goal_cell_m(track: Sequence[PlanarPoint], cell_size_m: float) -> float:
     """Return the length of the last leg inside the goal cell [m]; it depends on the leg's direction."""
     if len(track) < 2:
         return 0.0

@@ -52,7 +52,9 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
         for active, previous, demand in zip(state.task.rules, before, demands, strict=True)
         if previous is not None and previous.kind is DemandKind.WARN and demand is None
     ]
-    followed = _follow(state, strongest) if strongest is not None and _changes(state, strongest) else None
+    followed = (
+        _follow(state, strongest) if strongest is not None and _exceeds_activity(state, strongest) else None
+    )
     for active, demand in zip(state.task.rules, new_demands, strict=True):
         if demand is not None:
             reaction = _reaction(followed[0], demand) if followed and demand is strongest else ""
@@ -106,8 +108,7 @@ def _active_route(state: AgentState) -> ActiveRoute | None:
     return ActiveRoute(swap.plan_id, tuple((point.lat_deg, point.lon_deg) for point in points))
 
 
-def _changes(state: AgentState, demand: Demand) -> bool:
-    """Return whether a demand is stronger than the current activity."""
+def _exceeds_activity(state: AgentState, demand: Demand) -> bool:
     fulfilled = failsafes.ACTIVITY_AS_DEMAND.get(_activity(state))
     return fulfilled is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[fulfilled]
 

@@ -71,13 +71,12 @@ def evaluate(
 def _position_demand(
     params: Params, memory: FenceAheadMemory, facts: FailsafeFacts, fence: Fence, here: PlanarPoint
 ) -> Demand | None:
-    """Return the demand of this position alone."""
     if not contains(fence.corners_m, here):
         return Demand(DemandKind.RETURN, "the vehicle is outside the fence")
     if (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
         found = f"{high_m:.0f} m above home (limit {fence.ceiling_m:.0f} m)"
         return Demand(DemandKind.RETURN, f"the vehicle is outside the fence: {found}")
-    if facts.activity == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
+    if facts.activity == "mission" and _leaves_fence(params, memory, facts, fence.corners_m, here):
         # A fixed wing in hold would circle across the fence, so it returns.
         kind = DemandKind.RETURN if facts.turn_radius_m else DemandKind.HOLD
         return Demand(kind, "the vehicle is off its route and about to leave the fence")
@@ -100,7 +99,7 @@ def _moved(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemo
     return FenceAheadMemory(here, course)
 
 
-def _leaves(
+def _leaves_fence(
     params: Params,
     memory: FenceAheadMemory,
     facts: FailsafeFacts,

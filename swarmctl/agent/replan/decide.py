@@ -109,7 +109,7 @@ def _decide_from(
 
 
 def _from_vehicle(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
-    """Return the route with the kept cells of the old route in front, and the measures of the whole."""
+    """Return the route with the kept cells of the old route before it, and with measures of both parts."""
     if len(splice.kept) == 1:
         return route
     cells = (*splice.kept[:-1], *route.cells)
@@ -192,7 +192,6 @@ def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
 
 
 def _is_on_track(state: AgentState) -> bool:
-    """Return whether the vehicle is over the straightened track of its route."""
     swap, cell = state.route, state.cell
     return swap is not None and swap.track is not None and cell in swap.track.over
 

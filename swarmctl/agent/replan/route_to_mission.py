@@ -111,7 +111,7 @@ def mission_for(
     cells = route.cells
     landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
     if task.wings is not None:
-        flown = _with_wings(task, cells if track is None else track.corners, landing, position)
+        flown = _fixed_wing_mission(task, cells if track is None else track.corners, landing, position)
         return replace(flown, leaves_ahead=splice is not None and len(splice.kept) > 1)
     leaves_ahead = splice is not None and splice.leaves_ahead
     if splice is not None and leaves_ahead and track is None and not splice.lead_waypoints:
@@ -174,7 +174,9 @@ def _along_lattice(task: Task, cells: Sequence[Cell], splice: Splice, landing: L
     return replace(plan, leaves_ahead=True)
 
 
-def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None) -> FlightPlan:
+def _fixed_wing_mission(
+    task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None
+) -> FlightPlan:
     """Return the mission of a fixed wing, which never flies back to a corner and lands by an approach."""
     assert task.wings is not None
     ahead = corners if position is None else corners_ahead(task, corners, position)

@@ -2,8 +2,8 @@
 
 An ArduPilot copter brakes to a stop before it flies to another mission item, in any direction
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
-At speed v and deceleration b, braking costs the time v / 2b. Speeding up costs the same. Together the two
-cost about 4 s at 10 m/s.
+At speed v and deceleration b, braking costs the time v / 2b. Speeding up costs the same. Both together cost
+about 4 s at 10 m/s.
 """
 
 from __future__ import annotations

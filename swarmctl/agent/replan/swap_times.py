@@ -39,7 +39,7 @@ class SwapTimes:
         return SwapTimes((*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times with one more swap of twice the expected duration, after a missed splice point."""
+        """Return these times with one more swap of twice the expected duration: a swap was late."""
         return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MAX_EXPECTED_S))[-N_KEPT:])
 
     @property

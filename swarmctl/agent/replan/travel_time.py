@@ -65,7 +65,7 @@ def arrives_s(
     if len(corners) < 2:
         return 0.0
     last_m = math.dist(corners[-2], corners[-1])
-    return times_s[-1] - _last_s(last_m_s, last_m, min(ends_m, last_m), speed_m_s)
+    return times_s[-1] - _leg_end_s(last_m_s, last_m, min(ends_m, last_m), speed_m_s)
 
 
 def timed(
@@ -147,7 +147,7 @@ def _top_m_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -
     return min(max(crossing_m_s, begin_m_s, end_m_s), speed_m_s)
 
 
-def _last_s(begin_m_s: float, leg_m: float, last_m: float, speed_m_s: float) -> float:
+def _leg_end_s(begin_m_s: float, leg_m: float, last_m: float, speed_m_s: float) -> float:
     """Return the least time for the last metres of a leg that ends in a stop [s]."""
     if last_m <= 0.0:
         return 0.0

@@ -91,7 +91,6 @@ def _circle_from(pattern: LandingPattern, point: PlanarPoint) -> list[PlanarPoin
 
 
 def _to_exit(pattern: LandingPattern, around: list[PlanarPoint]) -> list[PlanarPoint]:
-    """Return the points of the circle up to its exit."""
     exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], pattern.leaves))
     return [*around[:exit_at], pattern.leaves]
 

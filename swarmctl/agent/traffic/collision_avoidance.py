@@ -10,7 +10,7 @@ limits. One of the two vehicles gives way.
 | does not acknowledge this vehicle's state | this vehicle, so possibly both |
 
 The evasive action is a hold. It is a climb if a hold would be too close, and for a fixed wing. A copter that
-holds resumes its route when the route is clear. After 60 s it tries to pass above the other vehicles.
+holds resumes its route when the route is clear. After 60 s the copter tries to pass above the other vehicles.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory])
 def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
     """Return whether two vehicles that are already too close get no closer.
 
-    The routes of such vehicles count as clear; otherwise both vehicles would hold for ever.
+    The routes of such vehicles count as clear; otherwise both vehicles would never resume.
     """
     here, there = path.at(path.times_s[0]), other.at(path.times_s[0])
     at = closest(path, other, limits)

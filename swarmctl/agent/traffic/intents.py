@@ -134,7 +134,7 @@ def planned_flight(state: AgentState) -> Trajectory | None:
 
 
 def _hold_at_last_position(state: AgentState) -> Trajectory | None:
-    """Return a hold at the last position, at half its height because the vehicle may be landing."""
+    """Return a hold at the last position, at half the last height because the vehicle may be landing."""
     last, now_s = state.last_position, state.vehicle.time_boot_s
     if last.lat_deg is None or last.lon_deg is None or last.alt_amsl_m is None or last.alt_rel_m is None:
         return None

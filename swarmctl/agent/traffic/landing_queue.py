@@ -171,7 +171,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
-    """Return the time within which a conflict counts [s]; the other vehicle can still avoid a later one."""
+    """Return the time within which a conflict counts [s]; the other vehicle can avoid a later conflict."""
     return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
 
 

@@ -108,7 +108,6 @@ def _stand_by(state: AgentState) -> StepResult:
 
 
 def _waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the recent intents of the vehicles that the launch waits for."""
     return {uav: intent for uav, intent in known_intents(state).items() if uav not in state.launch_ignored}
 
 

@@ -109,7 +109,6 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
 
 
 def _place(state: AgentState, reported: StateShared) -> LocalPoint:
-    """Return the position in another vehicle's state."""
     east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
     return east_m, north_m, _up_m(state.vehicle, reported)
 

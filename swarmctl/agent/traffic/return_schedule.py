@@ -239,7 +239,7 @@ def _first_turn(
 def _passes(
     mover: ReturningVehicle, holder: ReturningVehicle, horizontal_m: float, vertical_m: float
 ) -> bool:
-    """Return whether a returning vehicle passes too close to the position of a holding one."""
+    """Return whether a returning vehicle passes too close to the position of a holding vehicle."""
     if holder.alt_amsl_m >= mover.top_amsl_m + vertical_m:
         return False
     if math.dist(mover.home, holder.here) < horizontal_m:
@@ -255,8 +255,8 @@ def _conflicting_delays(one: ReturningVehicle, other: ReturningVehicle, horizont
     The pairs of positions that are too close form a convex set. So for each piece of the path of `one`, a
     single piece of the path of `other` is too close.
     """
-    low_m, high_m = _near(one, other, *_reach(one), horizontal_m)
-    first_m, last_m = _reach(other)
+    low_m, high_m = _close_piece_m(one, other, *_distance_range_m(one), horizontal_m)
+    first_m, last_m = _distance_range_m(other)
     begin, end = np.searchsorted(last_m, low_m, "left"), np.searchsorted(first_m, high_m, "right")
     steps = np.flatnonzero(begin < end)
     # In step i of `one`, `other` is in one of its steps begin to end - 1: each difference is a delay.
@@ -267,7 +267,7 @@ def _conflicting_delays(one: ReturningVehicle, other: ReturningVehicle, horizont
     return delays
 
 
-def _near(
+def _close_piece_m(
     one: ReturningVehicle, other: ReturningVehicle, first_m: Floats, last_m: Floats, horizontal_m: float
 ) -> tuple[Floats, Floats]:
     """Return the ends of the piece of the path of `other` that is too close to `one` in each step [m].
@@ -301,7 +301,7 @@ def _near(
     return low_m, high_m
 
 
-def _reach(vehicle: ReturningVehicle) -> tuple[Floats, Floats]:
+def _distance_range_m(vehicle: ReturningVehicle) -> tuple[Floats, Floats]:
     """Return the least and the greatest distance from the start (steps,) [m] in each step of the return."""
     begin_s = np.arange(0.0, vehicle.takes_s, STEP_S)
     slow_m = SLOWER * vehicle.speed_m_s * (begin_s - vehicle.departs_within_s)

@@ -74,7 +74,7 @@ def return_target(state: AgentState) -> LatLon | None:
 
 
 def _returns_on_lost_link(state: AgentState) -> bool:
-    """Return whether the vehicle's own failsafe returns it on a lost link."""
+    """Return whether the vehicle's own failsafe returns the vehicle on a lost link."""
     return any(isinstance(r.params, lost_link.Params) and r.params.does == "return" for r in state.task.rules)
 
 
@@ -128,7 +128,7 @@ def update_return(state: AgentState) -> StepResult:
     if state.phase is Phase.HOLDING and state.return_turn_boot_s is not None:
         return _wait_or_start(state, state.return_turn_boot_s)
     if state.phase is Phase.LEAVING and state.return_started_boot_s is not None:
-        return _settle(state, state.return_started_boot_s)
+        return _yield_to_simultaneous_start(state, state.return_started_boot_s)
     return state, []
 
 
@@ -154,7 +154,6 @@ def _wait_or_start(state: AgentState, return_turn_boot_s: float) -> StepResult:
 
 
 def _n_waiting_with_higher_id(state: AgentState) -> int:
-    """Return the number of waiting vehicles with a higher system id."""
     now_s = state.vehicle.time_boot_s
     return sum(
         uav > state.task.uav
@@ -164,7 +163,7 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
     )
 
 
-def _settle(state: AgentState, since_s: float) -> StepResult:
+def _yield_to_simultaneous_start(state: AgentState, since_s: float) -> StepResult:
     """Hold again if a vehicle with a lower system id started its return at the same time."""
     now_s = state.vehicle.time_boot_s
     if not 0.0 <= now_s - since_s < SETTLING_S or now_s >= state.return_deadline_boot_s:

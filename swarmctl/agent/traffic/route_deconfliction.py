@@ -92,7 +92,7 @@ def _clashes_with_known(
 def clashes_with(
     flight: Trajectory, others: Mapping[int, NeighbourIntent], limits: Limits
 ) -> tuple[Clash, ...]:
-    """Return the clashes of a flight with others' intents, soonest first."""
+    """Return the clashes of a flight with the intents of `others`, soonest first."""
     mine = Bounds.of(flight)
     near = {
         uav: intent for uav, intent in others.items() if mine.is_within(intent.bounds, _reach(intent, limits))
@@ -107,10 +107,10 @@ def _reach(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float
 
 
 def _separates(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
-    """Return whether two vehicles that are close now separate as well as any plan allows.
+    """Return whether a plan separates two vehicles that are close now.
 
-    They have to be apart after `SEPARATES_WITHIN_S`. Until then the plan has to keep their present distance
-    or the limits, or has to be clearly better than the present plan.
+    The vehicles have to be apart after `SEPARATES_WITHIN_S`. Until then the plan has to keep their present
+    distance or the limits, or has to be clearly better than the present plan.
     """
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + SEPARATES_WITHIN_S)
@@ -294,7 +294,7 @@ def _defer(
 
 
 def _may_hold(state: AgentState) -> bool:
-    """Return whether the vehicle can hold, and its hold would not conflict with others."""
+    """Return whether the vehicle can hold without a conflict."""
     task, here, now_s = state.task, position_amsl(state), state.vehicle.time_boot_s
     if here is None or task.separation.action != "hold" or task.wings is not None or not may_give_way(state):
         return False

@@ -1,8 +1,8 @@
 """Clashes: conflicts between planned flights, with a tolerance in time.
 
-Two flights clash if a position of each is closer to the other than both limits, at times that differ by at
-most `tolerance_s`. For two straight segments, the allowed pairs of times form a convex polygon. The relative
-positions at those times also form a convex polygon, so its distance from the origin is exact.
+Two flights clash if a position of one flight and a position of the other are closer than both limits. The
+times of the positions may differ by `tolerance_s`. For two straight segments, the allowed pairs of times form
+a convex polygon. The relative positions also form a convex polygon, so its distance from the origin is exact.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def find_clashes(
     tolerance_s: float = TIME_TOLERANCE_S,
     wider: Mapping[int, Limits] = MappingProxyType({}),
 ) -> tuple[Clash, ...]:
-    """Return the clashes of a flight with others (by system id), soonest first.
+    """Return the clashes of a flight with `others` (by system id), soonest first.
 
     `wider`: larger limits for some of the other vehicles.
     """
@@ -126,8 +126,10 @@ def _velocity(segment: Segment) -> tuple[float, float, float]:
 
 
 def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> list[_Times]:
-    """Return the part of a convex polygon in which a linear function is not negative; `inside` has the
-    function's values at the corners."""
+    """Return the part of a convex polygon in which a linear function is not negative.
+
+    `inside` has the function's values at the corners.
+    """
     kept: list[_Times] = []
     for i, corner in enumerate(corners):
         before, value, last = corners[i - 1], inside[i], inside[i - 1]

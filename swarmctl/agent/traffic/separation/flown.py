@@ -82,7 +82,7 @@ class FlownSeparation:
         return [self._uavs[i] for i in rows if i != row]
 
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:
-        """Compare a new segment with another vehicle's stored segments of the same time, each pair once."""
+        """Compare a new segment with another vehicle's; return whether the least distance has decreased."""
         pair, is_nearer = (min(uav, other), max(uav, other)), False
         for theirs in self._tracks[other].segments:
             if theirs.end_s <= segment.begin_s:
