@@ -17,7 +17,7 @@ POSITION_GAIN, VELOCITY_GAIN = 0.05, 0.1  # per sample
 GATE_M, GATE_GROWTH_M_S = 5.0, 1.0  # largest accepted innovation, and its growth without accepted samples
 RESET_AFTER_S = 7.0  # time of rejection until the filter restarts
 LOST_AFTER_S = 8.0  # time without an accepted sample until the position is lost
-ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor, applied without GPS only
+ACCELERATION_BIAS_M_S2 = 0.03  # bias of the inertial sensor, applied only while no GPS sample is accepted
 MAX_VELOCITY_ERROR_M_S = 5.0
 
 
@@ -45,14 +45,14 @@ class Estimator:
         self._error[:2] = gps.error[:2]
 
     def predict(self, dt_s: float) -> None:
-        """Propagate by inertia alone for `dt_s` [s]."""
+        """Propagate the errors over `dt_s` [s] without GPS."""
         if self._any_unaided:
             grown = self._velocity_error[:2] + self._bias * (dt_s * (self.unaided_s > 0))
             self._velocity_error[:2] = grown.clip(-MAX_VELOCITY_ERROR_M_S, MAX_VELOCITY_ERROR_M_S)
         self._error[:2] += self._velocity_error[:2] * dt_s
 
     def correct(self, dt_s: float, gps: Gps, height_draws: Floats | None) -> None:
-        """Process a GPS sample `dt_s` [s] after the previous one.
+        """Process a GPS sample `dt_s` [s] after the previous sample.
 
         height_draws: (n,) standard normal draws; None for an exact barometer.
         """

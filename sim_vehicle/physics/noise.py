@@ -1,7 +1,7 @@
 """Standard normal draws for a whole fleet, with one generator per vehicle.
 
-The draws of a vehicle depend only on its generator, not on the size of the fleet. Two blocks are stored: each
-call of `take` reads a row of the current block and fills a part of the next block, so no call takes long.
+The draws of a vehicle depend only on its generator, not on the size of the fleet. No call takes long: each
+call of `take` reads a row of the current block and fills a part of the next block.
 """
 
 from collections.abc import Sequence

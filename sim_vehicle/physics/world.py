@@ -39,7 +39,7 @@ class Batteries:
         self.used_j = np.zeros(n)
         self.sag_v = np.zeros(n)  # voltage lost by a fault
         self.current_a: Floats = AVIONICS_W / self.full_v
-        self.remaining: Floats = np.ones(n)  # remaining share of the capacity
+        self.remaining: Floats = np.ones(n)  # share of the capacity
         self.voltage_v: Floats = self.full_v - RESISTANCE_OHM * self.current_a  # under the present load
 
     def step(self, dt_s: float, load_w: Floats) -> None:
@@ -66,7 +66,8 @@ class World:
     lat_deg, lon_deg, alt_amsl_m: (n,) start positions.
     planes: (n,) True for fixed wings; all copters by default.
     rngs: one generator per vehicle, the only source of the vehicle's noise and gusts.
-    wind, gps: the wind and the quality of the receivers.
+    wind: steady wind and gusts.
+    gps: errors of the receivers.
     """
 
     def __init__(
@@ -112,7 +113,7 @@ class World:
         self._estimated_geodetic: tuple[Floats, Floats] | None = None
 
     def step(self, dt_s: float) -> None:
-        """Advance the physics by one tick [s]."""
+        """Advance the physics by one tick of `dt_s` [s]."""
         self._steps += 1
         self._battery_s += dt_s
         self._gps_s += dt_s

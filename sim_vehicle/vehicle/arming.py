@@ -8,7 +8,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 
 
 class Arming:
-    """The armed state of one vehicle and the rules of changing it."""
+    """The armed state of one vehicle and the rules of arming and disarming."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle

@@ -203,7 +203,7 @@ class Autopilot:
     # -- input --------------------------------------------------------------------------------------------
 
     def receive(self, message: Any, now: float) -> None:
-        """Process one message addressed to this vehicle or to all."""
+        """Process one message addressed to this vehicle or to all vehicles."""
         if not self.booted or (
             self.flight_parameters.gcs_only and message.get_srcSystem() != self.flight_parameters.gcs_sysid
         ):

@@ -24,7 +24,7 @@ class _Stage:
 
 
 class BatteryWatch:
-    """The latched battery level of one vehicle; call `update` at each of its decisions."""
+    """The latched battery level of one vehicle; call `update` at each decision of the vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle

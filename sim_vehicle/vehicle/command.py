@@ -43,7 +43,7 @@ class Command:
         )
 
     def place(self) -> tuple[float, float] | None:
-        """Return latitude and longitude [deg]; None if these or z are out of range, or at 0, 0."""
+        """Return latitude and longitude [deg]; None at 0, 0, or if a coordinate or z is out of range."""
         if not (abs(self.lat_deg) <= 90 and abs(self.lon_deg) <= 180 and abs(self.z) < MAX_ALTITUDE_M):
             return None
         return (self.lat_deg, self.lon_deg) if self.lat_deg or self.lon_deg else None

@@ -32,7 +32,7 @@ _ACTION_PRIORITY = {Behaviour.LAND: 2, Behaviour.SINK: 2, Behaviour.MISSION: 2}
 
 
 class Failsafes:
-    """The latched failsafes of one vehicle; call `update` at each of its decisions."""
+    """The latched failsafes of one vehicle; call `update` at each decision of the vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -161,7 +161,7 @@ class Failsafes:
                 self._go_to_return_point()
 
     def _unless_landing(self, action: FailsafeAction) -> FailsafeAction:
-        """Return WARN instead of `action` for a plane in the landing of its mission."""
+        """Return `action`, or WARN for a plane in the landing of its mission (TERMINATE stays)."""
         vehicle = self._vehicle
         lands = vehicle.personality.start_landing is not None and vehicle.flight.landing_now
         return FailsafeAction.WARN if lands and action is not FailsafeAction.TERMINATE else action

@@ -56,7 +56,7 @@ def zones_of(items: Sequence[Item]) -> list[Zone]:
 
 
 class Fence:
-    """The fence of one vehicle: `items` as read back, `zones` as enforced."""
+    """The fence of one vehicle: `items` are stored for downloads, `zones` are enforced."""
 
     def __init__(self) -> None:
         self.items: tuple[Item, ...] = ()

@@ -63,7 +63,7 @@ class FenceWatch:
         self._latched_limits = self._latched_limits | self._configured() if on else frozenset()
 
     def _configured(self) -> frozenset[str]:
-        """Return the limits set by the parameters, without the minimum altitude."""
+        """Return the limits set by the parameters, except the minimum altitude."""
         flight_parameters = self._vehicle.flight_parameters
         is_set = {
             ALTITUDE_MAX: math.isfinite(flight_parameters.fence_max_height_m),

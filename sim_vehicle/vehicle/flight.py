@@ -274,7 +274,7 @@ class Flight:
             self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
 
     def pause(self) -> bool:
-        """Pause for MAV_CMD_DO_PAUSE_CONTINUE; return False without an active mission or guided mode."""
+        """Pause for MAV_CMD_DO_PAUSE_CONTINUE; return False if no mission or guided mode is active."""
         if self.behaviour is Behaviour.MISSION:
             if not self.mission.pause():
                 return False

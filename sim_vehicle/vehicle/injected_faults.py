@@ -27,7 +27,7 @@ class MissionRefusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultEffect:
-    """The effects of one fault; none by default."""
+    """The effects of one fault; by default no effect."""
 
     gps_lost: bool = False
     gps_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # east, north, up

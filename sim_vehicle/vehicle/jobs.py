@@ -24,7 +24,7 @@ class _Job:
 
 
 class Jobs:
-    """At most one long command of a vehicle; reports by `acknowledge(command, result, progress, sender)`."""
+    """One long command of a vehicle at a time; `acknowledge` takes command, result, progress [%], sender."""
 
     def __init__(self, acknowledge: Callable[[int, int, int, tuple[int, int]], None]) -> None:
         self._acknowledge = acknowledge

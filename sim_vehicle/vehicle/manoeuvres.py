@@ -28,7 +28,7 @@ class Landing:
     """Landing: level flight, descent, and a short time on the ground.
 
     place_deg: latitude and longitude; None: the present position.
-    circles: a plane spirals down around the position; else it glides there along a straight line.
+    circles: a plane spirals down around the position instead of gliding to the position on a straight line.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The stored mission and its execution: index, jumps, delays; without the upload protocol.
+"""The stored mission and its execution: index, jumps, delays. `transfer` has the upload protocol.
 
 `Mission` executes as ArduPilot does. A *navigation* command moves the vehicle and is current until the
 command is done. The *do* and *condition* commands between two navigation commands run in order during the
@@ -99,7 +99,7 @@ class Pilot(Protocol):
         """React to the end of the mission."""
 
     def no_mission(self) -> None:
-        """React to the mission mode without a flyable mission (PX4)."""
+        """React to the mission mode if no mission can be flown (PX4)."""
 
 
 @dataclass
@@ -310,7 +310,7 @@ class Mission:
     def set_current(self, pilot: Pilot, index: int) -> bool:
         """Make an item current (0: the first); return False if the list has no such item.
 
-        An active mission continues there at once, an inactive mission at its next start.
+        An active mission continues with the item at once, an inactive mission at its next start.
         """
         index = max(index, 1)
         if index >= self.count or self.items[index].command != mavlink.MAV_CMD_DO_LAND_START:

@@ -49,7 +49,7 @@ class Px4Mission(Mission):
         self._feasible, self._go_home = feasible, go_home
         self._valid = True
         self._mission_mode_on = False  # the mission mode is active
-        self._flown_once = False  # this mission has been active
+        self._flown_once = False  # the present list has been active
         self._disarmed_since = False  # disarmed after the mission was active
         self._at_end = False  # the last item is done
         self._step_begun_s: float | None = None

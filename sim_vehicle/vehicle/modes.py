@@ -7,7 +7,7 @@ from sim_vehicle.vehicle.injected_faults import ModeStuck
 
 
 class Modes:
-    """The mode of one vehicle and the rules of changing it."""
+    """The mode of one vehicle and the rules of mode changes."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -80,7 +80,7 @@ class Modes:
     # -- by the vehicle ----------------------------------------------------------------------------------
 
     def enter_behaviour(self, behaviour: Behaviour) -> None:
-        """Change to the mode of this behaviour without any check."""
+        """Change to the personality's mode of this behaviour without any check."""
         self._enter(self._vehicle.personality.mode_of(behaviour))
 
     def enter(self, number: int) -> None:

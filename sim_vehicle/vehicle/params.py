@@ -12,7 +12,7 @@ from sim_vehicle.files.pacing import Pacer
 from sim_vehicle.wire.frame import header_bytes
 
 HASH_NAME = "_HASH_CHECK"
-FRAME_BYTES = 37  # one PARAM_VALUE on the link
+FRAME_BYTES = 37  # length of a PARAM_VALUE frame
 UNINDEXED = 0xFFFF
 DEFAULT_BITS = 32
 WIRE_TYPES = {
@@ -144,7 +144,7 @@ class Parameters:
             return None
         if kind == "PARAM_SET":
             if self._byte_wise and message.param_type != self._wire_type(message.param_id):
-                return None  # wrong type for this parameter: dropped without an answer
+                return None  # PX4 does not answer if the type is wrong
             self.set(message.param_id, self._from_wire(message))
         send(self.value_message(self._index[message.param_id], named=True))
         return str(message.param_id) if kind == "PARAM_SET" else None

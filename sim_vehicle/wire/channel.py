@@ -49,7 +49,7 @@ class _Lane:
 
 
 class Channel:
-    """Both directions of one vehicle's link; without I/O and without a clock."""
+    """Both directions of one vehicle's impaired link, without I/O and without a clock."""
 
     def __init__(self) -> None:
         self._lanes = {direction: _Lane() for direction in Direction}

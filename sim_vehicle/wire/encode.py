@@ -1,8 +1,8 @@
 """MAVLink 2 frames for a whole fleet at once: columns of numbers in, one frame per vehicle out.
 
-Message layouts (wire order, types, CRC extra) come from pymavlink. The payloads of all vehicles are one
-structured array, so a stream costs a few array operations and about 1 us per frame. An object, a field-by-
-field pack and a Python CRC per frame cost far more.
+Message layouts (wire order, types, CRC_EXTRA) come from pymavlink. The payloads of all vehicles are one
+structured array. A stream costs a few array operations and about 1 us per frame; pymavlink's objects, packing
+and Python CRC cost far more.
 """
 
 import struct

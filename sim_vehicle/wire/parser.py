@@ -54,7 +54,7 @@ def _decode_if_cancel(message: Any) -> Any:
 
 
 def _decode_cancel(unknown: Any) -> CommandCancel | None:
-    """Decode COMMAND_CANCEL from its frame; None if the checksum is wrong."""
+    """Return COMMAND_CANCEL decoded from its frame; None if the checksum is wrong."""
     frame = bytes(unknown.get_msgbuf())
     length, start = frame[1], header_bytes(frame)
     payload = frame[start : start + length]

@@ -80,7 +80,7 @@ class Signing:
         """Return an unsigned MAVLink 2 frame with a signature, or any other frame unchanged."""
         if self._key is None or not _is_unsigned_mavlink2(frame):
             return frame
-        # A time stamp at its limit stays there; receivers then reject the messages of the vehicle.
+        # The time stamp stays at its limit; receivers reject all later messages of the vehicle.
         self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
         crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flag: CRC_EXTRA in place of the checksum

@@ -232,7 +232,7 @@ class ArduPilotTransfer:
 
     @property
     def next_deadline_s(self) -> float:
-        """Time when `tick` has work [s]; inf without a transfer."""
+        """Time at which `tick` has work [s]; inf: no transfer."""
         return min(server.next_deadline_s for server in self._servers.values())
 
     def handles(self, message_type: str) -> bool:

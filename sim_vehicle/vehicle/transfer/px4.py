@@ -1,8 +1,8 @@
 """The mission protocol of PX4: one state machine and one partner for missions, fences and rally points.
 
 A complete new list replaces the stored list; a failed upload changes nothing. The vehicle requests items with
-MISSION_REQUEST until the ground station has sent an _INT message. If another system than the partner of the
-last transfer sends an item, a request or an acknowledgement, the vehicle sends a STATUSTEXT.
+MISSION_REQUEST until the ground station has sent an _INT message. The vehicle sends a STATUSTEXT if another
+system than the partner of the last transfer sends an item, a request or an acknowledgement.
 """
 
 import dataclasses
@@ -140,7 +140,7 @@ class Px4Transfer:
 
     @property
     def next_deadline_s(self) -> float:
-        """Time when `tick` has work [s]; inf without a transfer."""
+        """Time at which `tick` has work [s]; inf: no transfer."""
         if self._state is _State.IDLE:
             return math.inf
         repeat_s = self._requested_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
@@ -350,7 +350,7 @@ class Px4Transfer:
         elif self._state is _State.SENDING and message.mission_type == self._kind:
             self._state = _State.IDLE
         elif self._state is _State.GETTING:
-            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the partner rejects this kind of request
+            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the partner does not support this request
                 self._as_int = not self._as_int
                 self._request_item(now)
             elif message.type == mavlink.MAV_MISSION_OPERATION_CANCELLED:

@@ -1,4 +1,4 @@
-"""The fleet's columns as message builders read them."""
+"""Access of the message builders to the fleet's columns."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
