@@ -1,4 +1,4 @@
-"""The links of a fleet, one transport a file; links carry bytes without decoding MAVLink."""
+"""The links of a fleet, with a module for each transport; links do not decode MAVLink."""
 
 from collections.abc import Collection
 

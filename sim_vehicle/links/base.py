@@ -11,17 +11,17 @@ from typing import Any, Protocol
 
 from sim_vehicle.links.url import Url
 
-ACTIVE_S = 10.0  # a ground station that is silent for longer is not counted
+ACTIVE_S = 10.0  # silence after which a ground station is not counted
 RECEIVE_BYTES = 8192  # bytes read at once; the rest of a longer datagram is lost
 DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # limits of one read, so that other sockets are served
-RETRY_S = 1.0  # between two attempts to restore a link
+RETRY_S = 1.0  # time between two attempts to restore a link
 SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # temporary shortages
 Address = tuple[Any, ...]  # in the form of the socket module
-Batch = Sequence[tuple[int, bytes]]
+Batch = Sequence[tuple[int, bytes]]  # (index of the vehicle, whole frames)
 
 
 class LinkError(OSError):
-    """The link cannot be opened; the text has the reason and the remedy."""
+    """A link that cannot be opened; the text has the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +29,11 @@ class LinkCallbacks:
     """The functions that a link calls."""
 
     received: Callable[[bytes, Hashable, Collection[int] | None], None]
-    """function of bytes, their sender, and the receiving vehicles (None: all of the link)"""
+    """receiver of bytes, their sender, and the addressed vehicles (None: all vehicles of the link)"""
     ended: Callable[[Hashable], None]
-    """function of a sender, called at the end of its stream"""
+    """receiver of a sender whose stream has ended"""
     warn: Callable[[str], None]
-    """function of a line for the operator"""
+    """receiver of a line for the operator"""
 
 
 class Link(Protocol):
@@ -41,10 +41,10 @@ class Link(Protocol):
 
     @property
     def dropped(self) -> int:
-        """Return the number of datagrams or chunks dropped for slow receivers."""
+        """Number of datagrams or chunks dropped for slow receivers."""
 
     def open(self) -> None:
-        """Open the link; LinkError if that fails."""
+        """Open the link. Raises LinkError."""
 
     def send(self, batch: Batch) -> None:
         """Send (vehicle, bytes of whole frames) to every ground station, without blocking."""
@@ -59,7 +59,7 @@ class Link(Protocol):
 
 
 def resolve(url: Url, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Address]:
-    """Return family and address of a URL's host; LinkError for an unknown host."""
+    """Return family and address of a URL's host. Raises LinkError for an unknown host."""
     flags = socket.AI_PASSIVE if url.listens else 0
     try:
         found = socket.getaddrinfo(url.host, url.port, type=kind, flags=flags)

@@ -10,8 +10,8 @@ from sim_vehicle.links.base import RETRY_S, Batch, LinkCallbacks, LinkError
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.url import Url
 
-BACKLOG_S = 0.5  # longest backlog at the line's speed; a longer backlog only delays telemetry
-BITS_PER_BYTE = 10  # with start and stop bit
+BACKLOG_S = 0.5  # transmission time of the longest backlog; a longer backlog only delays telemetry
+BITS_PER_BYTE = 10  # on the line, with start and stop bit
 
 
 class SerialLink:
@@ -33,8 +33,8 @@ class SerialLink:
             self._open()
         except (OSError, ValueError) as error:
             raise LinkError(
-                f"cannot open {self._url}: {error}; check the cable, the device's name, the baud rate, "
-                "and its permissions (group dialout)"
+                f"cannot open {self._url}: {error}; check the cable, the baud rate, and the device's name "
+                "and permissions (group dialout)"
             ) from error
 
     def _open(self) -> None:

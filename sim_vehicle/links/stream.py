@@ -21,7 +21,10 @@ class Stream:
         received: Callable[[bytes], None],
         ended: Callable[[str], None],
     ) -> None:
-        """`file`: descriptor of the non-blocking `read` and `write`. `ended`: called once with the reason."""
+        """Begin to read from the descriptor `file`; `read` and `write` do not block.
+
+        `ended` is called once, with the reason of the stream's end.
+        """
         self.dropped = 0
         self._file, self._read, self._write = file, read, write
         self._limit = backlog_bytes
@@ -46,7 +49,7 @@ class Stream:
             self._end("closed by the other end")
 
     def send(self, batch: Batch) -> None:
-        """Send (vehicle, frames) in order; frames beyond the backlog limit are dropped."""
+        """Send a batch in order; drop frames beyond the backlog limit."""
         if not self._open:
             return
         waiting = bool(self._backlog)

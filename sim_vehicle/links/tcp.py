@@ -13,7 +13,7 @@ from sim_vehicle.links.url import Url
 
 MAX_CLIENTS = 32
 BACKLOG_BYTES = 1_000_000
-RECONNECT_S = 0.5
+RECONNECT_S = 0.5  # time between two attempts to connect
 
 
 class _Connections:
@@ -109,7 +109,7 @@ class TcpIn(_Connections):
             return
         if len(self._open) >= MAX_CLIENTS:
             self._callbacks.warn(
-                f"{self._url}: {MAX_CLIENTS} clients are connected; the next client was refused [refused]"
+                f"{self._url}: {MAX_CLIENTS} clients are connected; the link refused another client [refused]"
             )
             connected.close()
         else:
@@ -142,7 +142,7 @@ class TcpIn(_Connections):
 
 
 class TcpOut(_Connections):
-    """A client that retries; one warning of an absent server, until the server sends data."""
+    """A client that reconnects, and warns once of an absent server until the server has sent data."""
 
     def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
         super().__init__(url, callbacks)

@@ -42,7 +42,7 @@ class UdpOut:
         self._address: Address = ()
         self._family = socket.AF_INET
         self._shared: socket.socket | None = None
-        self._sharing: frozenset[int] | None = None  # vehicles; None: all
+        self._sharing: frozenset[int] | None = None  # vehicles that use `_shared`; None: all vehicles
         # Sockets of rebooted vehicles; None: no socket is available yet, so the vehicle is silent.
         self._own: dict[int, socket.socket | None] = {}
         self._retry_timer: asyncio.TimerHandle | None = None

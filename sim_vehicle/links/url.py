@@ -14,12 +14,12 @@ MAX_BAUD = 12_500_000
 
 
 class UrlError(ValueError):
-    """The URL is unusable; the text has the expected form."""
+    """An unusable URL; the text has the expected form."""
 
 
 @dataclass(frozen=True, slots=True)
 class Url:
-    """One link; on a serial line `host` is the device and `port` the baud rate."""
+    """The URL of a link; of a serial line `host` is the device and `port` the baud rate."""
 
     kind: str
     host: str
@@ -46,7 +46,7 @@ class Url:
 
 
 def parse_url(text: str) -> Url:
-    """Parse a URL, where `tcp:` means tcpout and HOST:PORT alone means udpout; UrlError for other text."""
+    """Return the URL of a text; `tcp:` means tcpout, HOST:PORT alone means udpout. Raises UrlError."""
     stripped = text.strip()
     if stripped.startswith("serial:"):
         return _serial(stripped, text)

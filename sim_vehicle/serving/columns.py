@@ -5,15 +5,17 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
-GAP = 2  # between columns
+GAP = 2  # space between two columns [characters]
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
     """A column of a table.
 
-    priority: the column with the lowest priority is removed first. least: minimum width. cut: minimum width
-    of a column that may be cut (the last column only); None: the column is never cut.
+    priority: rank of the column; the column with the lowest priority is removed first
+    right: True for right-aligned cells
+    least: minimum width [characters]
+    cut: minimum width of the last column if it may be cut; None: the column is never cut
     """
 
     heading: str
@@ -33,7 +35,7 @@ class Column:
 
 
 def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
-    """Return the columns that fit into `width` characters, at least one; all for None."""
+    """Return the columns that fit into `width` characters, at least one column; for None all columns."""
     kept = list(columns)
     while width is not None and len(kept) > 1 and _needed(kept) > width:
         kept.remove(min(kept, key=lambda column: column.priority))
@@ -41,7 +43,7 @@ def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
 
 
 def table(columns: Sequence[Column], width: int | None) -> list[Text]:
-    """Return the heading and rows as lines of at most `width` characters; unlimited for None."""
+    """Return the heading and rows as lines of at most `width` characters; None: no limit."""
     kept = fitting(columns, width)
     widths = [column.width for column in kept]
     if width is not None:
@@ -68,7 +70,7 @@ def _line(cells: Sequence[Text], columns: Sequence[Column], widths: Sequence[int
 
 
 def one_line(words: Sequence[str], width: int, style: str) -> Text:
-    """Return the words that fit into `width`, in one line; the first word is cut if necessary."""
+    """Return the words that fit into `width`, as one line; cut the first word if necessary."""
     shown = list(words)
     while len(shown) > 1 and len("  ".join(shown)) > width:
         shown.pop()

@@ -13,13 +13,13 @@ from sim_vehicle.serving.columns import Column, one_line, table
 from sim_vehicle.serving.server import Server
 from sim_vehicle.truth import Truth
 
-REFRESH_S = 0.5
-PAGE_S = 5.0
+REFRESH_S = 0.5  # time between two drawings
+PAGE_S = 5.0  # time of a page
 FRAME_LINES = 5  # two header lines, headings, summary, and the last warning
-MODES_NAMED = 4
-LATE_S = 0.05
-LOW_BATTERY = 0.2
-FAULTS_LEAST = 12  # minimum width of the cut column [characters]
+MAX_NAMED_MODES = 4  # number of modes that the summary counts by name
+LATE_S = 0.05  # 99th percentile of lateness above which the header is red
+LOW_BATTERY_SHARE = 0.2  # battery share below which the share is red
+MIN_FAULTS_CHARS = 12  # minimum width of the column of faults, which may be cut
 
 
 class Display:
@@ -95,7 +95,7 @@ class Display:
         ]
         if any(faults) or "faults" in self._widest:
             cells = [Text(words, style="red") for words in faults]
-            columns.append(Column("faults", cells, priority=6, cut=FAULTS_LEAST))
+            columns.append(Column("faults", cells, priority=6, cut=MIN_FAULTS_CHARS))
         for i, column in enumerate(columns):
             self._widest[column.heading] = max(column.width, self._widest.get(column.heading, 0))
             columns[i] = replace(column, least=self._widest[column.heading])
@@ -114,7 +114,7 @@ def _armed(armed: bool) -> Text:
 
 
 def _battery(share: float) -> Text:
-    return Text(f"{share:.0%}", style="red" if share < LOW_BATTERY else "")
+    return Text(f"{share:.0%}", style="red" if share < LOW_BATTERY_SHARE else "")
 
 
 def _strikes(strikes: int) -> Text:
@@ -124,8 +124,12 @@ def _strikes(strikes: int) -> Text:
 def summary(truth: Truth, page: int, pages: int) -> list[str]:
     """Return a summary of all vehicles, and the page number."""
     modes = Counter(truth.mode).most_common()
-    named = [f"{number} {mode}" for mode, number in modes[:MODES_NAMED]]
-    named += [f"{sum(number for _, number in modes[MODES_NAMED:])} other"] if len(modes) > MODES_NAMED else []
+    named = [f"{number} {mode}" for mode, number in modes[:MAX_NAMED_MODES]]
+    named += (
+        [f"{sum(number for _, number in modes[MAX_NAMED_MODES:])} other"]
+        if len(modes) > MAX_NAMED_MODES
+        else []
+    )
     words = [
         f"{len(truth.mode)} vehicle{'s' if len(truth.mode) != 1 else ''}",
         ", ".join(named),
@@ -145,8 +149,8 @@ def _clock(seconds: float) -> str:
 async def show_table(server: Server, warning: Callable[[], str]) -> None:
     """Refresh the table until cancelled; a thread draws the table, so that heartbeats stay punctual.
 
-    The table is redrawn whole on the alternate screen, because a narrowed main screen keeps parts of old
-    lines. The last table stays on the main screen.
+    The table uses the alternate screen, because a narrowed main screen keeps parts of old lines. The last
+    table stays on the main screen.
     """
     console = Console()
     if not console.is_terminal or console.is_dumb_terminal:

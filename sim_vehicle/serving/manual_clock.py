@@ -1,4 +1,4 @@
-"""The manual clock: `step SECONDS` lines on a file descriptor, each answered after its time has passed."""
+"""The manual clock: `step SECONDS` lines from a file descriptor; the answer follows after these seconds."""
 
 import asyncio
 import contextlib
@@ -14,7 +14,7 @@ FORMS = "`step SECONDS` and `quit`"
 
 
 class ManualClock:
-    """The parser of `step` and `quit` lines, which grants time to a pace; without I/O."""
+    """A parser of `step` and `quit` lines without I/O, which grants time to a pace."""
 
     def __init__(self, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]) -> None:
         self._pace, self._say, self._warn = pace, say, warn

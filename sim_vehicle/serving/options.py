@@ -21,7 +21,7 @@ Value = TypeVar("Value")
 
 
 class OptionError(ValueError):
-    """The command line is unusable; the text has one line a problem: option, value, remedy."""
+    """An unusable command line; the text has a line for each problem: option, value, remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class FleetOptions:
 
 
 def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, list[Url], list[str]]:
-    """Return scenario, URLs and notes to the operator; OptionError lists every problem."""
+    """Return scenario, URLs and notes to the operator. Raises OptionError with every problem."""
     findings: list[str] = []
     made = _try(findings, make_scenario, options)
     parsed = _try(findings, parse_urls, urls)
@@ -54,7 +54,7 @@ def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, 
 
 
 def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
-    """Return the scenario of these options and notes to the operator; OptionError lists every problem."""
+    """Return the scenario of these options and notes to the operator. Raises OptionError."""
     findings: list[str] = []
     faults = [_try(findings, parse_fault, text, "--") for text in options.faults]
     wind = None if options.wind is None else _try(findings, parse_wind, options.wind)
@@ -105,11 +105,11 @@ def _try(findings: list[str], parse: Callable[..., Value], given: object, prefix
 
 
 def parse_urls(texts: Iterable[str]) -> list[Url]:
-    """Return the URLs; OptionError for mistakes and duplicates."""
+    """Return the URLs. Raises OptionError for mistakes and duplicates."""
     findings: list[str] = []
     urls = [url for text in texts if (url := _try(findings, parse_url, text)) is not None]
     duplicates = sorted({str(url) for url in urls if urls.count(url) > 1})
-    findings += [f"--url {url} is a duplicate; remove one of them" for url in duplicates]
+    findings += [f"--url {url} is given more than once; remove the duplicate" for url in duplicates]
     if findings:
         raise OptionError("\n".join(findings))
     return urls
@@ -160,7 +160,7 @@ def _counted(options: FleetOptions) -> Scenario:
 
 
 def parse_personality(text: str, count: int | None) -> list[str]:
-    """Return one personality a vehicle from `px4`, `mixed` (alternating) or `ardupilot:3,px4:2`."""
+    """Return the personality of each vehicle from `px4`, `mixed` (alternating) or `ardupilot:3,px4:2`."""
     given = text.lower()
     if given in PERSONALITIES:
         return [given] * (count or 1)
@@ -188,7 +188,7 @@ def parse_kind(text: str) -> str:
 
 
 def parse_home(text: str) -> tuple[float, float, float, float]:
-    """Return latitude, longitude [deg], altitude [m above sea level], heading [deg, default north]."""
+    """Return latitude [deg], longitude [deg], altitude [m above sea level] and heading [deg]."""
     numbers = _numbers(text)
     if len(numbers) not in (3, 4):
         raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
@@ -203,7 +203,7 @@ def parse_home(text: str) -> tuple[float, float, float, float]:
 
 
 def parse_wind(text: str) -> dict[str, float]:
-    """Return the wind of SPEED,FROM[,GUST] in m/s, degrees, m/s, as in a scenario."""
+    """Return the wind of SPEED,FROM[,GUST] in m/s, degrees and m/s, with the keys of a scenario."""
     numbers = _numbers(text)
     if len(numbers) not in (2, 3):
         raise OptionError(
@@ -244,7 +244,7 @@ def read_param_file(path: Path) -> dict[str, float]:
     except OSError as error:
         raise OptionError(f"--param-file {path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise OptionError(f"--param-file {path}: is not UTF-8 text") from error
+        raise OptionError(f"--param-file {path}: the file is not UTF-8 text; save it as UTF-8") from error
     found: dict[str, float] = {}
     findings: list[str] = []
     for number, line in enumerate(lines, 1):
@@ -272,7 +272,7 @@ def _number(text: str) -> float | None:
 
 
 def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -> list[str]:
-    """Set the parameters on the vehicles that have them; return the names of unknown parameters."""
+    """Set each parameter on the vehicles that have it; return the names of parameters of no vehicle."""
     unknown = dict.fromkeys(given)
     for vehicle in vehicles:
         known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters

@@ -7,14 +7,14 @@ from typing import Protocol
 
 from sim_vehicle.epoch import EPSILON_S
 
-LAG_REPORTED_S = 1.0
-LAG_REPORT_EVERY_S = 10.0
+LAG_REPORTED_S = 1.0  # lateness above which the pace skips the lost time and reports it
+LAG_REPORT_EVERY_S = 10.0  # shortest time between two reports
 LONGEST_WAIT_S = 0.5  # longest wait, so that the server can check its own state
 YIELD_S = 0.01  # longest run of ticks before the sockets are read
 
 
 class Pace(Protocol):
-    """The pace of a fleet; simulated time [s] from the start, wall time [s] of any origin."""
+    """The pace of a fleet; simulated time counts from the start [s]."""
 
     finished: bool
     """True after the last tick"""
@@ -25,14 +25,17 @@ class Pace(Protocol):
         """Wait at most `LONGEST_WAIT_S` for the tick at `tick_s`; return True if the tick is due."""
 
     def now_s(self, done_s: float, tick_s: float) -> float:
-        """Return the simulated time of input at present, from `done_s` to before `tick_s`."""
+        """Return the simulated time [s] of input that arrives now: at least `done_s`, below `tick_s`.
+
+        `done_s` is the time of the last input or tick, `tick_s` the time of the next tick.
+        """
 
     def late_s(self, tick_s: float) -> float:
         """Return the delay of the tick at `tick_s` in wall time [s]."""
 
     @property
     def lost_s(self) -> float:
-        """Return the wall time [s] lost because the simulation was too slow."""
+        """Wall time lost because the simulation was too slow [s]."""
 
     def __str__(self) -> str: ...
 
@@ -108,13 +111,13 @@ class ManualPace:
         """Do nothing: time passes only after a grant."""
 
     def grant(self, seconds: float, done: Callable[[float], None]) -> None:
-        """Let further `seconds` pass, then call `done` with the simulated time."""
+        """Let `seconds` more pass, then call `done` with the simulated time [s]."""
         self._granted_s += seconds
         self._waiting.append((self._granted_s, done))
         self._woken.set()
 
     def finish(self) -> None:
-        """End after the granted time."""
+        """End the run after the granted time."""
         self._woken.set()
         self._waiting.append((self._granted_s, lambda _: setattr(self, "finished", True)))
 

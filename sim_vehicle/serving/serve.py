@@ -22,13 +22,18 @@ from sim_vehicle.serving.server import Server
 from sim_vehicle.wire.outbox import Frames
 
 MAVLINK_MAGIC = b"\xfd\xfe"
-MOST_WAITING = 20  # largest number of held warnings
-MANY_FILES = 10_240  # limit for a system without a reported limit
+MAX_HELD_WARNINGS = 20
+MANY_FILES = 10_240  # limit of open files on a system without a reported limit
 
 
 @dataclass(frozen=True, slots=True)
 class ServeSettings:
-    """Settings of serving. speedup: None for the manual clock. ready_s [s]: None for the default."""
+    """Settings of a served fleet.
+
+    ready_s: time from boot to a position estimate [s]; None for the time of the scenario or autopilot
+    speedup: simulated seconds per second; None for the manual clock
+    tlog: folder of the telemetry logs; None without logs
+    """
 
     urls: Sequence[Url]
     port_step: int
@@ -42,7 +47,7 @@ class ServeSettings:
 def serve(scenario: Scenario, settings: ServeSettings) -> None:
     """Serve until SIGINT, SIGTERM, the end of the manual clock, or the end of the parent process.
 
-    LinkError for unusable links, OptionError for other problems.
+    Raises LinkError for unusable links, and OptionError for other problems.
     """
     if sys.platform == "win32":
         raise OptionError(
@@ -73,7 +78,7 @@ class _OperatorLines:
     @contextlib.contextmanager
     def holding_warnings(self) -> Iterator[None]:
         """Hold warnings during a table if standard error is the terminal."""
-        self._waiting = deque(maxlen=MOST_WAITING) if sys.stderr is None or sys.stderr.isatty() else None
+        self._waiting = deque(maxlen=MAX_HELD_WARNINGS) if sys.stderr is None or sys.stderr.isatty() else None
         try:
             yield
         finally:
@@ -132,7 +137,7 @@ async def _run(
 
 
 def _allow_files() -> None:
-    """Raise the limit of open files, for one log a vehicle and clients on every port."""
+    """Raise the limit of open files, for a log of each vehicle and clients on every port."""
     import resource  # noqa: PLC0415 - Windows has none
 
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)

@@ -15,10 +15,10 @@ from sim_vehicle.serving.pace import Pace
 from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 
-BIN_S = 0.0005
-BINS = 4000  # the last bin has all delays above 2 s
+BIN_S = 0.0005  # width of a bin of the histogram
+BINS = 4000  # number of bins; the last bin has all delays above 2 s
 
-DATAGRAM_BYTES = 1200
+MAX_DATAGRAM_BYTES = 1200  # longest datagram of several frames
 HEARTBEAT_ID = b"\x00\x00\x00"  # message id in a MAVLink 2 frame
 ANY_HOST = ("0.0.0.0", "::")
 
@@ -52,7 +52,7 @@ class Lateness:
 
 
 class Server:
-    """A running fleet; each link of the fleet has one port of each URL."""
+    """A running fleet; each link of the fleet has a port at each URL."""
 
     def __init__(
         self,
@@ -65,14 +65,14 @@ class Server:
         parent_pid: int | None = None,
         record: Callable[[Frames, float], None] | None = None,
     ) -> None:
-        """Prepare the links; LinkError for URLs that cannot carry the fleet.
+        """Prepare the links. Raises LinkError for URLs that cannot carry the fleet.
 
         Parameters
         ----------
-        warn: function of a line for the operator.
+        warn: function that receives a line for the operator.
         port_step: difference between the ports of two links.
-        parent_pid: process that the server watches; the run ends with it.
-        record: function of all sent frames and the simulated time [s].
+        parent_pid: process whose end also ends the run.
+        record: function that receives all sent frames and the simulated time [s].
         """
         self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step
         self._parent_pid, self._record = parent_pid, record
@@ -122,7 +122,7 @@ class Server:
 
     @property
     def dropped(self) -> int:
-        """Return the number of datagrams and chunks dropped for slow receivers."""
+        """Number of datagrams and chunks dropped for slow receivers."""
         return sum(link.dropped for links in self._links.values() for link in links)
 
     def stations(self) -> int:
@@ -136,7 +136,7 @@ class Server:
         return " and ".join(f"{url} to {url.port + most}{steps}" if most else str(url) for url in self.urls)
 
     async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
-        """Open the links and run until cancelled, or until the end of the pace or the parent process."""
+        """Open the links; run until cancelled, or until the end of the pace or of the parent process."""
         asyncio.get_running_loop().set_exception_handler(self._note_bug)
         try:
             for links in self._links.values():
@@ -165,7 +165,7 @@ class Server:
         self.lateness.add(self.pace.late_s(self.simulated_s), beats)
 
     def _note_bug(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Keep the first exception of a callback, so that the run ends with it."""
+        """Keep the first exception of a callback; `run` raises the exception."""
         error = context.get("exception")
         if isinstance(error, Exception) and self._bug is None:
             self._bug = error
@@ -223,7 +223,7 @@ def joined(frames: Frames) -> Iterable[tuple[int, bytes]]:
     for index, frame in frames:
         waiting = parts.setdefault(index, [])
         size = sizes.get(index, 0) + len(frame)
-        if waiting and size > DATAGRAM_BYTES:
+        if waiting and size > MAX_DATAGRAM_BYTES:
             out.append((index, b"".join(waiting)))
             waiting.clear()
             size = len(frame)

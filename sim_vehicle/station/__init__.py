@@ -1,4 +1,4 @@
-"""A ground station without sockets and clocks, which flies scenarios and the vehicles under test.
+"""A ground station without sockets and clocks, for scenarios and for vehicles under test.
 
 `client` runs a script; `exchanges` has the requests to one vehicle.
 """

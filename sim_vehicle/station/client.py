@@ -15,7 +15,7 @@ from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
-GAP = "[...]"  # replaces a missing chunk
+GAP = "[...]"  # text in place of a missing chunk
 
 HEARTBEAT_S = 1.0
 SETTLED_S = 3.0  # delay after the first heartbeat; some autopilots undo an earlier mode change
@@ -40,8 +40,8 @@ PROCESSED = frozenset(
 )
 SYSTEM, COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 
-FrameSink = Callable[[int, bytes, float], None]
-LinkFrames = list[tuple[int, bytes]]
+FrameSink = Callable[[int, bytes, float], None]  # (index of the vehicle, frame, time [s])
+LinkFrames = list[tuple[int, bytes]]  # (link, frame)
 
 
 class StatusTexts:
@@ -86,18 +86,18 @@ class _StepRun:
     exchanges: list[Exchange]
     began_s: float | None = None
     retry_s: float | None = None
-    answer: str = "no answer [no-answer]"  # or the last refusal
+    answer: str = "no answer [no-answer]"  # text of the last refusal, if there is one
 
 
 @dataclass
 class Contact:
-    """The state of one vehicle; times in s."""
+    """The state of one vehicle; times in simulated seconds."""
 
     spec: VehicleSpec
     pending: deque[_StepRun] = field(default_factory=deque)
     first_heartbeat_s: float | None = None
     last_heartbeat_s: float = 0.0
-    telemetry_s: float = 0.0
+    telemetry_s: float = 0.0  # time of the last position
     streams_requested_s: float = -STREAMS_MISSING_S
     status_texts: StatusTexts = field(default_factory=StatusTexts)
     messages: int = 0
@@ -115,8 +115,8 @@ class Station:
 
     Parameters
     ----------
-    scenario: its vehicles and script.
-    on_frame: called with vehicle index, frame and time for every message, in both directions.
+    scenario: scenario with the vehicles and the script.
+    on_frame: receiver of every message, in both directions.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Station:
         self._links = sorted({spec.link for spec in scenario.vehicles})
         self._codecs = {link: mavlink.MAVLink(None, SYSTEM, COMPONENT) for link in self._links}
         self._parsers = [_parser() for _ in scenario.vehicles]
-        self._frames_are_intact = not scenario.faults  # slow decoding is then unnecessary for most frames
+        self._has_intact_frames = not scenario.faults  # slow decoding is then unnecessary for most frames
         self._outbox: LinkFrames = []
         self._now = 0.0
         self._next_heartbeat_s = 0.0
@@ -144,7 +144,7 @@ class Station:
 
     @property
     def done(self) -> bool:
-        """Return True if every step has ended."""
+        """True if every step has ended."""
         return not any(contact.pending for contact in self.contacts)
 
     def begin(self, index: int, step: ScriptStep) -> None:
@@ -157,7 +157,7 @@ class Station:
     def receive(self, index: int, data: bytes, now: float) -> None:
         """Process bytes of one vehicle."""
         self._now = now
-        if self._frames_are_intact and _is_plain_telemetry(data):
+        if self._has_intact_frames and _is_plain_telemetry(data):
             self.contacts[index].messages += 1
             self._on_frame(index, data, now)
             return
@@ -202,7 +202,7 @@ class Station:
         contact.messages += 1
         kind = message.get_type()
         if message.get_srcSystem() != contact.spec.sysid:
-            return  # from the telemetry radio
+            return  # a message of the telemetry radio
         if kind == "HEARTBEAT":
             contact.last_heartbeat_s = now
             if contact.first_heartbeat_s is None:

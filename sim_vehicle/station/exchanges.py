@@ -85,8 +85,8 @@ class LongCommand(Exchange):
 class WaitUntilReady(Exchange):
     """A wait of at most `give_up_s` for the pre-arm bit in SYS_STATUS.
 
-    After the time the exchange succeeds too, because the refusal of the next arming has the reason. For an
-    autopilot without the bit the wait ends at once.
+    After this time the exchange succeeds too, because the refusal of the next arming has the reason. If the
+    autopilot has no such bit, the wait ends at once.
     """
 
     def __init__(self, sysid: int, send: Send, give_up_s: float) -> None:

@@ -22,17 +22,17 @@ from sim_vehicle.station.client import Station
 from sim_vehicle.wire.outbox import Frames
 
 STEP_S = 0.05
-HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], above mean sea level [m]
+HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], altitude above mean sea level [m]
 GCS_SYSTEM, GCS_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 PEER = "the test"
-MOST_VEHICLES = 10_000
-LINES_KEPT = 20
-SOURCE_SYSTEM = 5  # source system in a MAVLink 2 frame
+MAX_VEHICLES = 10_000
+MAX_OPERATOR_LINES = 20
+SOURCE_SYSTEM_AT = 5  # index of the source system in a MAVLink 2 frame
 Result = TypeVar("Result")
 
 
 class NotWithinTimeError(AssertionError):
-    """A condition or step did not succeed in time."""
+    """A condition or step without success in time."""
 
 
 class FleetThread(Protocol):
@@ -46,7 +46,7 @@ class FleetThread(Protocol):
 
     @property
     def now(self) -> float:
-        """Return the simulated time [s]."""
+        """Simulated time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class VehicleTruth:
     airborne: bool
     armed: bool
     crashed: bool
-    battery_remaining: float  # share, in [0, 1]
+    battery_remaining: float  # share of the full charge, in [0, 1]
     strikes: int
     mode: str
 
@@ -76,7 +76,7 @@ class Vehicle:
         self._decoder = mavlink.MAVLink(None)
         self._decoder.robust_parsing = True
         self._raw: list[bytes] = []
-        self._log: list[tuple[float, bytes]] = []  # whole frames, from and to the vehicle
+        self._log: list[tuple[float, bytes]] = []  # time [s] and whole frame, from and to the vehicle
         self._decoded = 0
         self._received: list[Any] = []
 
@@ -135,7 +135,7 @@ class Vehicle:
         return self.truth.height_m
 
     def inject(self, fault: str) -> None:
-        """Begin a fault in the form of `--fault`, such as `gps_loss:for=10`; `at` counts from now."""
+        """Begin a fault in the form of `--fault`, such as `gps_loss:for=10`; `at` counts from this call."""
         __tracebackhide__ = True
         try:
             self._rig.inject(fault, self.sysid)
@@ -146,7 +146,7 @@ class Vehicle:
         """Perform one action of a scenario's script: `do("takeoff", 20)`, `do("mode", "RTL")`.
 
         The action begins with the next tick of the clock. If the action fails, the clock raises
-        NotWithinTimeError. ScenarioError for an unknown action, or an impossible action on this vehicle.
+        NotWithinTimeError. Raises ScenarioError for an action that is unknown or impossible on this vehicle.
         """
         __tracebackhide__ = True
         try:
@@ -183,7 +183,9 @@ class Rig:
         self.fleet: Fleet | None = None
         self.vehicles: list[Vehicle] = []
         self.serving: FleetThread | None = None
-        self.operator_lines: deque[str] = deque(maxlen=LINES_KEPT)  # lines of a server to its operator
+        self.operator_lines: deque[str] = deque(
+            maxlen=MAX_OPERATOR_LINES
+        )  # lines of a server to its operator
         self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
         self._station: Station | None = None
         self._now = 0.0
@@ -271,7 +273,7 @@ class Rig:
 
     def _log_sent(self, index: int, frame: bytes, now: float) -> None:
         """Log the messages of the ground station; `take` logs the messages of the vehicle."""
-        if frame[SOURCE_SYSTEM] == GCS_SYSTEM:
+        if frame[SOURCE_SYSTEM_AT] == GCS_SYSTEM:
             self.vehicles[index]._log.append((now, frame))
 
     def write_tlogs(self, folder: Path) -> None:
@@ -331,10 +333,10 @@ class Clock:
             self._rig.tick()
 
     def run_until(self, condition: Callable[[], object], timeout: float = 60.0) -> float:
-        """Let time pass until the condition holds; return the time taken [s].
+        """Let time pass until the condition holds; return the simulated time taken [s].
 
-        NotWithinTimeError, an AssertionError, after `timeout` [s of simulated time] or a failed action of
-        `vehicle.do`. The condition is evaluated before the first tick and after each tick.
+        The condition is evaluated before the first tick and after each tick. Raises NotWithinTimeError, an
+        AssertionError, after `timeout` [s of simulated time] or a failed action of `vehicle.do`.
         """
         __tracebackhide__ = True
         start = self.now
@@ -366,9 +368,9 @@ def scenario_for(
     wind: Mapping[str, float] | None = None,
     scenario: Scenario | Path | str | None = None,
 ) -> Scenario:
-    """Return the scenario of `swarm(...)`; ScenarioError for invalid arguments."""
-    if not (isinstance(count, int) and 1 <= count <= MOST_VEHICLES):
-        raise ScenarioError(f"count={count!r}: give a whole number from 1 to {MOST_VEHICLES}")
+    """Return the scenario of `swarm(...)`. Raises ScenarioError for invalid arguments."""
+    if not (isinstance(count, int) and 1 <= count <= MAX_VEHICLES):
+        raise ScenarioError(f"count={count!r}: give a whole number from 1 to {MAX_VEHICLES}")
     _one_of("personality", personality, [*PERSONALITIES, "mixed"])
     _one_of("kind", kind, sorted({kind for kinds in PERSONALITIES.values() for kind in kinds}))
     if len(home) != 3 or not (-90 <= home[0] <= 90 and -180 <= home[1] <= 180):

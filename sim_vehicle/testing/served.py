@@ -1,4 +1,4 @@
-"""A fleet under test that a thread serves in real time × speedup."""
+"""A fleet under test, served by a thread in real time × speedup."""
 
 import asyncio
 import concurrent.futures
@@ -15,8 +15,8 @@ from sim_vehicle.serving.pace import RealTime
 from sim_vehicle.serving.server import Server
 from sim_vehicle.testing.rig import Rig
 
-DEADLINE_S = 10.0
-WAIT_S = 0.005
+DEADLINE_S = 10.0  # longest wait for the server's thread
+WAIT_S = 0.005  # wall time between two checks of a condition
 Result = TypeVar("Result")
 
 
@@ -114,8 +114,8 @@ class Link:
         Parameters
         ----------
         url: as for `--url`: `udpout:127.0.0.1:14550` for a listening station, `tcpin:127.0.0.1:5760` for a
-            connecting station. None: listen on a free UDP port of this machine, given by `link.url`,
-            `link.mavsdk_url`, `link.address` and `link.port`; the fleet answers every sender.
+            connecting station. None: a free UDP port of this machine, as in `link.url`, `link.mavsdk_url`,
+            `link.address` and `link.port`; the fleet answers every sender.
         speedup: simulated seconds per second. Simulated time follows the wall clock; lost time causes a
             RuntimeWarning at the end of the test.
         """
@@ -160,7 +160,7 @@ class Link:
         return f"udpout://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Stop the server and warn of lost time, in the test's thread, because a warning may be an error."""
+        """Stop the server; warn of lost time in the test's thread, because pytest may raise the warning."""
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.stop()

@@ -20,7 +20,7 @@ from sim_vehicle.serving.display import Display
 from sim_vehicle.serving.manual_clock import ManualClock
 from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ManualPace
-from sim_vehicle.serving.server import DATAGRAM_BYTES, Lateness, Server, joined
+from sim_vehicle.serving.server import MAX_DATAGRAM_BYTES, Lateness, Server, joined
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(50))
 FRAMES = st.lists(st.tuples(st.integers(0, 4), st.binary(min_size=1, max_size=300)), max_size=40)
@@ -30,7 +30,7 @@ FRAMES = st.lists(st.tuples(st.integers(0, 4), st.binary(min_size=1, max_size=30
 @given(FRAMES)
 def test_datagrams_have_whole_frames_of_one_vehicle_in_order(frames: list[tuple[int, bytes]]) -> None:
     datagrams = list(joined(frames))
-    assert all(len(data) <= DATAGRAM_BYTES for _, data in datagrams)
+    assert all(len(data) <= MAX_DATAGRAM_BYTES for _, data in datagrams)
     for vehicle in range(5):
         sent = b"".join(data for index, data in datagrams if index == vehicle)
         assert sent == b"".join(data for index, data in frames if index == vehicle)
