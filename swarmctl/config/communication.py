@@ -74,7 +74,7 @@ class PartitionSection(Section):
 
 
 class QuietSection(Section):
-    """A period in which UAVs send nothing. They still receive."""
+    """A period in which UAVs send nothing, but still receive."""
 
     uavs: tuple[VehicleRef, ...] = Field(min_length=1, description="The silent UAVs, by name or system id.")
     from_s: float = Field(0.0, ge=0.0, description="Begin, in simulated seconds since the start [s].")
@@ -91,8 +91,8 @@ class QuietSection(Section):
 class Communication(Section):
     """The exchange of messages between UAVs: transport, endpoints, and a model of the radio.
 
-    The model works in simulated time and is the same over every transport. It adds to the delays and losses
-    of the real network.
+    The model works in simulated time and is the same over every transport. Its delays and losses are added to
+    those of the real network.
     """
 
     bus: Literal["zenoh", "memory"] = Field(

@@ -1,6 +1,6 @@
 """The shipped configurations, by name, and the text of a starter configuration.
 
-A checkout has the files in its folder `configs/`; the wheel has them in `swarmctl/configs/`.
+The files are in `configs/` of a checkout, and in `swarmctl/configs/` of the wheel.
 """
 
 from __future__ import annotations

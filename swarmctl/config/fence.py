@@ -15,8 +15,8 @@ from swarmctl.mavlink.procedures.fence import MAX_VERTICES
 def polygon_of(config: Config, grid: Grid, swarm: Sequence[Spec]) -> tuple[LatLon, ...]:
     """Return the fence's corners [deg], in order.
 
-    By default the fence surrounds the area and all starts, with a margin. It leaves room for the landings of
-    fixed wings at their starts and goals.
+    By default the fence surrounds the area, all starts, and the room for landings of fixed wings at starts
+    and goals, with a margin.
     """
     fence, frame = config.preflight.fence, grid.frame
     if fence.polygon is not None:

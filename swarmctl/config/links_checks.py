@@ -12,8 +12,8 @@ from swarmctl.links.url import parse_url
 
 def check_links(config: Config) -> Iterator[ConfigProblem]:
     """Yield unusable signing keys, and URLs to which forwarding is impossible or unsafe."""
-    # The built-in simulator never has the key: `scenario.json` in the run folder, or a message that sets the
-    # key, would reveal it. A simulator that the user starts with the key is a vehicle with a URL.
+    # The built-in simulator never has the key, because `scenario.json` in the run folder or a message on the
+    # link would reveal the key. A simulator that the user starts with the key is a vehicle with a URL.
     if config.links.signing_key is not None and config.simulate is not None:
         text = (
             "vehicles of `simulate` have no signing key, so all their messages would be refused; remove "
@@ -31,7 +31,7 @@ def check_links(config: Config) -> Iterator[ConfigProblem]:
 
 
 def forwarding_problem(links: Links, url: str) -> str:
-    """Return the reason why forwarding to this URL is unsafe; empty if it is safe.
+    """Return the reason why forwarding to this URL is unsafe; empty if forwarding is safe.
 
     Forwarding is unsafe if other machines could command vehicles through this URL.
     """

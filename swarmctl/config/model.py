@@ -106,7 +106,7 @@ class Config(Section):
 
 @dataclass(frozen=True, slots=True)
 class ConfigProblem:
-    """One error of a configuration: its place in the file, and what to do."""
+    """One error of a configuration: the place in the file, and the error with its cure."""
 
     path: yaml_lines.Path
     text: str
@@ -159,7 +159,7 @@ def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProble
 
 
 def _check_rest(data: Any, wrong: list[yaml_lines.Path], check: Check) -> Iterator[ConfigProblem]:
-    """Check the remaining values without the wrong ones, so that one run reports all problems."""
+    """Yield problems of the values that are not wrong, so that one run reports all problems."""
     if not isinstance(data, dict):
         return
     vehicles = data.get("vehicles")

@@ -23,7 +23,7 @@ from swarmctl.core.messages import MAX_SYSTEM_ID
 
 @dataclass(frozen=True, slots=True)
 class Roster:
-    """The vehicles and the network of a swarm, for commands that do not fly it."""
+    """The vehicles and the network of a swarm, for commands that fly no vehicle."""
 
     name: str
     communication: Communication

@@ -28,7 +28,7 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
     must differ by more than the height errors of vehicles.
     """
     limits = scenario.config.separation
-    yield from _hardly_apart(scenario)
+    yield from _check_height_margin(scenario)
     shared = [
         {one.sysid, other.sysid}
         for one, other in combinations(scenario.specs, 2)
@@ -55,10 +55,10 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
         return  # one change of the configuration usually resolves the other conflicts too
 
 
-def _hardly_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two vehicles whose altitudes differ by `separation.vertical_m` or slightly more.
+def _check_height_margin(scenario: Scenario) -> Iterator[ConfigProblem]:
+    """Yield the first two vehicles with altitudes that differ by `separation.vertical_m` or slightly more.
 
-    Planning regards them as separated, but their height errors would raise an alarm at every crossing.
+    For planning such altitudes are separate, but height errors would raise an alarm at every crossing.
     """
     vertical_m = scenario.config.separation.vertical_m
     wanted_m = HEIGHT_MARGIN * vertical_m

@@ -43,7 +43,7 @@ class Spec:
 
 
 def specs_of(config: Config, grid: Grid) -> tuple[Spec, ...]:
-    """Return the simulated vehicles, then the configured ones."""
+    """Return the vehicles of `simulate`, followed by `vehicles`."""
     return (*_simulated(config, grid), *_configured(config, grid))
 
 

@@ -33,7 +33,7 @@ ARRIVE_AFTER = "Arrival window: earliest arrival over the goal, from the vehicle
 
 
 class Simulate(Section):
-    """Simulated vehicles along one side of the area. They start and stop with the flight."""
+    """Simulated vehicles along one side of the area. The simulator starts and stops with the flight."""
 
     count: int = Field(ge=1, le=250, description="Number of simulated vehicles, named uav1, uav2, ….")
     speedup: float = Field(1.0, ge=1.0, le=100.0, description="Simulated seconds in a second of real time.")

@@ -8,7 +8,7 @@ from swarmctl.core.section import Section
 
 
 class WingsSection(Section):
-    """Performance of all fixed wings. A vehicle's own `speed_m_s` and `turn_radius_m` override it."""
+    """Performance of all fixed wings. A vehicle's `speed_m_s` and `turn_radius_m` replace these values."""
 
     speed_m_s: float = Field(
         15.0, gt=5.0, le=35.0, description="Cruise airspeed of simulated fixed wings [m/s]."

@@ -1,4 +1,4 @@
-"""Checks of fixed wings: room to take off and to land, and options that they cannot fly. Pure."""
+"""Checks of fixed wings: room for take-off and landing, and impossible options. Pure."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
 
 
 def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two fixed wings whose landings meet at any times: the time in the circle is unknown."""
+    """Yield the first two fixed wings with landings that meet. The times of landings are unknown."""
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
     apart_m = scenario.config.separation.horizontal_m
     known = [(spec, list(_outlines(task))) for spec, task in planes]
@@ -124,10 +124,10 @@ def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
 
 def _nearest_m(a: list[PlanarPoint], b: list[PlanarPoint]) -> float:
     """Return the least distance between two tracks, sampled every SAMPLE_EVERY_M [m]."""
-    return min(distance_to_track(point, b) for point in _dense(a))
+    return min(distance_to_track(point, b) for point in _sampled(a))
 
 
-def _dense(track: list[PlanarPoint]) -> Iterator[PlanarPoint]:
+def _sampled(track: list[PlanarPoint]) -> Iterator[PlanarPoint]:
     for (e0, n0), (e1, n1) in pairwise(track):
         pieces = math.ceil(math.dist((e0, n0), (e1, n1)) / SAMPLE_EVERY_M) or 1
         yield from ((e0 + (e1 - e0) * k / pieces, n0 + (n1 - n0) * k / pieces) for k in range(pieces))

@@ -1,4 +1,4 @@
-"""The belief of a vehicle about the hostiles: a set of observations, and the occupancy it implies."""
+"""The belief of a vehicle about the hostiles: a set of observations, and the occupancy of the cells."""
 
 from __future__ import annotations
 
@@ -143,8 +143,8 @@ class Belief:
     def merge(self, new: Iterable[BeliefItem]) -> Belief:
         """Return the union with `new`; `self` if `new` adds nothing.
 
-        Raises ValueError, and merges nothing, if a cell lies outside the area or if one name (observer,
-        incarnation, seq) comes with two contents.
+        Raises ValueError for a cell outside the area, and for one name (observer, incarnation, seq) with two
+        contents. The belief then stays unchanged.
         """
         new = tuple(new)
         for item in new:
@@ -186,10 +186,10 @@ class Belief:
         return ObservationLog(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
     def _advance(self, new: list[Checkpoint]) -> Belief:
-        """Return the belief with new checkpoints in place of the items that they replace.
+        """Return the belief with new checkpoints in place of older items.
 
-        If the counts stay equal, the method compacts this belief in place and returns it. The agent then has
-        no reason to plan again.
+        If the counts stay equal, the result is this belief, compacted in place. So the agent has no reason to
+        plan again.
         """
         checkpoints = dict(self._checkpoints)
         counts, size, n_covered = self._all_counts.copy(), self._base.looks.size, 0
@@ -279,7 +279,7 @@ class Belief:
         return p_occupied
 
     def uncertain(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Return the cells of a look that are not certain yet: there the look adds information.
+        """Return the cells of a look that are not certain yet. Only these cells add information.
 
         With the paper's sensor one look makes a cell certain (section 3).
         """

@@ -84,7 +84,7 @@ class Intents(_Record, frozen=True):
 
 
 class MissionAccepted(_Record, frozen=True):
-    """Plan `plan_id` is on the vehicle, read back and compared; a vehicle in flight flies it."""
+    """Plan `plan_id` is on the vehicle, read back and compared. A vehicle in flight flies this plan."""
 
     plan_id: int
     took_s: float | None = None
@@ -218,7 +218,7 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """True for an order that an operator has just given: it is sent even without telemetry"""
+    """True for an order that an operator has just given. Such an order is sent even without telemetry"""
 
 
 class SetSpeed(_Record, frozen=True):

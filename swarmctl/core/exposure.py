@@ -13,14 +13,13 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 
 RouteCells = Sequence[Cell] | NDArray[np.int64]
-"""The cells of a route, or an (n, 2) array of them. An array saves conversions for several sums over a
-route."""
+"""The cells of a route; as an (n, 2) array to save conversions for several sums over a route."""
 
 
 def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArray[np.float64]:
     """Return P_s of every cell, shape (rows, cols): Eq. 3, and Eq. 2 if p_O is 0 or 1 everywhere.
 
-    There are no threats outside the area, so cells on the border have fewer neighbours and a lower P_s.
+    Cells on the border have fewer neighbours and a lower P_s, because the area contains all threats.
 
     ERRATUM: the paper calls P_s a probability. It is a sum over threats and may exceed 1: nine occupied
     cells at 0.9/0.5/0.3 give 4.1.
@@ -32,7 +31,7 @@ def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArr
 def prior_inner_exposure(rows: int, cols: int, n_hostiles: float, strength: FiringStrength) -> float:
     """Return P_s of a cell away from the border before the first observation.
 
-    This is the default ψ per cell: a cell of length then costs as much as a cell of unknown threat.
+    This is the default ψ per cell, at which a cell of length costs as much as a cell of unknown threat.
     """
     return n_hostiles / (rows * cols) * float(strength.kernel.sum())
 
@@ -65,9 +64,9 @@ def exposure_sum(p_s: NDArray[np.float64], cells: RouteCells) -> float:
 def safety_factor(p_s: NDArray[np.float64], cells: RouteCells) -> float:
     """Return ∏(1 − P_s) over a route without its start cell and with its goal; P_s is clipped to 1.
 
-    ERRATUM: the paper treats this as the survival probability. Neighbouring cells are exposed to the same
-    unknown hostile, so they are not independent and the true survival differs. On a straight crossing of
-    20 × 20 cells with 24 hostiles at 0.6/0.3/0.1 the survival is about 0.13 and this factor 0.07.
+    ERRATUM: the paper treats this factor as the survival probability. But neighbouring cells are exposed to
+    the same unknown hostile, so their hits are not independent. Example: a straight crossing of 20 × 20 cells
+    with 24 hostiles at 0.6/0.3/0.1 has a survival probability of about 0.13 and a factor of 0.07.
     """
     return math.prod(1.0 - min(value, 1.0) for value in _entered(p_s, cells))
 

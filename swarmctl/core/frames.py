@@ -108,7 +108,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     refused: int = 0
     """number of messages that the UAV refused"""
     flagged: tuple[int, ...] = ()
-    """UAVs whose observations contradict those of this UAV"""
+    """UAVs with observations that contradict observations of this UAV"""
     alt_amsl_m: float | None = None
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """east, north, up [m/s]"""
@@ -119,7 +119,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     returns_to: tuple[float, float] | None = None
     """landing spot of a UAV that returns, or that holds until its turn to return [deg]"""
     age_s: float = 0.0
-    """age of position, height and velocity [s]; 0 while the vehicle sends them"""
+    """age of position, height and velocity [s]; 0 while new values arrive from the vehicle"""
 
     def __post_init__(self) -> None:
         _check_position(self.lat_deg, self.lon_deg)
@@ -194,7 +194,7 @@ class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
 
     have: tuple[HeldObservations, ...]
     states: tuple[tuple[Id, float], ...]
-    """(UAV, time of the last state that the sender holds of it (unix) [s])"""
+    """(UAV, time of the UAV's last state that the sender holds (unix) [s])"""
 
 
 class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
@@ -227,7 +227,7 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     content: Content
     lat_deg: float | None = None
     lon_deg: float | None = None
-    """position of the sender [deg], unless the content has it"""
+    """position of the sender [deg]; None if the content has the position"""
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.unix_s):

@@ -56,7 +56,7 @@ class Grid:
         return self._clamped(east_m, north_m)
 
     def nearest_border_cell(self, lat_deg: float, lon_deg: float) -> Cell:
-        """Return the cell on the border of the area nearest to a point, inside the area or outside it."""
+        """Return the border cell of the area nearest to a point, which may be inside or outside."""
         east_m, north_m = self.frame.to_local(lat_deg, lon_deg)
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             raise ValueError(

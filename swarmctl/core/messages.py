@@ -60,7 +60,7 @@ class GiveOrder(
     after_s: float = 0.0
     """with return: time of a hold before the return, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
-    """with launch: vehicles whose announced flights the launch does not wait for"""
+    """with launch: vehicles that the launch does not wait for"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:

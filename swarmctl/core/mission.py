@@ -1,6 +1,6 @@
 """Flight plans that are the same for every autopilot, and the mission items on the wire.
 
-An agent decides on a `FlightPlan`. The autopilot dialects in `swarmctl.mavlink` turn it into the
+An agent decides on a `FlightPlan`. The autopilot dialects in `swarmctl.mavlink` turn the plan into the
 `MissionItem`s of one firmware (home placeholder, frames, first sequence number).
 """
 
@@ -96,5 +96,5 @@ class MissionItem:
     def __post_init__(self) -> None:
         for name in ("param1", "param2", "param3", "param4"):
             if math.isnan(getattr(self, name)):
-                # In a tuple comparison a NaN equals only itself as an object, so all items share one NaN.
+                # Tuples with NaN are equal only if both hold the same NaN object, so all items share one.
                 object.__setattr__(self, name, math.nan)

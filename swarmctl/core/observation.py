@@ -84,7 +84,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """exclusive or of `mark_of` over these observations; other UAVs compare it with their own"""
+    """exclusive or of `mark_of` over these observations, for comparison with another UAV's observations"""
 
     @property
     def source(self) -> Source:
@@ -99,7 +99,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
         )
 
     def counts(self, n_cells: int) -> CellCounts:
-        """Return the counts. Raises ValueError if they do not fit an area of `n_cells`."""
+        """Return the counts. Raises ValueError for counts that do not fit an area of `n_cells`."""
         return _unpacked(self.packed, n_cells)
 
 
@@ -148,7 +148,7 @@ def mark_of(seen: Observation) -> int:
 
 
 class IndexedObservation(msgspec.Struct, frozen=True, gc=False):
-    """An observation with its name and cell indices; all beliefs of a process share it."""
+    """An observation with its name and cell indices, shared by all beliefs of a process."""
 
     seen: Observation
     name: tuple[int, int, int]

@@ -65,7 +65,7 @@ def _is_redundant(b: PlanarPoint, a: PlanarPoint, c: PlanarPoint) -> bool:
 
 
 def _turn(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint) -> float:
-    """Return twice the signed area of a, b, c: positive if they turn to the left."""
+    """Return twice the signed area of a, b, c: positive for a turn to the left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
@@ -89,7 +89,7 @@ def stays_inside(polygon: Sequence[PlanarPoint], a: PlanarPoint, b: PlanarPoint)
 def crossing_sides(polygon: Sequence[PlanarPoint]) -> tuple[int, int] | None:
     """Return the first two sides of a polygon that share more than a corner; None for a simple polygon.
 
-    A side is given by the index of the corner at which it begins.
+    The index of a side is the index of its first corner.
     """
     edges = _edges(polygon)
     for i, (a, b) in enumerate(edges):
@@ -104,7 +104,7 @@ def crossing_sides(polygon: Sequence[PlanarPoint]) -> tuple[int, int] | None:
 
 
 def _folds_back(before: PlanarPoint, corner: PlanarPoint, after: PlanarPoint) -> bool:
-    """Return whether the leg out of a corner lies on the leg into it."""
+    """Return whether the leg after a corner lies on the leg before this corner."""
     in_e, in_n = corner[0] - before[0], corner[1] - before[1]
     ahead = in_e * (after[0] - corner[0]) + in_n * (after[1] - corner[1])
     return _turn(before, corner, after) == 0.0 and ahead <= 0.0

@@ -43,8 +43,8 @@ def flight_plan(
 ) -> FlightPlan:
     """Return the plan to fly a route over neighbouring cells and land.
 
-    Waypoints are the centres of the turns. A vehicle whose `position` is within cells[0] does not fly back to
-    the centre of that cell. Exception: the direct leg would enter a cell off the route that `may_clip` does
+    Waypoints are the centres of the turns. From a `position` within cells[0] the vehicle does not fly back to
+    the centre of this cell. Exception: the direct leg would enter a cell off the route that `may_clip` does
     not allow.
     """
     if not cells:
@@ -69,8 +69,8 @@ def track_plan(
 ) -> FlightPlan:
     """Return the plan to fly straight legs between corners (cells) and land.
 
-    A vehicle whose `position` is within corners[0] need not fly back to the centre of that cell. It flies
-    straight to the next corner if `may_join` allows the leg from its position (x, y) [cells].
+    From a `position` within corners[0] the vehicle flies straight to the next corner if `may_join` allows the
+    leg from this position (x, y) [cells]. Otherwise the vehicle flies back to the centre of corners[0].
     """
     if not corners:
         raise ValueError("a track without corners cannot be flown: expected at least the goal cell")
@@ -129,8 +129,8 @@ def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
 def _leg(grid: Grid, here: Cell, there: Cell, position: LatLon) -> tuple[float, float]:
     """Return the length [cells] of the leg from `position` to the centre of `there`, and a cross product.
 
-    The cross product is leg × corner. It is positive if the corner that `here` shares with its diagonal
-    neighbour lies to the left of the leg.
+    The cross product is leg × corner, with the corner that `here` shares with its diagonal neighbour. A
+    positive product: the corner is to the left of the leg.
     """
     (row, col), (next_row, next_col) = here, there
     x, y = (metres / grid.cell_size_m for metres in grid.frame.to_local(*position))

@@ -50,7 +50,7 @@ class VehicleState:
     ready: bool = False
     """True if pre-arm checks pass and the position estimate is good"""
     not_ready: tuple[str, ...] = ()
-    """reasons against readiness, in the vehicle's words if it has sent them"""
+    """reasons against readiness, in the vehicle's words if available"""
     battery_percent: int | None = None
     battery_v: float | None = None
     gps_ok: bool | None = None
@@ -65,7 +65,7 @@ class VehicleState:
     home_lon_deg: float | None = None
     home_alt_amsl_m: float | None = None
     strikes: int = 0
-    """strikes that the vehicle has reported; only simulated vehicles report them"""
+    """number of reported strikes; only simulated vehicles report strikes"""
     status_text: str = ""
     """last STATUSTEXT of severity WARNING or worse"""
     heartbeat_s: float | None = None

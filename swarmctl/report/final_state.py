@@ -58,7 +58,7 @@ def final_phase(state: AgentState) -> str:
 
 
 def describe_outcome(state: AgentState) -> str:
-    """Return the vehicle's outcome, with its last mode if it was released, and "lost" if it is lost."""
+    """Return the vehicle's outcome; for a released vehicle with the last mode, for a lost one with "lost"."""
     outcome = state.outcome or str(state.phase)
     mode = state.vehicle.mode or "unknown"
     if state.phase is Phase.RELEASED and f"in mode {mode}," not in outcome:
@@ -79,7 +79,7 @@ def describe_final_state(member: Vehicle) -> str:
         text = f"{member.name}: lost, last telemetry {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
         return f"{text}; the vehicle may still be in the air [lost-in-air]" if may_be_armed(state) else text
     if state.ended and not vehicle.armed and state.outcome:
-        return f"{member.name}: {describe_outcome(state)}{_down(state)}"
+        return f"{member.name}: {describe_outcome(state)}{_landed_note(state)}"
     if not vehicle.armed:
         return f"{member.name}: on the ground, disarmed"
     how = state.outcome or state.trouble or str(state.phase)
@@ -91,7 +91,7 @@ def describe_final_state(member: Vehicle) -> str:
     return f"{member.name}: in the air, {_height(vehicle)}, mode {mode} ({how}); {HEARTBEATS_END} [in-air]"
 
 
-def _down(state: AgentState) -> str:
+def _landed_note(state: AgentState) -> str:
     return "; landed and disarmed" if state.phase is Phase.RELEASED and state.armed_seen else ""
 
 

@@ -62,8 +62,8 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:
     """Return a table with one row for each route of `first_routes`.
 
-    A row has length [m], exposure and survival probability of the flown track, which differs from the route
-    if the track is pulled straight. The configured choice is bold.
+    A row has length [m], exposure and survival probability of the flown track, which may be a straightened
+    route. The configured choice is bold.
     """
     table = FittedTable(COLUMNS)
     for index, spec in enumerate(scenario.specs):

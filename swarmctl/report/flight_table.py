@@ -97,7 +97,7 @@ def missed_bounds(summary: dict[str, Any]) -> list[str]:
 
 
 def network_lines(summary: dict[str, Any]) -> list[str]:
-    """Return a line for each vehicle that refused messages, or whose observations others contradicted."""
+    """Return a line for each vehicle that refused messages or flagged contradictory observations."""
     names = {str(vehicle["sysid"]): vehicle["name"] for vehicle in summary["vehicles"]}
     lines = []
     for vehicle in summary["vehicles"]:

@@ -120,7 +120,7 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
         chosen if i == chosen_index else _candidate(scenario, task, problem, route)
         for i, route in enumerate(front.routes)
     )
-    shown = _knees(front, chosen_index)
+    shown = _shown_indices(front, chosen_index)
     return VehicleFront(
         spec, task, problem.exposure, front, candidates, chosen, scenario.chosen_by, chosen_index, shown
     )
@@ -141,11 +141,11 @@ def _equals(one: Route, other: Route) -> bool:
     )
 
 
-def _knees(front: Front, always: int | None) -> tuple[int, ...]:
+def _shown_indices(front: Front, always: int | None) -> tuple[int, ...]:
     """Return at most ROWS indices: the ends, the configured route, routes that some w finds, other routes.
 
-    The next point of a group is the farthest from the line through the points chosen so far, as in Douglas
-    and Peucker's algorithm.
+    The next point of a group is the farthest from the line through the points chosen so far (Douglas and
+    Peucker's algorithm).
     """
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
@@ -237,7 +237,7 @@ def weights(front: Front, index: int) -> str:
 def _weight(w: float, ends: set[float]) -> str:
     """Return w as text, with an error of at most a quarter of the distance to the nearest other end.
 
-    So two ends never have the same text, and only w = 0 and w = 1 have the texts 0 and 1.
+    So each end has a different text, and only w = 0 and w = 1 have the texts 0 and 1.
     """
     spare = min(abs(w - other) for other in ends if abs(w - other) >= TOLERANCE) / 4.0
     texts = (f"{w:.{digits}g}" for digits in range(2, 18))

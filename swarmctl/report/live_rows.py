@@ -61,8 +61,8 @@ class VehicleRow:
     link: str
     note: str
     weights: str = ""
-    """w, and the firing strengths, if an operator has changed them; empty: unchanged"""
-    unheard: str = ""
+    """w and firing strengths after a change by an operator; empty: unchanged"""
+    silence: str = ""
     """`lost` or `given up` for a vehicle that is silent in the air; else empty"""
 
 
@@ -101,7 +101,7 @@ def vehicle_row(
         strikes=state.vehicle.strikes,
         link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
-        unheard=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
+        silence=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
         note=note or state.alarm or state.outcome or state.trouble or state.late,
     )
 
@@ -148,7 +148,7 @@ def live_table(view: SwarmView, width: int, height: int) -> Group:
     for row in shown:
         table.add_row(
             row.name,
-            Text(row.unheard, style="red") if row.unheard else Text(row.phase, style=COLOURS[row.phase]),
+            Text(row.silence, style="red") if row.silence else Text(row.phase, style=COLOURS[row.phase]),
             row.mode,
             "–" if row.battery_percent is None else f"{row.battery_percent} %",
             _bar(row.progress, BAR_CHARS if width >= MIN_COLUMNS_WITH_BAR else 0),
@@ -181,7 +181,7 @@ def _minutes(seconds: float) -> str:
 def plain_line(row: VehicleRow) -> str:
     """Return one vehicle as a plain line, for output without a terminal."""
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
-    phase = f"{row.unheard} (was {row.phase})" if row.unheard else row.phase
+    phase = f"{row.silence} (was {row.phase})" if row.silence else row.phase
     text = (
         f"{row.name}: {phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
         f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "

@@ -57,7 +57,7 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstR
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
         title=f"{scenario.config.name}: first routes",
-        subtitle=_facts(scenario, ", ".join(routes)),
+        subtitle=_subtitle(scenario, ", ".join(routes)),
     )
     _draw(folder, picture)
 
@@ -114,11 +114,11 @@ def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
         title=scenario.config.name,
-        subtitle=_facts(scenario),
+        subtitle=_subtitle(scenario),
     )
 
 
-def _facts(scenario: Scenario, routes: str = "") -> str:
+def _subtitle(scenario: Scenario, routes: str = "") -> str:
     config = scenario.config
     n = len(scenario.specs)
     routes = routes or ", ".join(dict.fromkeys((config.planner.name, scenario.chosen_by)))

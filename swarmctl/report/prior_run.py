@@ -29,8 +29,8 @@ def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
     except record.RecordError as error:
         raise PriorRunError(f"--known {error}") from error
     flown = build(config)
-    if elsewhere := list(_elsewhere(flown, scenario)):
-        text = f"--known {run}: flown over another area: {', '.join(elsewhere)}; give a run over this area"
+    if differences := list(_area_differences(flown, scenario)):
+        text = f"--known {run}: flown over another area: {', '.join(differences)}; give a run over this area"
         raise PriorRunError(f"{text} [other-area]")
     prior = scenario.prior.merge(observations)
     lines = [f"prior: {prior.n_observed} cells with {prior.n_found} hostiles, from {run}"]
@@ -60,7 +60,7 @@ def vehicles_without_route(scenario: Scenario) -> Iterator[str]:
             yield f"{task.name}: with this prior {error}"
 
 
-def _elsewhere(flown: Scenario, planned: Scenario) -> Iterator[str]:
+def _area_differences(flown: Scenario, planned: Scenario) -> Iterator[str]:
     old, new = flown.grid, planned.grid
     for what in ("rows", "cols", "cell_size_m"):
         if getattr(old, what) != getattr(new, what):

@@ -43,7 +43,7 @@ _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 
 EVENTS, EFFECTS, MESSAGES = "/events", "/effects", "/messages"
-"""topics of the agents' events, of their decisions, and of the messages between them"""
+"""topics of the agents' events, effects and messages"""
 
 
 class EventRecord(msgspec.Struct, frozen=True):
@@ -184,7 +184,7 @@ class Recorder:
 
 
 def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
-    """Return the JSON schema with `type: object` at its top, as readers of MCAP need it."""
+    """Return the JSON schema with `type: object` at its top, as required by readers of MCAP."""
     (reference,), components = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
     top: dict[str, Any] = components.pop(reference["$ref"].rsplit("/", 1)[-1])
     return {name: _dedented(part) for name, part in {**top, "$defs": components}.items()}
@@ -291,7 +291,7 @@ def _read(path: Path) -> _Content:
 
 
 def _whole(file: BinaryIO) -> tuple[int, bool]:
-    """Return the end of the last complete record [bytes], and whether the file is cut after it.
+    """Return the end of the last complete record [bytes], and whether the file is cut.
 
     An MCAP file is a magic number and records of opcode (1 byte), length (8 bytes) and content; the last
     record is the footer.

@@ -27,7 +27,7 @@ class SeparationStatistics:
     def moved(self, after: AgentState, flight_time_s: float | None, now: float) -> None:
         """Record the position of a vehicle of this process."""
         self._here.add(after.task.uav)
-        if (here := _in_the_air(after)) is not None and self._of(after).add_position(
+        if (here := _in_the_air(after)) is not None and self._flown_separation(after).add_position(
             after.task.uav, now, here
         ):
             self._at_flight_s = flight_time_s
@@ -45,10 +45,10 @@ class SeparationStatistics:
                 continue
             east_m, north_m = after.task.grid.frame.to_local(state.lat_deg, state.lon_deg)
             height_m = state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
-            if self._of(after).add_position(uav, now, (east_m, north_m, height_m)):
+            if self._flown_separation(after).add_position(uav, now, (east_m, north_m, height_m)):
                 self._at_flight_s = flight_time_s
 
-    def _of(self, after: AgentState) -> FlownSeparation:
+    def _flown_separation(self, after: AgentState) -> FlownSeparation:
         if self._flown is None:
             self._flown = FlownSeparation(after.task.separation.limits)
         return self._flown

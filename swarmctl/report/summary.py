@@ -61,7 +61,7 @@ class VehicleStatistics:
     weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
         default_factory=lambda: deque(maxlen=MAX_WEIGHTS)
     )
-    """the last changes: flight time [s], first plan made with them, w, firing strengths"""
+    """last changes: flight time [s], first plan with the new weights, w, firing strengths"""
     weight_changes: int = 0
     """number of all changes"""
     swaps: SwapStatistics = field(default_factory=SwapStatistics)

@@ -1,4 +1,4 @@
-"""Tables that fit the terminal, and numbers in them."""
+"""Tables that fit the terminal, and texts of numbers."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class FittedTable:
         yield self.at(options.max_width)
 
     def _fitting(self, width: int | None) -> tuple[list[int], int]:
-        """Return the indices of the columns that fit, and the gap between them: 2, or 1 to save room."""
+        """Return the indices of the columns that fit, and the gap between columns: 2, or 1 to save room."""
         shown = list(range(len(self._columns)))
         if width is None or sum(self._least(index) + 2 for index in shown) <= width:
             return shown, 2

@@ -26,7 +26,7 @@ class Terminal(Ui, Protocol):
 
 
 class LiveTable:
-    """A table that changes in place, with the last message below it; with `verbose`, a log above it."""
+    """A table that changes in place, above the last message; with `verbose`, below a log."""
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._live = Live(console=console, auto_refresh=False)

@@ -60,7 +60,7 @@ def test_normal_preparation_shows_neither_notes_nor_warnings(tmp_path: Path) -> 
     assert [line.partition(":")[0] for line in answers] == ["uav1", "uav2"]
     on_ground = [row for view in ui.views if view.flown_s == 0.0 for row in view.rows]
     assert Phase.WAITING in {row.phase for row in on_ground}
-    assert {(row.note, row.link, row.unheard) for row in on_ground} <= {("", OK, ""), ("", NOT_YET, "")}
+    assert {(row.note, row.link, row.silence) for row in on_ground} <= {("", OK, ""), ("", NOT_YET, "")}
 
 
 def test_every_agent_ends_with_the_same_belief(shipped: tuple[Scenario, Report, Path]) -> None:

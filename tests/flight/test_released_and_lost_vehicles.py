@@ -100,10 +100,10 @@ def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp
     (phase,) = (v["phase"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert phase == "lost"
     rows = [row for view in ui.views for row in view.rows if row.name == "uav2"]
-    (at_first, *_), (*_, at_last) = (row for row in rows if row.unheard), rows
-    for row, unheard in ((at_first, "lost"), (at_last, "given up")):
-        assert (row.unheard, row.phase, row.mode) == (unheard, Phase.FLYING, "AUTO")
-        assert all(text in plain_line(row) for text in (unheard, row.phase, row.mode))
+    (at_first, *_), (*_, at_last) = (row for row in rows if row.silence), rows
+    for row, silence in ((at_first, "lost"), (at_last, "given up")):
+        assert (row.silence, row.phase, row.mode) == (silence, Phase.FLYING, "AUTO")
+        assert all(text in plain_line(row) for text in (silence, row.phase, row.mode))
     console = Console(width=120, file=(page := io.StringIO()))
     console.print(live_table(ui.views[-1], 120, 40))
     (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])

@@ -24,7 +24,7 @@ MAX_SEARCHES = 50
 
 
 class ExposureMeasure(StrEnum):
-    """Measures of exposure in which a straight leg must be no worse than the lattice route it replaces."""
+    """Measures of exposure in which a leg must be no worse than the replaced part of the lattice route."""
 
     ENTERED = "entered"
     """ΣP_s and ∏(1 − P_s) over the cells entered, and ∫P_s ds and ∫−ln(1 − P_s) ds along the leg. Strikes are
@@ -67,9 +67,9 @@ def choose_corners(
 ) -> tuple[int, ...]:
     """Return the corners of a track, both ends included, as indices into `route`.
 
-    `route` is (n, 2) rows and columns of neighbouring cells. The result has the fewest corners whose legs and
-    arcs are no worse than the route. If turns need room and no such corners exist, the result has the least
-    cost by `weights`. Raises Unflyable.
+    `route` is (n, 2) rows and columns of neighbouring cells. The result has the fewest corners with legs and
+    arcs no worse than the route. If turns need room and no such corners exist, the result has the least cost
+    by `weights`. Raises Unflyable.
     """
     search = _Search(threat, route, measure, radius_cells)
     corners = search.no_worse()
@@ -94,7 +94,7 @@ class _Search:
         self._forbidden: set[TurnIndices] = set()
 
     def no_worse(self) -> tuple[int, ...] | None:
-        """Return the fewest corners whose legs and arcs are no worse than the route; None if none exist."""
+        """Return the fewest corners with legs and arcs no worse than the route, or None."""
         corners = self._with_good_arcs(None)
         if corners is None or self._radius > 0.0:
             return corners
@@ -102,7 +102,7 @@ class _Search:
         return min(corners, self._turns(), key=len)
 
     def least_bad(self, weights: Weights) -> tuple[int, ...] | None:
-        """Return the corners whose legs cost least by Eq. 5, even if they are worse than the route."""
+        """Return the corners with the least cost of the legs by Eq. 5, which may exceed the route's."""
         self._forbidden.clear()
         return self._with_good_arcs(weights)
 
@@ -145,7 +145,7 @@ class _Search:
             nodes = chosen
 
     def _costs(self, nodes: Ints, weights: Weights | None) -> Floats:
-        """Return (nodes, span) costs of the legs from each node to the next ones; infinite if forbidden."""
+        """Return (nodes, span) costs of the legs from each node to the next nodes; infinite: forbidden."""
         n = len(nodes)
         span = min(MAX_FIRST_SPAN, n - 1)
         begins, ahead = (index.ravel() for index in np.indices((n, span)))
@@ -160,7 +160,7 @@ class _Search:
         legs = measure_legs(self._threat, self._route[first], self._route[last])
         length = legs.measures[0]
         replaced = self._so_far[:, last] - self._so_far[:, first]
-        # A leg as long as the cells it replaces lies on the lattice route, which the planner has chosen.
+        # A leg as long as the replaced cells lies on the lattice route, which the planner has chosen.
         on_lattice = replaced[0] <= length * (1.0 + TIE_TOLERANCE)
         if weights is None:
             rows = self._measure.rows
@@ -224,5 +224,5 @@ class _Search:
 
 
 def _no_worse(measures: Floats, reference: Floats) -> Any:
-    """Return whether every row of `measures` is at most that of `reference`, for one leg or for many."""
+    """Return whether every row of `measures` is at most `reference`, for one leg or for many."""
     return (measures <= reference * (1.0 + TIE_TOLERANCE) + TIE_TOLERANCE).all(axis=0)

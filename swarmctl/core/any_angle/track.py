@@ -82,7 +82,7 @@ def _crossed(a: GridPoint, b: GridPoint) -> tuple[list[Cell], list[float]]:
         return [], []
     shares = np.concatenate(([0.0, 1.0], _crossings(a[0], b[0]), _crossings(a[1], b[1])))
     shares.sort()
-    # Crossings at one corner become one: the piece between them has no length.
+    # Two crossings at a corner count as one crossing, without a piece between them.
     pieces = np.flatnonzero(np.diff(shares) * length > CORNER_LENGTH)
     middle = (shares[pieces] + shares[pieces + 1]) / 2.0
     cols = np.floor(a[0] + middle * (b[0] - a[0])).astype(int)

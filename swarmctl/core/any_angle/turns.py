@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from swarmctl.core.any_angle.track import GridPoint
 
 ARC_ERROR = 0.005
-"""Greatest distance between an arc and the straight pieces that approximate it [cells]."""
+"""greatest distance between an arc and its straight pieces [cells]"""
 
 
 def tangent(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> float:

@@ -8,7 +8,7 @@ Method (Chen and Liu, "Statistical applications of the Poisson-binomial and cond
 distributions", 1997):
 
 1. Multiply all odds by a common factor e^t. The conditional distribution stays the same.
-2. Choose t so that the expected total equals the given total. The number in each group is then binomial.
+2. Choose t so that the expected total equals the given total. The number in each group is binomial.
 3. Convolve the groups (forward pass), then condition on the total (backward pass).
 
 All terms are positive, so no cancellation occurs. Near the given total no underflow occurs. The tails of each
@@ -33,7 +33,7 @@ TAIL = 1e-40
 NEGLIGIBLE = 60.0
 """difference of log probability from the likeliest total above which a total is left out"""
 REACH_SIGMA = 6.0
-"""half width of a range of totals [standard deviations]; tails keep their precision within it"""
+"""half width of a range of totals [standard deviations]; small enough for precise tails"""
 KNOT_SIGMA = 3.0
 """distance between knots of the saddle point bound [standard deviations]"""
 MAX_KNOTS = 257

@@ -1,4 +1,4 @@
-"""The announced number of hostiles, n_HA: a number, or a prior over it."""
+"""The announced number of hostiles, n_HA: a number, or a distribution."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class HostileCount:
 
     @classmethod
     def weighted(cls, weights: Mapping[int, float]) -> HostileCount:
-        """Return the distribution with these weights by number; they need not add up to 1."""
+        """Return the distribution with these weights by number. The weights need not add up to 1."""
         n = np.array(sorted(weights), dtype=np.int64)
         with np.errstate(divide="ignore", invalid="ignore"):
             return cls._of_possible(n, np.log([weights[int(k)] for k in n]))

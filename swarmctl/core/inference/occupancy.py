@@ -1,4 +1,4 @@
-"""The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes beyond it.
+"""The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes.
 
 Cells with equal numbers of looks and hits form a class. Every function takes the classes of a whole area.
 Several entries may have equal numbers.
@@ -57,8 +57,8 @@ def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Flo
     """Return the posterior probability p_O (k,), exact to rounding. Eq. 4 is a special case.
 
     Every placement of hostiles is equally likely, with at most one in a cell. `count` is the distribution of
-    their number, and `sensor` has the error rates of looks. Every look changes every cell: if hostiles become
-    less likely in some cells, they become likelier elsewhere.
+    their number, and `sensor` has the error rates of looks. Every look changes every cell: fewer hostiles in
+    some cells mean more hostiles elsewhere.
     """
     open_cells, groups = posterior(count, sensor, classes)
     p = np.where(sensor.log_ratio(classes.looks, classes.hits) > 0.0, 1.0, 0.0)
@@ -72,8 +72,8 @@ def posterior(
 ) -> tuple[NDArray[np.bool_], HostileGroups | None]:
     """Return the mask (k,) of uncertain classes, and the distribution of hostiles in them; None: no class.
 
-    `count` may allow only fewer hostiles than are certain, or more than the cells can hold. The nearest
-    possible number then replaces `count`, as Eq. 4 is clamped to [0, 1].
+    If `count` allows only fewer hostiles than are certain, or more than the cells can hold, the nearest
+    possible number replaces `count`.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     open_cells = np.isfinite(log_ratio)
@@ -98,7 +98,7 @@ def announced_too_low(count: HostileCount, sensor: SensorModel, classes: CellCla
     """Return whether more hostiles were found than announced; with 95 % confidence for sensors that err.
 
     The posterior of each cell follows from the looks at this cell alone, with the announced odds as prior. A
-    posterior under `count` cannot show an excess, because it has at most the hostiles that `count` allows.
+    posterior under `count` cannot show an excess, because `count` limits the number of hostiles.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     # Half a hostile and half a clear cell are added, so that an announcement of none or of all can be wrong.

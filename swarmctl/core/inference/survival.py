@@ -44,7 +44,7 @@ class ProbabilityEstimate:
 
 
 def _digits(chance: float) -> str:
-    """Return three decimals, or more if they would round to 0 or 1."""
+    """Return a probability with three decimals, or with more if three decimals would give 0 or 1."""
     if chance in (0.0, 1.0) or 0.001 <= chance <= 0.999:
         return f"{chance:.3f}"
     return f"{chance:.1e}" if chance < 0.001 else f"{chance:.5f}"
@@ -135,7 +135,7 @@ class _Worlds:
         self.open = is_open[: near.n_cells.size]
         """(k,) kinds of cells that may or may not hold hostiles"""
         self.sure = ~self.open & (near.hits > 0) & (belief.sensor.log_ratio(near.looks, near.hits) > 0.0)
-        """(k,) kinds whose cells all hold a hostile"""
+        """(k,) kinds with a hostile in every cell"""
 
     def draw(self, rng: np.random.Generator, n_worlds: int) -> NDArray[np.int64]:
         """Return (worlds, open kinds) numbers of hostiles in the cells of each kind."""
@@ -146,10 +146,9 @@ class _Worlds:
 
 
 def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the cells whose hostiles can hit a vehicle on a route, and its entries into their reach.
+    """Return the cells from which a hostile can hit a vehicle on a route, and the entries into its reach.
 
-    (m,) cells as row · cols + col; (m, 3) entries into the cell itself, its nearest and its diagonal
-    neighbours.
+    (m,) cells as row · cols + col; (m, 3) entries into the hostile's, the adjacent and the diagonal cells.
     """
     rows, cols = shape
     entered = np.array(cells[1:], dtype=np.int64).reshape(-1, 1, 2)

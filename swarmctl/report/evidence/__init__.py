@@ -1,7 +1,7 @@
 """Evidence of a run: commands, acknowledgements, observed effects on vehicles, and actions of people.
 
-`evidence.jsonl` in the run folder holds one JSON object a line, each with the hash of the line before. A line
-that is changed, removed or inserted breaks the chain there.
+`evidence.jsonl` in the run folder holds one JSON object a line, each with the hash of the line before. A
+changed, removed or inserted line breaks the chain at this line.
 
 | key | holds |
 |---|---|

@@ -23,7 +23,7 @@ Entry = Mapping[str, Any]
 def canonical(value: Any) -> bytes:
     """Return canonical JSON: keys sorted, no spaces, ASCII.
 
-    Numbers that JSON lacks become words; MAVLink uses NaN for "leave it unchanged".
+    Numbers that JSON lacks become words, such as MAVLink's NaN for an unchanged value.
     """
     return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 

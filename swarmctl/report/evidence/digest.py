@@ -126,7 +126,10 @@ def _answered(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Entry
 
 
 def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
-    """Move a disarming after a landing from `unasked` to `landed`; telemetry may report either first."""
+    """Move a disarming from `unasked` to `landed` if the vehicle is on the ground.
+
+    Telemetry may report the landing before or after the disarming.
+    """
     part, to = what.get("changed"), what.get("to")
     if part == "landed":
         on_ground[vehicle] = to == Landed.ON_GROUND.name

@@ -12,9 +12,9 @@ class Disk:
     """Syncs of one open file, one at a time; all requests during a sync are served by the next sync."""
 
     def __init__(self, fileno: int, failed: Callable[[OSError], None], *, in_thread: bool) -> None:
-        """`in_thread`: sync in a separate thread; all methods and `failed` are then called in a running loop.
+        """`failed` gets the error of a sync.
 
-        `failed` gets the error of a sync.
+        `in_thread`: sync in a separate thread. All methods need a running loop, which also calls `failed`.
         """
         self._fileno = fileno
         self._failed = failed
@@ -58,7 +58,7 @@ class Disk:
         self._future = None
         error = None if future.cancelled() else future.exception()
         if self._pool is None:
-            return  # `close` handles it
+            return  # `close` handles the error
         if isinstance(error, OSError):
             self._failed(error)
         elif error is not None:

@@ -59,7 +59,7 @@ class EvidenceFile:
         return self._file.closed
 
     def add(self, kind: Kind, what: Entry, vehicle: str | None = None, *, durable: bool = False) -> bool:
-        """Append an entry and return whether it is written; `durable`: sync it to the disk soon."""
+        """Append an entry and return whether the entry is written; `durable`: sync the file soon."""
         if self.trouble or self._file.closed:
             return False
         line = self._chain.link(kind, vehicle, what, unix_s=self._unix_s(), run_s=self._run_s())

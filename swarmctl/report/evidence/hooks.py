@@ -31,7 +31,7 @@ class Evidence:
     # The wire
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
-        """Record a message to the vehicle `sysid` (0: all) and return whether it may be sent.
+        """Record a message to the vehicle `sysid` (0: all) and return whether the message may be sent.
 
         Only a message that arms a vehicle must not be sent without a record. `by` names another station.
         """
@@ -106,7 +106,7 @@ class Evidence:
         return self._file.trouble
 
     def _items_so_far(self) -> None:
-        """Write entries of running transfers, at each heartbeat, so that a crash does not lose them."""
+        """Write entries of running transfers. A call at each heartbeat limits the loss in a crash."""
         for sysid, by in sorted(self._in_transfer):
             entries = self._traffic_of(sysid, by).so_far()
             self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in entries])

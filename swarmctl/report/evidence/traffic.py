@@ -1,8 +1,8 @@
 """Entries from the MAVLink messages of one vehicle: commands and acknowledgements. Pure.
 
 - Every message sent is a command, except those that only keep a link alive.
-- The items of a mission, a fence or rally points make one entry at the end of their transfer, with number and
-  hash. Each call of `so_far` makes an entry for the items so far.
+- All items of a transfer (mission, fence or rally points) make one entry at its end, with number and hash.
+  Each call of `so_far` makes an entry for the items so far.
 - Consecutive partial lists, each for one item, are one transfer. The first list is an entry. Their
   acknowledgements are counted with the items.
 """
@@ -91,11 +91,11 @@ class Traffic:
         return content
 
     def so_far(self) -> list[NewEntry]:
-        """Return entries for the items of an upload so far and their answers, unless already returned."""
+        """Return entries for those items and answers of an upload that are not in an entry yet."""
         return [] if self._upload is None else self._upload.so_far()
 
     def _before(self, kind: str, message: Message) -> list[NewEntry]:
-        """Return the entries of a transfer that this message ends; begin a transfer that it announces."""
+        """Return the entries of a transfer that this message ends. An announcement begins a new transfer."""
         entries: list[NewEntry] = []
         if kind in BEGINS or kind == "MISSION_ACK" or self._is_partial:
             entries = self.so_far()
@@ -117,13 +117,13 @@ class Traffic:
         return self._upload is not None and self._upload.is_partial
 
     def _appended(self, message: Message) -> Transfer | None:
-        """Return the running transfer of partial lists, if the message belongs to it."""
+        """Return the running transfer of partial lists to which the message belongs, or None."""
         upload = self._upload
         belongs = upload is not None and upload.is_partial and upload.mission_type == message.mission_type
         return upload if belongs else None
 
     def _read_back(self, kind: str) -> dict[str, Any]:
-        """Return the content of a download, for the acknowledgement that ends it."""
+        """Return the content of a download for its last message, the acknowledgement."""
         if kind != "MISSION_ACK" or self._download is None:
             return {}
         transfer, self._download = self._download, None

@@ -58,7 +58,7 @@ class Transfer:
         }
 
     def so_far(self) -> list[NewEntry]:
-        """Return entries for the items so far and for answers to partial lists, unless already returned."""
+        """Return entries for those items, and answers to partial lists, that are not in an entry yet."""
         entries: list[NewEntry] = []
         if self.items and not self.is_recorded:
             self.is_recorded = True

@@ -1,4 +1,4 @@
-"""The map itself: the area, the tracks, the scales at its sides."""
+"""The map without its legend: the area, the tracks, the scales at the sides."""
 
 from __future__ import annotations
 

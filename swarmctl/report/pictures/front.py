@@ -52,7 +52,7 @@ def draw_fronts(path: Path, grid: Grid, panels: Sequence[FrontPanel], title: str
 
 
 def front_figure(grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> Figure:
-    """Return the figure: the legend, then for each vehicle a chart with a time scale, and a map."""
+    """Return the figure: the legend, and for each vehicle a chart with a time scale and a map."""
     high_in = ALONE_HIGH_IN if len(panels) == 1 else SHARED_HIGH_IN
     row_in = ROW_HEAD_IN + high_in + ROW_FOOT_IN
     sheet = Sheet(HEAD_IN + KEY_IN + len(panels) * row_in + 0.06)
@@ -97,7 +97,7 @@ def _draw_chart(axes: Axes, panel: FrontPanel) -> None:
             ha="center", va="bottom", zorder=8, path_effects=[HALO],
         )  # fmt: skip
     _draw_bounds(axes, panel)
-    _dress(axes, panel)
+    _draw_scales(axes, panel)
 
 
 def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: ArrayLike) -> None:
@@ -142,7 +142,7 @@ def _draw_bounds(axes: Axes, panel: FrontPanel) -> None:
         )  # fmt: skip
 
 
-def _dress(axes: Axes, panel: FrontPanel) -> None:
+def _draw_scales(axes: Axes, panel: FrontPanel) -> None:
     axes.set_xlabel("length through the area [m]", fontsize=8.5, color=QUIET, labelpad=2)
     axes.set_ylabel("exposure ΣP_s", fontsize=8.5, color=QUIET)
     for axis, n in ((axes.xaxis, 6), (axes.yaxis, 5)):

@@ -48,7 +48,7 @@ class MapPicture:
 
     grid: Grid
     hostiles: frozenset[Cell] | None
-    """the true hostiles; None on real flights: the map then shades the hostiles found"""
+    """true hostiles; None: unknown, so the map shades the hostiles found"""
     known: NDArray[np.int8]
     """(rows, cols) of `swarmctl.core.belief`, at the end"""
     tracks: Sequence[VehicleTrack]
@@ -65,7 +65,7 @@ def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:
 
 
 def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
-    """Return west, south, east, north of the view [m]: the area and, within limits, the tracks around it."""
+    """Return west, south, east, north of the view [m]: the area and, within limits, the tracks."""
     grid = picture.grid
     planned = [p for t in picture.tracks for line in t.planned for p in line.points]
     around = [*planned, *(p for t in picture.tracks for p in (t.start, *t.flown))]

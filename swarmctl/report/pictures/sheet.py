@@ -30,9 +30,9 @@ KEY_WIDTH_IN = 2.35
 LEFT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.62, 0.86, 0.58, 0.36
 ROW_IN = 0.205
 FOOT_IN = 0.8
-"""height of the north arrow and the scale bar with the space above them"""
+"""height of the legend's foot: a gap, the north arrow and the scale bar"""
 BELOW_COLUMNS = 2
-"""columns of the vehicles' legend if it is too long for the space beside the map"""
+"""number of columns of a legend below the map, for more vehicles than fit beside the map"""
 
 
 def draw_map(path: Path, picture: MapPicture) -> None:
@@ -46,7 +46,7 @@ def draw_map(path: Path, picture: MapPicture) -> None:
 
 
 def figure_of(picture: MapPicture) -> Figure:
-    """Return the figure: first the axes of the map, then of the legend beside it and below it."""
+    """Return the figure: the map, and the legend beside and below the map."""
     west, south, east, north = view_of(picture)
     inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
     map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
