@@ -21,7 +21,7 @@ from swarmctl.mavlink.protocol.command import CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 from swarmctl.mavlink.protocol.mission_current import SetCurrent
 
-_AUTO = 4
+_AUTO_MAIN_MODE = 4
 # Main and sub mode; custom_mode is sub << 24 | main << 16.
 _MODES: Mapping[str, tuple[int, int]] = MappingProxyType(
     {
@@ -30,14 +30,14 @@ _MODES: Mapping[str, tuple[int, int]] = MappingProxyType(
         "POSCTL": (3, 0),
         "POSCTL.ORBIT": (3, 1),
         "POSCTL.SLOW": (3, 2),
-        "AUTO.READY": (_AUTO, 1),
-        "AUTO.TAKEOFF": (_AUTO, 2),
-        "AUTO.LOITER": (_AUTO, 3),
-        "AUTO.MISSION": (_AUTO, 4),
-        "AUTO.RTL": (_AUTO, 5),
-        "AUTO.LAND": (_AUTO, 6),
-        "AUTO.FOLLOW_TARGET": (_AUTO, 8),
-        "AUTO.PRECLAND": (_AUTO, 9),
+        "AUTO.READY": (_AUTO_MAIN_MODE, 1),
+        "AUTO.TAKEOFF": (_AUTO_MAIN_MODE, 2),
+        "AUTO.LOITER": (_AUTO_MAIN_MODE, 3),
+        "AUTO.MISSION": (_AUTO_MAIN_MODE, 4),
+        "AUTO.RTL": (_AUTO_MAIN_MODE, 5),
+        "AUTO.LAND": (_AUTO_MAIN_MODE, 6),
+        "AUTO.FOLLOW_TARGET": (_AUTO_MAIN_MODE, 8),
+        "AUTO.PRECLAND": (_AUTO_MAIN_MODE, 9),
         "ACRO": (5, 0),
         "OFFBOARD": (6, 0),
         "STABILIZED": (7, 0),

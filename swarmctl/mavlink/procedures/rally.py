@@ -36,7 +36,7 @@ class CountRallyPoints(Conversation[RallyPoints]):
     `may_lack`: True if the answer "unsupported" means 0 points.
     """
 
-    REPEAT_S = 1.0
+    REPEAT_PERIOD_S = 1.0
     TRIES = 12
 
     def __init__(self, peer: MavlinkPeer, *, may_lack: bool) -> None:
@@ -51,7 +51,7 @@ class CountRallyPoints(Conversation[RallyPoints]):
 
     def _ask(self, now: float) -> list[Message]:
         self._tries += 1
-        self.next_deadline = now + self.REPEAT_S
+        self.next_deadline = now + self.REPEAT_PERIOD_S
         to = (self._peer.sysid, self._peer.compid)
         return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=RALLY)]
 

@@ -17,7 +17,7 @@ Message = Any
 GCS_SYSID = 255
 GCS_COMPID = int(mavlink.MAV_COMP_ID_MISSIONPLANNER)
 
-_V1, _V2 = 0xFE, 0xFD
+_V1_MAGIC, _V2_MAGIC = 0xFE, 0xFD
 _V1_OVERHEAD_BYTES, _V2_OVERHEAD_BYTES = 8, 12
 _V2_HEADER_BYTES = 10
 _SIGNED_FLAG = 0x01
@@ -71,7 +71,7 @@ class FrameSplitter:
         return frames
 
     def _accept(self, data: bytes, plausible_end: bool) -> Frame | None:
-        if data[0] == _V2:
+        if data[0] == _V2_MAGIC:
             if data[2] & ~_SIGNED_FLAG:
                 return None
             frame = Frame(data, data[5], data[6], data[7] | data[8] << 8 | data[9] << 16)
@@ -90,7 +90,7 @@ class FrameSplitter:
 
 
 def _next_magic(buffer: bytearray, at: int) -> int | None:
-    found = [i for i in (buffer.find(_V1, at), buffer.find(_V2, at)) if i >= 0]
+    found = [i for i in (buffer.find(_V1_MAGIC, at), buffer.find(_V2_MAGIC, at)) if i >= 0]
     return min(found) if found else None
 
 
@@ -98,13 +98,13 @@ def _frame_length(buffer: bytearray, at: int) -> int | None:
     """Return the length of the frame that begins at `at`; None while its header is incomplete."""
     if len(buffer) < at + 3:
         return None
-    if buffer[at] == _V1:
+    if buffer[at] == _V1_MAGIC:
         return buffer[at + 1] + _V1_OVERHEAD_BYTES
     return buffer[at + 1] + _V2_OVERHEAD_BYTES + (_SIGNATURE_BYTES if buffer[at + 2] & _SIGNED_FLAG else 0)
 
 
 def _may_end_at(buffer: bytearray, end: int) -> bool:
-    return end == len(buffer) or buffer[end] in (_V1, _V2)
+    return end == len(buffer) or buffer[end] in (_V1_MAGIC, _V2_MAGIC)
 
 
 class Decoder:
@@ -132,7 +132,7 @@ def extension(message: Message, at: int) -> int:
     A field that was not sent is 0: MAVLink 2 cuts trailing zeros.
     """
     frame = bytes(message.get_msgbuf() or b"")
-    if not frame or frame[0] != _V2:
+    if not frame or frame[0] != _V2_MAGIC:
         return 0
     payload = frame[_V2_HEADER_BYTES : _V2_HEADER_BYTES + frame[1]]
     return int.from_bytes(payload[at : at + 4], "little")

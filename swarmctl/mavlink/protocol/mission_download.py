@@ -44,7 +44,7 @@ class Download(Conversation[DownloadResult]):
         the transfer. So with a window no lost item can be requested again; the download has to be restarted.
     """
 
-    REPEAT_S, MAX_REPEAT_S = 1.0, 4.0
+    REPEAT_PERIOD_S, MAX_REPEAT_PERIOD_S = 1.0, 4.0
     TRIES = 12
     """Number of tries of a request. With 30 % loss, six tries fail in half of all transfers of 50 items."""
 
@@ -63,7 +63,7 @@ class Download(Conversation[DownloadResult]):
         self._type = mission_type
         self._first = self._next = self._requested_to = first
         self._window, self._copies, self._in_order = window, copies, in_order
-        self._repeat_s, self._begin_s = self.REPEAT_S, 0.0
+        self._repeat_s, self._begin_s = self.REPEAT_PERIOD_S, 0.0
         self._count = 0
         self._items: dict[int, MissionItem] = {}
         self._tries = 0
@@ -112,7 +112,7 @@ class Download(Conversation[DownloadResult]):
             self._count = int(message.count)
             if self._window > 1:  # with a window of 1 a repeated request costs less than a long wait
                 round_trip_s = now - self._begin_s  # an upper limit, if requests were lost
-                self._repeat_s = min(max(self.REPEAT_S, 1.5 * round_trip_s), self.MAX_REPEAT_S)
+                self._repeat_s = min(max(self.REPEAT_PERIOD_S, 1.5 * round_trip_s), self.MAX_REPEAT_PERIOD_S)
             return self._proceed(now)
         if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._requested_to:
             self._items[int(message.seq)] = item_of(message)

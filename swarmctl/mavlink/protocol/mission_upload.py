@@ -72,7 +72,7 @@ class Upload(Conversation[UploadResult]):
     OVERDUE_ROUND_TRIPS = 1.25
     MAX_OVERDUE_S = 2.5
     """time after which an item counts as lost: a number of round trips, and its limit"""
-    REPEAT_S = 1.0
+    REPEAT_PERIOD_S = 1.0
     """period of repeating the count until the first request, and of repeating a requested item"""
     FIRST_LIMIT_S = 12.0
     """limit for the first request: with 30 % loss and 2 s per answer, 1 in 20 takes longer than 6 s"""
@@ -138,7 +138,7 @@ class Upload(Conversation[UploadResult]):
         return self._announce(now)
 
     def _announce(self, now: float) -> list[Message]:
-        self.next_deadline = min(now + self.REPEAT_S, self._idle_at)
+        self.next_deadline = min(now + self.REPEAT_PERIOD_S, self._idle_at)
         return [
             mavlink.MAVLink_mission_count_message(
                 self._peer.sysid, self._peer.compid, len(self._items), mission_type=self._type
@@ -203,7 +203,7 @@ class Upload(Conversation[UploadResult]):
         self._sent_s |= dict.fromkeys(numbers, now)
         # ArduPilot gives up 8 s after the last accepted item, PX4 after 5 s, so only few tries fit.
         copies = 2 if self._is_lossy else 1
-        if not numbers and now - max(self._sent_s[seq], self._repeated_s) >= self.REPEAT_S:
+        if not numbers and now - max(self._sent_s[seq], self._repeated_s) >= self.REPEAT_PERIOD_S:
             numbers, self._repeated_s = range(seq, seq + 1), now
         return [self._item(number) for number in numbers for _ in range(copies)]
 

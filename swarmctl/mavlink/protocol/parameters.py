@@ -31,7 +31,7 @@ _PACKED: Mapping[int, str] = {
     int(mavlink.MAV_PARAM_TYPE_INT32): "<i",
     _REAL32: "<f",
 }
-_V2, _V1_HEADER_BYTES, _V2_HEADER_BYTES = 0xFD, 6, 10
+_V2_MAGIC, _V1_HEADER_BYTES, _V2_HEADER_BYTES = 0xFD, 6, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def _value_bytes(message: Message) -> bytes:
     if not message.get_msgbuf():  # an outgoing message
         return struct.pack("<f", message.param_value)
     frame = bytes(message.get_msgbuf())
-    start = _V2_HEADER_BYTES if frame[0] == _V2 else _V1_HEADER_BYTES
+    start = _V2_HEADER_BYTES if frame[0] == _V2_MAGIC else _V1_HEADER_BYTES
     return frame[start : start + 4]
 
 
@@ -88,7 +88,7 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
     ArduPilot queues about twenty requests and drops further requests.
     """
 
-    REPEAT_S = 1.0
+    REPEAT_PERIOD_S = 1.0
     TRIES = 10
     MAX_PENDING = 10
 
@@ -118,7 +118,7 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
         if not self._tries:
             self._finish(self._values)
             return []
-        self.next_deadline = now + self.REPEAT_S
+        self.next_deadline = now + self.REPEAT_PERIOD_S
         return [self._request(name) for name in started]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:

@@ -51,7 +51,7 @@ class RequestUntil(Conversation[bool]):
     soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.
     """
 
-    REPEAT_S = 1.0
+    REPEAT_PERIOD_S = 1.0
 
     def __init__(
         self,
@@ -85,14 +85,14 @@ class RequestUntil(Conversation[bool]):
         return self._ask(now)
 
     def _ask(self, now: float) -> list[Message]:
-        self.next_deadline = min(self._end, now + self.REPEAT_S)
+        self.next_deadline = min(self._end, now + self.REPEAT_PERIOD_S)
         return [self._request]
 
 
 class RequestMessage(Conversation[Message]):
     """Request of one message (MAV_CMD_REQUEST_MESSAGE), repeated until that message arrives."""
 
-    REPEAT_S = 1.0
+    REPEAT_PERIOD_S = 1.0
 
     def __init__(self, peer: MavlinkPeer, message_id: int) -> None:
         super().__init__()
@@ -100,7 +100,7 @@ class RequestMessage(Conversation[Message]):
         self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
 
     def _begin(self, now: float) -> list[Message]:
-        self.next_deadline = now + self.REPEAT_S
+        self.next_deadline = now + self.REPEAT_PERIOD_S
         return [self._request]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:

@@ -58,7 +58,7 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
     The result is message id -> (message, arrival time [s]), without missing messages.
     """
 
-    REPEAT_S = 1.0
+    REPEAT_PERIOD_S = 1.0
     TRIES = 5
 
     def __init__(self, peer: MavlinkPeer, ids: tuple[int, ...]) -> None:
@@ -74,7 +74,7 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
 
     def _ask(self, now: float) -> list[Message]:
         self._tries += 1
-        self.next_deadline = now + self.REPEAT_S
+        self.next_deadline = now + self.REPEAT_PERIOD_S
         missing = [msgid for msgid in self._ids if msgid not in self._received]
         return [
             command_long(self._peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(msgid),)) for msgid in missing

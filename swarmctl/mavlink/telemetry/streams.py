@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
-_REPEAT_S, _REPEAT_LIMIT_S = 3.0, 30.0
+_REPEAT_PAUSE_S, _MAX_REPEAT_PAUSE_S = 3.0, 30.0
 """first and longest pause between requests for a missing stream"""
 AFTER_SILENCE_S = 1.5
 """delay of new requests after a silence: without a reboot the streams continue unrequested"""
@@ -58,7 +58,7 @@ class StreamKeeper:
         self._peer = peer
         self._rates_hz = rates_hz
         self._due: dict[int, float] = {}
-        self._repeat_s = dict.fromkeys(rates_hz, _REPEAT_S)
+        self._repeat_s = dict.fromkeys(rates_hz, _REPEAT_PAUSE_S)
         self._stops_others = stops_others
         self._received_s: dict[int, float] = {}
         """last arrival of each unused message [s]"""
@@ -76,13 +76,13 @@ class StreamKeeper:
         """Schedule requests at time `due` for all streams that have not arrived by then."""
         for msgid in self._rates_hz:
             self._due[msgid] = due
-            self._repeat_s[msgid] = _REPEAT_S
+            self._repeat_s[msgid] = _REPEAT_PAUSE_S
         self._stopped.clear()
 
     def on_message(self, msgid: int, now: float) -> None:
         if msgid in self._due:
-            self._repeat_s[msgid] = _REPEAT_S
-            self._due[msgid] = now + max(_REPEAT_S, 3.0 / self._rates_hz[msgid])
+            self._repeat_s[msgid] = _REPEAT_PAUSE_S
+            self._due[msgid] = now + max(_REPEAT_PAUSE_S, 3.0 / self._rates_hz[msgid])
         elif self._stops_others and self._due and msgid in UNUSED_IDS:
             self._on_unused(msgid, now)
 
@@ -100,7 +100,7 @@ class StreamKeeper:
         missing = [msgid for msgid, due in self._due.items() if now >= due]
         for msgid in missing:
             self._due[msgid] = now + max(self._repeat_s[msgid], 3.0 / self._rates_hz[msgid])
-            self._repeat_s[msgid] = min(2 * self._repeat_s[msgid], _REPEAT_LIMIT_S)
+            self._repeat_s[msgid] = min(2 * self._repeat_s[msgid], _MAX_REPEAT_PAUSE_S)
         requests = [self._set_interval(msgid, float(round(1e6 / self._rates_hz[msgid]))) for msgid in missing]
         return requests + self._stop(now)
 

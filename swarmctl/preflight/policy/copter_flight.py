@@ -34,7 +34,7 @@ _OLD_NAMES = {
     "WP_SPD_UP": "WPNAV_SPEED_UP",
 }
 """name since 4.7 -> name up to 4.6"""
-_CM = 100.0
+_CM_PER_M = 100.0
 
 
 def flight(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
@@ -65,7 +65,7 @@ def _for_version(parameter: RequiredParameter, version: Version) -> RequiredPara
 
 
 def _cm(value_m: float) -> float:
-    return round(_CM * value_m, 6)
+    return round(_CM_PER_M * value_m, 6)
 
 
 def _mission_flight(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
