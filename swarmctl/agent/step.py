@@ -161,11 +161,9 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
-    """Act on new telemetry. The parts act in this order, and some of them end the sequence:
+    """Act on new telemetry.
 
-    1. touchdown; 2. failsafes; 3. launch; 4. start of the landing in a goal cell; 5. landing after an
-    unconfirmed hold; 6. repetition of an unconfirmed order; 7. return queue; 8. collision avoidance;
-    9. landing queue; 10. speed for the common arrival; 11. intent and state.
+    A touchdown, a release, a landing after an unconfirmed hold and a repeated order end the sequence.
     """
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)

@@ -25,20 +25,21 @@ from swarmctl.links.base import LinkError
 from swarmctl.report.final_state import FlightEnd, describe_final_state, is_released_in_air
 
 START_TOLERANCE_M = 100.0
-"""greatest distance between a vehicle and its configured start [m]; a vehicle farther away is wrong"""
+"""greatest distance between a vehicle and its configured start [m]"""
 NOT_READY_S = 20.0
 """time between two messages about a vehicle that is not ready [s]; a healthy estimator needs about this time
 after power-up"""
 PARTIAL_CHECKS_S = 10.0
-"""time limit for the checks of the vehicles that have answered, when preflight is stopped"""
+"""time limit for the checks of the vehicles that have answered, when preflight is stopped [s]"""
 EARLY_CHECKS_S = 3.0
-"""time between two early checks of vehicles that are ready before the others"""
+"""time between two early checks of vehicles that are ready before other vehicles [s]"""
 RETRY_S = 5.0
-"""time between a failed preparation of a waiting vehicle and the next attempt"""
+"""time between a failed preparation of a waiting vehicle and the next attempt [s]"""
 
 Launch = Literal["when-ready", "ordered", "never"]
-"""when-ready: the director launches the vehicles. ordered: the director keeps the vehicles ready until an
-operator orders the launch. never: preflight checks only; no vehicle gets the permission to arm"""
+"""when-ready: the director launches the vehicles.
+ordered: the director keeps the vehicles ready until an operator orders the launch.
+never: preflight checks only; no vehicle gets the permission to arm."""
 
 
 class PreflightFailed(Exception):
@@ -63,7 +64,7 @@ class Clearance(Protocol):
         """Return a line for each failed check of vehicles that have answered."""
 
     async def early_failures(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
-        """Return the failed checks of a vehicle that is ready before the others, for an early report."""
+        """Return the failed checks of a vehicle that is ready before other vehicles, for an early report."""
 
 
 class Director:

@@ -36,9 +36,9 @@ async def in_turns(
 ) -> None:
     """Order all armed vehicles except released vehicles, after the agents have crashed.
 
-    Returning vehicles hold until their turn, at most `within_s`, so that no two meet. `speedup` is vehicle
-    seconds in one second of the loop. No operator has given these orders, so each order first checks that the
-    vehicle's mode is one of swarmctl's.
+    Returning vehicles hold until their turn, at most `within_s`, so that no two vehicles meet. `speedup` is
+    vehicle seconds in one second of the loop. No operator has given these orders, so each order first checks
+    that swarmctl has set the vehicle's mode.
     """
     armed = _armed_and_unreleased(members)
     if not armed:

@@ -1,4 +1,4 @@
-"""The operator service of a flight, and the conditions under which it takes orders."""
+"""The operator service of a flight, and the conditions under which the service takes orders."""
 
 from __future__ import annotations
 

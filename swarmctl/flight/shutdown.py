@@ -102,7 +102,7 @@ class Shutdown:
         return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]
 
     async def _land(self, flying: Sequence[Member]) -> None:
-        """Land each vehicle where it holds; a vehicle above another waits until the lower has landed."""
+        """Land each vehicle where it holds, the lower of two vehicles above each other first."""
         waiting = [m for m in flying if self._is_above_another(m, flying)]
         if waiting:
             self._say(f"{names(waiting)}: landing when the vehicles below are down [waits-to-land]")

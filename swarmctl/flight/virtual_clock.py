@@ -1,7 +1,7 @@
 """An event loop with a virtual clock: a wait takes no time and only advances the clock.
 
-Agents, links and conversations ask the running loop for time and timers. The same code therefore flies in
-real time or, on this loop, as fast as the machine computes, with the same result every time.
+Agents, links and conversations take time and timers from the running loop. So the same code flies in real
+time or on this loop. On this loop it runs as fast as the machine computes, with the same result every time.
 """
 
 from __future__ import annotations

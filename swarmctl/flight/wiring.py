@@ -41,7 +41,7 @@ from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
 Clock = Literal["real", "virtual"]
 VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
-"""start time of virtual runs, the beginning of 2026: equal runs leave equal files"""
+"""start time of virtual runs [ns], the beginning of 2026: equal runs leave equal files"""
 OFFLOAD_CELLS = 100_000
 """number of cells above which an area is searched in a thread, while the loop serves the links"""
 

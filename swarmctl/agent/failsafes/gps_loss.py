@@ -5,9 +5,9 @@ If the autopilot does not react, this rule acts:
 
 | condition | after `seconds` | after `land_s` | after twice `land_s` |
 |---|---|---|---|
-| no fix | warning | landing: without a position it can neither hold nor return | |
+| no fix | warning | landing: without a position the vehicle can neither hold nor return | |
 | no position, GPS has no fix | warning | landing | |
-| no position, GPS has a fix | warning | return: it may still be possible | landing, unless it is returning |
+| no position, GPS has a fix | warning | return, which may still work | landing, unless the vehicle returns |
 """
 
 from __future__ import annotations

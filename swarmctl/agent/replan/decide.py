@@ -42,7 +42,7 @@ _STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
 
 
 def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan a route from all that is known; change the mission if the new route is better."""
+    """Plan a route from the present belief; change the mission if the new route is better."""
     p_s = believed_exposure(state.task, state.belief, state.strength)
     return _decide_from(state, p_s, _planning_start(state))
 
@@ -52,7 +52,7 @@ def _decide_from(
 ) -> tuple[AgentState, list[ev.Effect]]:
     """Plan a route from `here`, the cell of the present route beside the vehicle.
 
-    With `off_track`, the splice at which the vehicle leaves a track, `here` is the cell of the splice point.
+    `off_track` is the splice at which the vehicle leaves a track; then `here` is the cell of that splice.
     """
     task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
     splice = splice_on_route(state, here, p_s) if off_track is None else off_track

@@ -1,7 +1,7 @@
 """The landing pattern of a fixed wing: a circle to lose height, and a straight final. Pure.
 
 Ground stations draw this pattern for fixed wings. The vehicle descends in a circle to the height of the final
-(MAV_CMD_NAV_LOITER_TO_ALT), leaves the circle along its tangent, and descends on a straight slope
+(MAV_CMD_NAV_LOITER_TO_ALT). It leaves the circle along a tangent and descends on a straight slope
 (MAV_CMD_NAV_LAND). Points are in the area's plane, headings are clockwise from north [rad].
 """
 

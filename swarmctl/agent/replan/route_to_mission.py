@@ -105,8 +105,8 @@ def mission_for(
 ) -> FlightPlan:
     """Return the mission for a route or its track, from the entry cell or from the vehicle in flight.
 
-    With a `splice` ahead of the vehicle the mission follows the present one up to the splice point. Raises
-    Unreachable if a fixed wing has no room to land.
+    With a `splice` ahead of the vehicle, the mission follows the present mission up to the splice point.
+    Raises Unreachable if a fixed wing has no room to land.
     """
     cells = route.cells
     landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
@@ -139,7 +139,7 @@ def mission_for(
 
     def may_clip(cell: Cell) -> bool:
         # DEVIATION: a vehicle past the centre of its cell would fly back to the centre for a diagonal turn.
-        # Instead, it cuts the corner if the cell under the shortcut is no worse than the cells of the step.
+        # The vehicle cuts the corner if the cell under the shortcut is no worse than the cells of the step.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
     plan = flight_plan(
@@ -163,7 +163,7 @@ def _goes_straight(task: Task, splice: Splice, first: Waypoint) -> bool:
 
 
 def _along_lattice(task: Task, cells: Sequence[Cell], splice: Splice, landing: LatLon) -> FlightPlan:
-    """Return the mission over the centres ahead of a vehicle that is already on the first of these cells."""
+    """Return the mission over the centres ahead of a vehicle that is already over the first cell."""
     if splice.is_first_passed:
         corners = ends_and_turns(cells)[1:]
     elif splice.previous is not None:

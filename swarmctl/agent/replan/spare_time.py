@@ -62,7 +62,7 @@ def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> Agen
     new_due_s = due_s if is_early(due_s, soonest_s) else None
     previous_due_s = state.spare_time_due_s
     if new_due_s is None:
-        # The longer route uses up the spare time. The vehicle keeps that route unless it is the last one.
+        # The longer route uses up the spare time. The vehicle keeps that route unless it is the last vehicle.
         is_last = due_s - soonest_s <= LAST_MARGIN_S and previous_due_s is not None
         return replace(state, spare_time_due_s=None, dirty=True) if is_last else state
     if previous_due_s is not None and math.isclose(previous_due_s, new_due_s, abs_tol=MIN_EARLY_S):

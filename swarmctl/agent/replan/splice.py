@@ -1,4 +1,4 @@
-"""The splice point: the point ahead of the vehicle at which a new route leaves the present one. Pure.
+"""The splice point: the point ahead of the vehicle at which a new route leaves the present route. Pure.
 
 The vehicle flies on during the swap. So the new route keeps the cells of the old route up to a centre that
 the vehicle reaches only after the swap. The vehicle never has to fly back. The distance to that centre
@@ -51,7 +51,7 @@ class Splice:
     is_first_passed: bool = False
     """True if the vehicle has passed the centre of the first kept cell"""
     path: tuple[PlanarPoint, ...] = ()
-    """points from the vehicle over the centres ahead to the last but one"""
+    """points from the vehicle over the centres ahead, without the last centre"""
     lead_m: float = 0.0
     """length of the path to the centre of the last cell, or to the splice point on a track [m]"""
     lead_waypoints: tuple[Waypoint, ...] = ()

@@ -23,7 +23,7 @@ from swarmctl.core.planar import PlanarPoint
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
-"""Share of cost by which a new route must beat the present one, so that rounding alone causes no swap."""
+"""Share of cost by which a new route must beat the present route, so that rounding causes no swap."""
 
 MAX_TRIES = 5
 """Greatest number of searches for a route within its bound; the last search is for the shortest route."""

@@ -20,7 +20,7 @@ from swarmctl.core.planar import PlanarPoint
 ROLL_S = 4.0
 """time from arming to leaving the ground [s]"""
 CLIMB_M_S, SINK_M_S = 3.0, 3.0
-"""assumed rates [m/s]; the defaults are 5 for TECS_CLMB_MAX, 2 for TECS_SINK_MIN and 5 for TECS_SINK_MAX"""
+"""assumed climb and sink rates [m/s]; defaults: TECS_CLMB_MAX 5, TECS_SINK_MIN 2, TECS_SINK_MAX 5"""
 ROLL_OUT_S = 8.0
 """time on the ground after the touchdown [s]"""
 

@@ -11,6 +11,6 @@
 | `landing_queue` | descent at the goal | holds above the landing spot |
 | `returning`, `return_schedule` | return path | holds until the path is clear |
 
-Vehicles do not negotiate. All vehicles apply the same rule of priority to the same data, so exactly one of
-two vehicles gives way. Begin with `separation`, then `collision_avoidance`.
+Vehicles do not negotiate. All vehicles apply the same rule of priority to the same data, so one of two
+vehicles gives way. Begin with `separation`, then `collision_avoidance`.
 """

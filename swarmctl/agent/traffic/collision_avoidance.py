@@ -1,7 +1,7 @@
 """Collision avoidance: alarms by positions, and evasive holds and climbs. Pure.
 
 An alarm predicts that within `look_ahead_s` (10 s) this vehicle and another come closer than both separation
-limits. One of the two vehicles gives way.
+limits. The table says which vehicle gives way.
 
 | the other vehicle | gives way |
 |---|---|
@@ -124,7 +124,7 @@ def _give_way(
     )
     # A fixed wing would circle in hold, so it climbs.
     if rules.action == "hold" and not blocked and state.task.wings is None:
-        # The vehicle has no route while it holds, and plans a new one when the way is clear.
+        # The vehicle has no route while it holds, and plans a new route when the way is clear.
         now_s, n, reports = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
         gave_way_to = {alarm.other: reports[alarm.other] for alarm in binding if alarm.other in reports}
         state = replace(state, gave_way_to=gave_way_to, n_holds=n, holding_since_boot_s=now_s)

@@ -262,7 +262,7 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             # still change. The landing of a vehicle that cannot change its plan counts here.
             flight = until_landing(flight) if intent.may_change else flight
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
-            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a greater one comes from a false sender
+            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # limits a false sender
             kept[uav] = NeighbourIntent(
                 flight, Bounds.of(flight), intent.may_change, sent_s, uncertainty, intent.on_ground
             )

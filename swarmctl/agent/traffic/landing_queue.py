@@ -212,7 +212,7 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
     stands = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
-    # Vehicles above wait for this one.
+    # Vehicles above wait for this vehicle.
     near = {
         uav: intent
         for uav, intent in others.items()

@@ -28,7 +28,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
     """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
 
     The vehicle follows its plan at the present speed, or at cruise speed while it gives way. Without a plan
-    it flies straight on.
+    the vehicle flies straight on.
     """
     vehicle, rules = state.vehicle, state.task.separation
     here = position_of(state)
@@ -46,7 +46,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
-    """Return the vehicle's position; None if the last telemetry has none."""
+    """Return the vehicle's position; None without a position in the last telemetry."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
@@ -100,7 +100,7 @@ def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
 
 
 def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
-    """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state too old."""
+    """Return another vehicle's extrapolated trajectory; None on the ground, or if the state is too old."""
     reported, now_s = report.state, state.vehicle.time_boot_s
     if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
         return None

@@ -72,7 +72,7 @@ def nearest(a: Segment, b: Segment) -> Approach | None:
 
 
 def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float, float], ...]:
-    """Return the intervals in which two flights are too close: (from, until) [s], in order, joined."""
+    """Return the intervals in which two flights are too close, as (from, until) [s], in order."""
     merged: list[tuple[float, float]] = []
     for part in _together(a, b):
         found = _too_close(part, limits)
