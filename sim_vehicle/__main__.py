@@ -127,10 +127,10 @@ def fleet(
 ) -> None:
     """Run simulated vehicles that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops the fleet.
 
-    `python -m sim_vehicle run --help` flies scenarios and checks them; `... conformance --help` tests any
+    `python -m sim_vehicle run` flies and checks scenarios; `python -m sim_vehicle conformance` tests any
     autopilot. Exit codes: 0 normal end, 2 invalid option.
     """  # fmt: skip
-    # Late imports: they are slow, and --help does not need them.
+    # These imports are slow, and --help does not need them.
     from sim_vehicle.faults.spec import help_text  # noqa: PLC0415
     from sim_vehicle.links import LinkError  # noqa: PLC0415
     from sim_vehicle.serving.options import FleetOptions, OptionError, read_options  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""The whole fleet without I/O: ground stations' bytes and simulated time in, vehicles' bytes out."""
+"""A fleet without I/O: ground stations' bytes and simulated time in, vehicles' bytes out."""
 
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
@@ -204,7 +204,7 @@ class Fleet:
         return self._schedule.names(index)
 
     def truth(self) -> Truth:
-        """Return the true state for tests, checks and displays; no vehicle or ground station sees it."""
+        """Return the true state for tests, checks and displays; no telemetry contains this state."""
         dynamics = self.world.dynamics
         lat_deg, lon_deg = self.world.geodetic()
         return Truth(

@@ -59,7 +59,7 @@ def conformance(
 
     A real vehicle is armed, rebooted or altered only if an option allows it. At the end, also after Ctrl-C,
     the mission, fence and rally points are restored. A plan without a saved copy is not overwritten. Other
-    vehicles on the link receive no message that could change them.
+    vehicles on the link receive only messages without an effect.
 
     Exit codes: 0 no check failed; 1 a check failed; 2 a bad argument; 130 interrupted.
     """

@@ -58,7 +58,7 @@ def untrimmed(vehicle: VehicleUnderTest, message: Any, crc_extra: int) -> bytes:
 def requested(
     vehicle: VehicleUnderTest, message_id: int, layout: struct.Struct, *params: float
 ) -> tuple[Any, ...]:
-    """Return the fields of a requested message that the codec does not know; raise Skip if refused."""
+    """Request a message unknown to the codec and return its fields; raise Skip if the vehicle refuses."""
     kind, mark = f"UNKNOWN_{message_id}", vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
     if result != mavlink.MAV_RESULT_ACCEPTED:

@@ -137,14 +137,14 @@ def _request_value(vehicle: VehicleUnderTest, name: str) -> int:
 
 
 def value_or_none(vehicle: VehicleUnderTest, name: str) -> float | None:
-    """Return a parameter's value, or None if the vehicle lacks it."""
+    """Return the value of a parameter, or None if the vehicle does not have the parameter."""
     return read(vehicle, name).value if has(vehicle, name) else None
 
 
 def harmless_change(
     vehicle: VehicleUnderTest, candidates: tuple[tuple[str, float], ...]
 ) -> tuple[str, float]:
-    """Return name and new value of the first candidate that the vehicle has; raise Skip if it has none."""
+    """Return name and new value of the vehicle's first candidate; raise Skip if no candidate exists."""
     for name, value in candidates:
         if has(vehicle, name):
             return name, value if read(vehicle, name).value != value else value + 1

@@ -137,7 +137,7 @@ def clear_message(vehicle: VehicleUnderTest, kind: int = MISSION) -> Any:
 
 
 def for_station(kind: int, source: tuple[int, int] = STATION) -> Condition:
-    """Return a condition: a mission message of this type, addressed to this station."""
+    """Return the condition for mission messages of this type to this station, or to all systems."""
     return lambda m: m.mission_type == kind and m.target_system in (0, source[0])
 
 

@@ -1,7 +1,7 @@
 """The checks by name.
 
-A check is a function of a `VehicleUnderTest` that returns a short description of the observation. It raises
-`CheckFailed` if the vehicle is wrong, and `Skip` if the check does not apply.
+A check is a function of a `VehicleUnderTest`. The function returns a short description of the observation,
+raises `CheckFailed` if the vehicle behaves wrongly, and raises `Skip` if the check does not apply.
 """
 
 import fnmatch

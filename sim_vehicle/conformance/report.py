@@ -41,7 +41,7 @@ def describe_counts(results: Iterable[CheckResult]) -> str:
 
 
 def matrix(report: RunReport) -> Group:
-    """Return the whole run as tables by category, with counts."""
+    """Return the results of a run as tables by category, with counts."""
     parts: list[Any] = []
     for category, group in groupby(report.results, key=lambda result: result.check.category):
         results = list(group)

@@ -35,7 +35,7 @@ class Wire(Protocol):
         """Return the next bytes within `timeout_s` [s of vehicle time], or None."""
 
     def now_s(self) -> float:
-        """Return the vehicle time [s]; it never decreases."""
+        """Return the vehicle time [s], which never decreases."""
 
     def follow(self, sysid: int) -> None:
         """Direct every later `send` to this vehicle, at its latest address."""
@@ -88,7 +88,7 @@ class Traffic:
         return self.identity.sysid, self.identity.component
 
     def codec(self, source: tuple[int, int] = STATION) -> mavlink.MAVLink:
-        """Return the MAVLink encoder of one of the suite's stations."""
+        """Return the MAVLink encoder of a station of the suite."""
         if source not in self._codecs:
             self._codecs[source] = mavlink.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
         return self._codecs[source]
@@ -100,7 +100,7 @@ class Traffic:
         return data
 
     def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
-        """Send a message as one of the suite's stations; raise `Skip` if a permission is missing."""
+        """Send a message as a station of the suite; raise Skip if a permission is missing."""
         self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:

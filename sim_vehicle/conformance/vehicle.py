@@ -27,7 +27,7 @@ class VehicleUnderTest(Traffic):
         self.catalogue: dict[str, Any] = {}  # the parameter list; empty before `fetch_all`
 
     def connect(self, sysid: int | None = None) -> VehicleIdentity:
-        """Wait for an autopilot (`sysid`, or the first one) and request its identity."""
+        """Wait for the autopilot `sysid`, or for any autopilot; return its identity. Raises WireError."""
         end_s = self.now + CONNECT_S
         seen: set[int] = set()
         while self.now < end_s:
@@ -157,7 +157,7 @@ class VehicleUnderTest(Traffic):
         return self.result(self.command_long(command, *params))
 
     def accepted(self, command: int, *params: float) -> None:
-        """Send COMMAND_LONG; raise CheckFailed unless the vehicle accepts it."""
+        """Send COMMAND_LONG; raise CheckFailed unless the vehicle accepts the command."""
         equal(result_name(self.command(command, *params)), "ACCEPTED", command_name(command))
 
     def request(self, kind: str, *params: float) -> Any:
@@ -203,7 +203,7 @@ _UNKNOWN = object()
 
 
 def known_behaviour(vehicle: VehicleUnderTest, *, ardupilot: Any = _UNKNOWN, px4: Any = _UNKNOWN) -> Any:
-    """Return the known behaviour of this autopilot; raise Skip if it is unknown."""
+    """Return the known behaviour of this autopilot; raise Skip if the behaviour is unknown."""
     value = {"ardupilot": ardupilot, "px4": px4}.get(vehicle.dialect.name, _UNKNOWN)
     if value is _UNKNOWN:
         raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")

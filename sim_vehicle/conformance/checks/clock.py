@@ -84,7 +84,7 @@ def same_rate(vehicle: VehicleUnderTest) -> str:
 
 @check("time.ping", dialects=("px4",))
 def ping(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers a PING to all systems with the same number."""
+    """The answer to a PING to all systems has the seq and time_usec of the PING."""
     stamp = 987_654
     answer = vehicle.ask(
         mavlink.MAVLink_ping_message(stamp, 42, 0, 0), "PING", lambda m: m.target_system == STATION[0]

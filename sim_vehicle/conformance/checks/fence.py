@@ -284,7 +284,7 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.enable_command", claims=CLAIMS, pins="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
 def enable_command(vehicle: VehicleUnderTest) -> str:
-    """ArduPilot accepts DO_FENCE_ENABLE and keeps FENCE_ENABLE; on PX4 it is UNSUPPORTED."""
+    """DO_FENCE_ENABLE is ACCEPTED on ArduPilot, without a change of FENCE_ENABLE, and UNSUPPORTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
     plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
     with _fence_enabled(vehicle) as before:

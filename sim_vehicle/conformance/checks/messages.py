@@ -20,7 +20,7 @@ def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
         try:
             vehicle.request(kind)
         except Skip as refusal:
-            # Both known autopilots send all of `REQUESTED`; other autopilots may lack some.
+            # The known autopilots send all messages of `REQUESTED`.
             if not vehicle.dialect.known or kind == "HOME_POSITION":
                 raise
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal

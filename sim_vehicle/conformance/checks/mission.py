@@ -259,7 +259,7 @@ def when_empty(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.clear.all_types", pins="AUTOPILOTS 2: types 2 / 3 / 255")
 def clear_all_types(vehicle: VehicleUnderTest) -> str:
-    """Type 255 clears all plans on PX4; on ArduPilot it is UNSUPPORTED and clears nothing."""
+    """Type 255 clears all plans on PX4; ArduPilot answers UNSUPPORTED and clears nothing."""
     clears = known_behaviour(vehicle, ardupilot=False, px4=True)
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)

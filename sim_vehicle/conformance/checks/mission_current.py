@@ -47,7 +47,7 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.current.state", pins="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def current_state(vehicle: VehicleUnderTest) -> str:
-    """After an upload mission_state changes from NO_MISSION to NOT_STARTED; on PX4 it is always 0."""
+    """An upload changes mission_state from NO_MISSION to NOT_STARTED; PX4 always reports 0."""
     empty, waiting = known_behaviour(vehicle, ardupilot=(1, 2), px4=(0, 0))
     plans.clear(vehicle)
     vehicle.wait(0.5)

@@ -24,7 +24,7 @@ KEY_REMOVAL_ATTEMPTS = 5
 
 
 def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, stamp: int) -> None:
-    """Sign the frames of one of the suite's stations from now on."""
+    """Sign all later frames of a station of the suite."""
     signing = vehicle.codec(source).signing
     signing.secret_key, signing.link_id, signing.timestamp, signing.sign_outgoing = key, 3, stamp, True
 

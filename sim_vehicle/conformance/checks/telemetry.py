@@ -114,7 +114,7 @@ def gps_agrees(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.local.at_rest")
 def local_at_rest(vehicle: VehicleUnderTest) -> str:
-    """At rest LOCAL_POSITION_NED has the distance to its origin, and a speed below 1 m/s."""
+    """At rest LOCAL_POSITION_NED agrees with the distance from the local origin; the speed is near 0."""
     message = vehicle.sample({"LOCAL_POSITION_NED": 4.0}, 1.0)["LOCAL_POSITION_NED"][-1]
     origin = vehicle.request("GPS_GLOBAL_ORIGIN")
     away_m = plans.distance_m((origin.latitude, origin.longitude), plans.current_position(vehicle))
