@@ -125,8 +125,8 @@ class Communication(Section):
     )
     range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
         "all",
-        description="Number of UAVs that a UAV sends to: the nearest live ones by last known position, "
-        "or all.",
+        description="Number of UAVs that receive a UAV's messages: the nearest live UAVs by last known "
+        "position, or all.",
     )
     max_distance_m: float | None = Field(
         None,

@@ -26,7 +26,6 @@ def check_communication(config: Config) -> Iterator[ConfigProblem]:
 
 
 def _names(config: Config) -> dict[int, str]:
-    """Return the names of all vehicles, by system id."""
     count = config.simulate.count if config.simulate is not None else 0
     simulated = {n: f"uav{n}" for n in range(1, count + 1)}
     return {vehicle.sysid: vehicle.name for vehicle in config.vehicles} | simulated

@@ -21,21 +21,21 @@ class FlightSection(Section):
     )
     any_angle: bool = Field(
         False,
-        description="Straighten routes where neither length nor exposure grows. false: vehicles fly the "
-        "paper's lattice routes.",
+        description="Straighten routes if length and exposure do not grow. false: vehicles fly the paper's "
+        "lattice routes.",
     )
     any_angle_exposure: ExposureMeasure = Field(
         ExposureMeasure.ENTERED,
         description="Exposure that any_angle keeps from growing: entered (ΣP_s over the cells entered, and "
         "P_s along the track) or integral (P_s along the track alone). integral straightens more, but enters "
-        "more cells: ΣP_s may rise, and the survival probability fall.",
+        "more cells, so ΣP_s may rise and the survival probability may fall.",
         strict=False,
     )
     on_exit: Literal["hold", "return", "land"] = Field(
         "return", description="Action of all vehicles on Ctrl-C, after a hold."
     )
     on_exit_deadline_s: float = Field(
-        300.0, gt=0.0, description="Wall time for that action, until the last vehicle has landed [s]."
+        300.0, gt=0.0, description="Longest wall time of the on_exit action, until the last landing [s]."
     )
     connect_timeout_s: float = Field(
         15.0, gt=0.0, description="Longest wait for a vehicle's first heartbeat [s]."

@@ -17,8 +17,7 @@ def check_links(config: Config) -> Iterator[ConfigProblem]:
     if config.links.signing_key is not None and config.simulate is not None:
         text = (
             "vehicles of `simulate` have no signing key, so all their messages would be refused; remove "
-            "signing_key, or list vehicles with this key under `vehicles` (a simulator that you start with "
-            "the key is also possible)"
+            "signing_key, or list vehicles with this key under `vehicles`, such as your own simulator"
         )
         yield ConfigProblem(("links", "signing_key"), text)
     vehicles = {parse_url(vehicle.url) for vehicle in config.vehicles}

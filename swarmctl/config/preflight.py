@@ -21,8 +21,8 @@ class Policy(Section):
         10,
         ge=5,
         le=120,
-        description="Time without a heartbeat until that reaction, by the vehicle's clock [s]. No effect "
-        "with continue.",
+        description="Time without a heartbeat until the reaction to a lost link, by the vehicle's clock [s]. "
+        "No effect with continue.",
     )
     low_battery: Literal["return", "land"] = Field("return", description="Reaction to a low battery.")
     fence_breach: Literal["return", "land", "hold"] = Field(
@@ -50,7 +50,7 @@ class FenceSection(Section):
         None,
         gt=2.0,
         le=5000.0,
-        description="Ceiling above home [m]. Default: the highest vehicle's altitude and margin_m.",
+        description="Ceiling above home [m]. Default: the highest vehicle's altitude plus margin_m.",
     )
     polygon: tuple[Corner, ...] | None = Field(
         None,
@@ -68,7 +68,7 @@ class PreflightSection(Section):
         20.0,
         ge=0.0,
         lt=100.0,
-        description="Battery charge that remains after the route and the way back [%].",
+        description="Battery charge that must remain after the route and the return [%].",
     )
     endurance_s: float | None = Field(
         None,

@@ -27,7 +27,7 @@ def _check_fence(config: Config) -> Iterator[ConfigProblem]:
     sides = crossing_sides([(corner.lon_deg, corner.lat_deg) for corner in corners])
     if sides is not None:
         text = f"the sides that begin at corners [{sides[0]}] and [{sides[1]}] meet, so the polygon's inside "
-        text += "is undefined; list the corners in order around it, each once"
+        text += "is undefined; list the corners in order around the polygon, each once"
         yield ConfigProblem((*SECTION, "fence", "polygon", sides[1]), text)
 
 

@@ -19,8 +19,8 @@ class SeparationSection(Section):
         3.0,
         gt=0.0,
         le=500.0,
-        description="Least distance between two vehicles in height [m]. Altitudes that separate vehicles "
-        "differ by 1.2 times as much, because vehicles do not hold their height to the metre.",
+        description="Least distance between two vehicles in height [m]. Separate altitudes must differ by "
+        "1.2 times this value, because vehicles do not hold their height to the metre.",
     )
     look_ahead_s: float = Field(
         10.0,
@@ -30,7 +30,7 @@ class SeparationSection(Section):
     )
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
-        description="Reaction of the vehicle with the higher system id to a predicted conflict. hold: it "
-        "holds until the way is clear, or climbs if its hold would block the other vehicle. none: only the "
-        "alarm.",
+        description="Reaction of the vehicle with the higher system id to a predicted conflict. hold: a hold "
+        "until the way is clear, or a climb if a hold would block the other vehicle. climb: a climb. none: "
+        "only the alarm.",
     )

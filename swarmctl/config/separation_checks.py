@@ -67,7 +67,7 @@ def _check_height_margin(scenario: Scenario) -> Iterator[ConfigProblem]:
         if vertical_m - 1e-9 <= apart_m < wanted_m - 1e-9:
             text = (
                 f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, "
-                f"{apart_m:g} m apart, hardly more than separation.vertical_m = {vertical_m:g} m. Vehicles "
+                f"{apart_m:g} m apart, too little above separation.vertical_m = {vertical_m:g} m. Vehicles "
                 f"do not hold their height to the metre, so each crossing would raise an alarm; give them "
                 f"altitudes that differ by {wanted_m:g} m or more, or set separation.vertical_m to "
                 f"{math.floor(100.0 * apart_m / HEIGHT_MARGIN) / 100.0:g} m or less"

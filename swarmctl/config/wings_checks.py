@@ -123,7 +123,6 @@ def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
 
 
 def _nearest_m(a: list[PlanarPoint], b: list[PlanarPoint]) -> float:
-    """Return the least distance between two tracks, sampled every SAMPLE_EVERY_M [m]."""
     return min(distance_to_track(point, b) for point in _sampled(a))
 
 

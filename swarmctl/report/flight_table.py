@@ -50,7 +50,9 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     separation, arrival, lines = summary["separation"], summary["arrival"], swap_lines(summary["vehicles"])
     if arrival is not None and arrival["spread_s"] is not None:
         how = "kept" if arrival["kept"] else "not kept"
-        lines.append(f"spread at arrival: {arrival['spread_s']:.1f} s ({arrival['tolerance_s']:g} s {how})")
+        lines.append(
+            f"spread at arrival: {arrival['spread_s']:.1f} s (tolerance {arrival['tolerance_s']:g} s, {how})"
+        )
     if (least := separation["least_distance"]) is not None:
         one, other = least["vehicles"]
         when = "" if least["at_flight_s"] is None else f", {least['at_flight_s']:.0f} s after take-off"
@@ -114,7 +116,7 @@ def network_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _chance(at_takeoff: dict[str, Any] | None) -> tuple[str, str]:
-    """Return the chance at take-off and its interval."""
+    """Return the survival probability at take-off and its interval, as texts."""
     if at_takeoff is None:
         return "–", ""
     chance = at_takeoff["chance_by_simulation"]

@@ -50,7 +50,6 @@ def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s:
 
 
 def _landing(approach: Approach) -> Iterator[PlanItem]:
-    """Yield the landing items of a fixed wing."""
     yield DO_LAND_START, approach.centre, NO_PARAMS
     yield NAV_LOITER_TO_ALT, approach.centre, (1, approach.radius_m, 0, 1)
     yield NAV_WAYPOINT, approach.final, NO_PARAMS

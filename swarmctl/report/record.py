@@ -169,7 +169,7 @@ class Recorder:
             self._broken(error)
 
     def _broken(self, error: OSError) -> None:
-        self.trouble = f"{self._path}: the record ends here: {error.strerror or error}"
+        self.trouble = f"{self._path}: the record ends early: {error.strerror or error}"
 
     def _schema(self, name: str, definition: dict[str, Any] | type[msgspec.Struct]) -> int:
         if name not in self._schemas:

@@ -307,7 +307,6 @@ def arrival_of(state: AgentState) -> dict[str, Any]:
 
 
 def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> dict[str, Any]:
-    """Return length, exposure and chance of the route at take-off, by the belief of that moment."""
     route = takeoff_plan.route
     entered = route.cells if route.track is None else route.track.over
     chance = scenario.survival_probability(uav, takeoff_plan.belief, takeoff_plan.strength, entered)
@@ -333,7 +332,6 @@ def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
 
 
 def _plan(route: Route) -> dict[str, Any]:
-    """Return the cost of the last plan, its proven lower bound and the planner's effort."""
     return {
         "cost": _finite(route.cost),
         "lower_bound": None if route.lower_bound is None else _finite(route.lower_bound),

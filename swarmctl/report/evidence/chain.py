@@ -127,7 +127,7 @@ def _read(line: bytes) -> tuple[Entry | None, _Mismatch | None]:
     if not line.endswith(b"\n"):
         return None, (
             "a line without its end",
-            "a whole line: the process died while it was written, or it was cut",
+            "a whole line: the process died while writing this line, or the line was cut",
         )
     try:
         entry = json.loads(line)

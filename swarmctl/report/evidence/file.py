@@ -91,7 +91,7 @@ class EvidenceFile:
 
     def _end(self, error: OSError) -> None:
         if not self.trouble:
-            self.trouble = f"{self._path}: the evidence ends here: {error.strerror or error}"
+            self.trouble = f"{self._path}: the evidence ends early: {error.strerror or error}"
             self._say(f"{self.trouble}; no further vehicle is armed [evidence-ended]")
 
     def close(self, signer: Signer | None = None) -> None:

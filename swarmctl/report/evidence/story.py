@@ -16,7 +16,7 @@ EFFECTS = ("mode", "armed", "landed", "mission_seq")
 
 
 def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:
-    """Return an entry for each change."""
+    """Return an entry for each change of a part of EFFECTS."""
     changes = {name: (getattr(before, name), getattr(after, name)) for name in EFFECTS}
     return [
         ("effect", {"changed": name, "from": _word(old), "to": _word(new)})
@@ -26,7 +26,7 @@ def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:
 
 
 def event_entries(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
-    """Return entries for operators' requests and answers, the agent's decisions and the ends of jobs."""
+    """Return entries for operators' requests and answers, decisions, and results of missions and orders."""
     entries: list[NewEntry] = [*_asked(event, effects), *_ended(event)]
     for effect in effects:
         match effect:

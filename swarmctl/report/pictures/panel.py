@@ -1,4 +1,4 @@
-"""The content of a picture of fronts: a panel for each vehicle, with its routes and bounds. Pure."""
+"""The content of a picture of fronts: a panel for each vehicle, with its routes and bounds."""
 
 from __future__ import annotations
 
