@@ -76,7 +76,6 @@ class Display:
         ]
 
     def _columns(self, truth: Truth, shown: range) -> list[Column]:
-        """Return the columns of the shown vehicles."""
         several = len(set(self._server.fleet.links)) > 1
         faults = [" ".join(self._server.fleet.faults_on(i)) for i in shown]
         columns = [

@@ -86,7 +86,7 @@ class _StepRun:
     exchanges: list[Exchange]
     began_s: float | None = None
     retry_s: float | None = None
-    answer: str = "no answer [no-answer]"  # text of the last refusal, if there is one
+    answer: str = "no answer [no-answer]"  # or the text of the last refusal
 
 
 @dataclass
@@ -257,7 +257,6 @@ class Station:
         )
 
     def _advance(self, contact: Contact, now: float) -> None:
-        """Advance the vehicle's present step and begin the next steps."""
         while contact.pending and self._advance_step(contact, contact.pending[0], now):
             contact.pending.popleft()
 

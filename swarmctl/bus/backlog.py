@@ -53,7 +53,7 @@ class Backlog:
         return self._drop_old() if self._n_bytes > self._limit_bytes else []
 
     def popleft(self) -> QueuedMessage:
-        """Remove and return the oldest message. Raises IndexError if there is none."""
+        """Remove and return the oldest message. Raises IndexError if the backlog is empty."""
         message = self._waiting.popleft()
         self._n_bytes -= message.n_bytes
         return message

@@ -165,11 +165,11 @@ class Network:
         self._members[uav].node.moved((lat_deg, lon_deg))
 
     def states(self, uav: int) -> dict[int, StateShared]:
-        """Return the newest state of each other UAV that this UAV knows."""
+        """Return the newest state of each other UAV, as received by this UAV."""
         return self._members[uav].node.states()
 
     def intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
-        """Return the newest intent of each other UAV that this UAV knows, and the intent's age.
+        """Return the newest intent of each other UAV, as received by this UAV, and the intent's age.
 
         The age is in simulated seconds, and 0 or more even if the clocks differ.
         """
@@ -315,7 +315,6 @@ class Network:
             self._schedule_delivery()
 
     def _deliver_message(self, queued: QueuedMessage, now_s: float, unix_s: float) -> None:
-        """Deliver a message to its receivers in this process."""
         sender, act, decoded, _ = queued
         for uav in self._take_plain(queued, now_s, unix_s):
             member = self._members[uav]

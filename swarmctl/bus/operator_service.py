@@ -83,7 +83,7 @@ class _RateLimit:
 
 AgentCommand = ev.WeightsChanged | ev.OperatorCommand
 RefusalCheck = Callable[[Request], str]
-"""function that returns the reason to refuse a command now; empty if there is none"""
+"""function that returns the reason to refuse a command now; empty: the command is accepted"""
 ReturnDelays = Callable[[Sequence[int]], Mapping[int, float]]
 """function that returns the delay of each vehicle's return if all these vehicles are recalled [s]"""
 
@@ -192,7 +192,6 @@ class OperatorService:
             reply(TOO_FAST)
 
     def _signed_reply(self, key: str, payload: bytes | None, reply: Reply) -> Reply:
-        """Return a reply that signs the answer to this payload."""
         if payload is None:
             return reply
         return lambda answer: reply(self._signing.sign_answer(key, payload, answer))
@@ -219,7 +218,6 @@ class OperatorService:
             self._refuse(f"no vehicle of the command is free: {BUSY}", reply)
 
     def _command(self, key: str, verified: bytes) -> Request:
-        """Decode a command. Raises BadMessage."""
         command = decode_command(verified)
         kind = KINDS[type(command)]
         if kind != self._keys[key]:
@@ -256,7 +254,7 @@ class OperatorService:
     def _ignored_vehicles(self, command: Request) -> tuple[int, ...]:
         """Return the system ids of the vehicles that a launch ignores. Raises ValueError for an unknown name.
 
-        This service knows all names only if one process flies the whole swarm.
+        This service has all names only if one process flies the whole swarm.
         """
         words = command.ignore if isinstance(command, GiveOrder) else ()
         ids = tuple(word for word in words if isinstance(word, int))

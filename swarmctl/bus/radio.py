@@ -2,7 +2,7 @@
 
 The model works above every transport, in simulated time. The sender calls `Radio.send`, and the receiver
 calls `Radio.distance_loss`. Each ordered pair of UAVs has its own random stream. So loss and jitter of a
-pair's n-th message depend only on the seed and n, in one process or in many.
+pair's n-th message depend only on the seed and n, not on the number of processes.
 """
 
 from __future__ import annotations
@@ -189,9 +189,9 @@ class Radio:
         return next(fates)
 
     def _transmit(self, sender: int, n_bytes: int, now_s: float) -> float | None:
-        """Return the end time of a transmission [s], after all earlier ones; None above `MAX_WAIT_S`.
+        """Return the end time of a transmission [s]; None for a wait above `MAX_WAIT_S`.
 
-        A message to several receivers is transmitted once for each receiver.
+        A sender transmits a message to several receivers once for each receiver, one after the other.
         """
         bandwidth_bytes_s = self._settings.bandwidth_bytes_s
         if bandwidth_bytes_s == math.inf:

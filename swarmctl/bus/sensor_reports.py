@@ -197,7 +197,6 @@ def _check_cells(cells: ReportedCells, grid: Grid) -> ReportedCells:
 
 
 def _cells_of_points(points: tuple[ReportedPoint, ...], grid: Grid) -> ReportedCells:
-    """Return the cells of the points, each once."""
     observed: dict[Cell, bool] = {}
     for point in points:
         cell = grid.cell_at(point.lat_deg, point.lon_deg)

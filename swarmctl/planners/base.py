@@ -99,7 +99,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """The sums of a route that one of a planner's searches found, at the search's w."""
+    """A search of a planner: its w, and the sums of the route found."""
 
     w: float
     length_cells: float

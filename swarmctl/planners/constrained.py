@@ -1,6 +1,6 @@
 """The least exposed of all routes within a bound on length: a resource-constrained shortest path.
 
-A search over w can miss this route, because the route can lie inside the convex hull of the routes of all w.
+A search over w misses this route if the route lies inside the convex hull of the routes of all w.
 The search has two steps:
 
 1. Bracket the bound as in `time_bound`. The result is a route within the bound, and a price of length λ. At

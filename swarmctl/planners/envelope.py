@@ -169,5 +169,5 @@ def _crossing(short: SummedRoute, long: SummedRoute) -> float:
 
 
 def _is_new(found: SummedRoute, crossing: SummedRoute, price: float) -> bool:
-    """Return whether a route is cheaper than the two that cross at the price of its search."""
+    """Return whether a route is cheaper than the two routes that cross at the price of its search."""
     return found.cost(price) < crossing.cost(price) * (1.0 - COST_TIE)

@@ -33,11 +33,11 @@ class Front:
     """True for the routes that some w > 0 finds: the corners of the front's convex hull. A route on an edge
     of the hull is no corner: at the only w at which it is the cheapest, a shorter route costs the same."""
     w_ranges: tuple[tuple[float, float] | None, ...]
-    """range of w in [0, 1] at which `dijkstra` returns the route; None if no w finds the route. Where two
-    ranges meet, `dijkstra` returns the shorter route; at w = 0 any of the shortest routes. If ψ = 0, only the
-    two ends have a range."""
+    """Range of w in [0, 1] at which `dijkstra` returns the route; None if no w finds the route. At the common
+    w of two ranges `dijkstra` returns the shorter route, at w = 0 any of the shortest routes. If ψ = 0, only
+    the two ends have a range."""
     complete: bool
-    """False if the limit on labels was reached: `routes` has all supported routes, but may lack others"""
+    """False if the limit on labels was reached: `routes` may lack routes that are not supported"""
 
 
 def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:

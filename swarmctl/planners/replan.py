@@ -179,7 +179,7 @@ class Replanner:
         return self._old.route_from(start)
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
-        """Lower the old field's labels of `cells`, because a straight step into them costs less now."""
+        """Lower the old field's labels of `cells`; `costs` are lower costs of a straight step into each."""
         if self._outdated:
             return
         old, straight = self._old, np.minimum(costs / self._drift, self._old.straight[cells])
@@ -225,7 +225,7 @@ class Replanner:
         )
 
     def _within(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
-        """Return the route in the box, or an empty route without a proof that routes out of it are dearer."""
+        """Return the route in the box; empty unless every route out of the box is proved dearer."""
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
         exposure = self._now.within(slice(top, bottom), slice(left, right))

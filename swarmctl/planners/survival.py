@@ -49,7 +49,6 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
 
 
 def _losses(exposure: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cost of each cell: −ln(1 − P_s) or CERTAIN_LOSS."""
     losses = np.where(np.isinf(exposure), math.inf, CERTAIN_LOSS)
     survivable = exposure < 1.0
     losses[survivable] = -np.log1p(-exposure[survivable])

@@ -2,7 +2,7 @@
 
 The problem has a bound on length, or a window of lengths. At the vehicle's speed these are a time bound, or
 an arrival window. The routes over all w in [0, 1] are the corners of a lower envelope (`envelope`). From
-w = 0 to w = 1 the routes get longer and less exposed, so the best route is next to the bound. Each search
+w = 0 to w = 1 the routes get longer and less exposed. So the best route is next to the bound. Each search
 gives the next w to try; `Route.searched` lists all searches.
 """
 

@@ -62,7 +62,7 @@ class Keyring:
 
 
 def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
-    """Load the keys of participant `name` and check them at `now` (an aware datetime).
+    """Load and check the keys of participant `name` at `now` (an aware datetime).
 
     Raises KeyringError.
     """

@@ -44,14 +44,14 @@ class NoAnswer(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """Endpoints of a swarm, and the agents that answer there."""
+    """Endpoints of a swarm, and the agents that answer at these endpoints."""
 
     swarm: str
     endpoint: BusEndpoint
     others: tuple[BusEndpoint, ...] = ()
     """further endpoints, tried in order"""
     agents: Mapping[int, str] = field(default_factory=dict)
-    """vehicles (system id: name) with agents of their own; empty: one process answers for all"""
+    """vehicles (system id: name) with separate agents; empty: one process answers for all vehicles"""
 
 
 class CommandSigning(Protocol):
@@ -115,7 +115,7 @@ def find(
 ) -> Station:
     """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 
-    `names` are the vehicles of `config`; each agent may run on a machine of its own. Raises Unclear, and
+    `names` are the vehicles of `config`; each agent may run on a separate machine. Raises Unclear, and
     BusError if no such swarm flies.
     """
     swarm = _name(swarm, config)
@@ -182,7 +182,7 @@ def ended_text(swarm: str, uav: int | None = None) -> str:
 
 
 def has_agents(config: Swarm) -> bool:
-    """Return whether agents of the swarm may run on machines of their own."""
+    """Return whether the swarm's agents may run on separate machines."""
     return config.communication.router is not None or bool(config.communication.mesh)
 
 
@@ -310,7 +310,6 @@ async def _ask_each(
 def _signed_answers(
     signing: CommandSigning, uav: int, key: str, asked: bytes, answers: Sequence[bytes]
 ) -> Iterator[bytes]:
-    """Yield the answers with the vehicle's own signature."""
     for data in answers:
         with contextlib.suppress(BadMessage):
             yield signing.verify_answer(uav, key, asked, data)

@@ -75,7 +75,6 @@ class Contradictions:
             yield f"flagged {observer}", text
 
     def _cells_of(self, decoded: DecodedFrame) -> tuple[Set[int], Set[int]]:
-        """Return the clear and the occupied cells of a frame."""
         content = decoded.frame.content
         if not isinstance(content, Checkpoint):
             return decoded.clear, decoded.occupied

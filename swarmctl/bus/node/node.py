@@ -102,7 +102,7 @@ class Node:
         self._sent_since_bytes = 0
         """bytes of observations sent after that checkpoint"""
         self._deferred: dict[Source, Checkpoint] = {}
-        """checkpoints without new observations; they only save memory, so the agent gets a few at a tick"""
+        """checkpoints without new observations; these only save memory, so the agent gets a few at a tick"""
         self._requests = RequestSchedule(options, rng)
         self._rng = rng
         self._distance_loss = distance_loss
@@ -179,7 +179,7 @@ class Node:
         self._replica.take(self._replica.of(self._self), own, self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
-        """Make a checkpoint for answers; send it if its size is worth it, so that UAVs drop single frames."""
+        """Make a checkpoint; send it if it replaces enough frames, so that other UAVs drop these frames."""
         record, o = self._replica.of(self._self), self._options
         contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
@@ -188,7 +188,7 @@ class Node:
             return
         data = self._sender.frame(made, unix_s)
         self._store_own(made, data)
-        # If requests are disabled, checkpoints must not deliver missed observations either.
+        # With requests disabled, no checkpoint is sent: a checkpoint would deliver missed observations.
         is_worth_it = len(data) <= self._sent_since_bytes or made.upto >= self._last_sent_upto + COMPACT_AFTER
         if is_worth_it and self._requests.are_enabled:
             self._last_sent_upto, self._sent_since_bytes = made.upto, 0
@@ -234,7 +234,7 @@ class Node:
         output.notices.append((refused.why, f"from vehicle {sender}: {refused}"))
 
     def _peer(self, uav: int) -> PeerRecord:
-        """Return the record of another UAV. Raises MessageRefused if there is none."""
+        """Return the record of another UAV. Raises MessageRefused for an unknown UAV."""
         peer = self._peers.get(uav)
         if peer is None:
             raise MessageRefused(RefusalReason.STRANGER, f"vehicle {uav} does not belong to this swarm")

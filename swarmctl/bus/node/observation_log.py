@@ -35,7 +35,7 @@ class ObservationLog:
         return self._frames[at] is decoded or self._frames[at].data == decoded.data
 
     def fork(self, decoded: DecodedFrame) -> ObservationLog:
-        """Return a copy that ends with this observation, in place of the log's one with the same number."""
+        """Return a log of the observations before this observation, and this observation."""
         return ObservationLog(self.base, (*self.between(0, decoded.seq - 1), decoded))
 
     def between(self, after: int, upto: int) -> Sequence[DecodedFrame]:

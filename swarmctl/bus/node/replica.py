@@ -1,7 +1,7 @@
 """Replica of all observations at one UAV, by source: the signed frames themselves, and the gaps. No I/O.
 
-Frames are kept byte for byte with their observers' signatures, so any neighbour can pass them on. A
-checkpoint replaces the frames that it summarises.
+The replica keeps the bytes of each frame with the observer's signature, so any neighbour can pass the frame
+on. A checkpoint replaces the frames that it summarises.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class SourceRecord(msgspec.Struct, gc=False):
         self.numbers.upto[self.place] += 1
 
     def advance(self, to: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
-        """Adopt a checkpoint that summarises more than the current one; return whether it was adopted.
+        """Adopt a checkpoint that summarises more than the current checkpoint; return True if adopted.
 
         Raises MessageRefused if the checkpoint contradicts held observations.
         """

@@ -116,7 +116,6 @@ def _operator_rules(swarm: str, uavs: Sequence[int]) -> list[Rule]:
 
 
 def _merged(rules: Iterable[Rule]) -> list[Rule]:
-    """Merge rules with the same directions and message kinds."""
     merged: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, None]] = {}
     for rule in rules:
         merged.setdefault((rule.flows, rule.messages), {}).update(dict.fromkeys(rule.keys))

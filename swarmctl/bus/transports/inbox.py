@@ -64,8 +64,7 @@ class Inbox:
                 self.dropped += 1
 
     def _deliver(self) -> None:
-        # This comes before the queues are read, so that later deliveries wake the loop again.
-        self._is_scheduled = False
+        self._is_scheduled = False  # before the queues are read, so that later deliveries wake the loop again
         for queue in self._queues:
             until_s = self._clock() + self._slice_s
             # Deliveries that are added during this turn wait for the next turn.

@@ -22,7 +22,7 @@ a TLS link with a full send buffer, and makes no new link in that time."""
 MIN_ROUTE_WAIT_S, MAX_ROUTE_WAIT_S = 2.0, 4.0
 """limits of the wait for the routes of a link; routes mostly arrive within milliseconds"""
 MAX_DOUBLINGS = 4
-"""largest number of doublings of the wait. Each renewal doubles it, so a permanent fault disturbs less."""
+"""largest number of doublings of the wait; each renewal doubles the wait, so permanent faults disturb less"""
 RESET_AFTER_S = 10.0
 """time without a missing route after which the wait is short again"""
 MISSED = ""
@@ -45,9 +45,9 @@ class LinkSet:
     def __len__(self) -> int:
         return len(self._known)
 
-    def changed(self, ends: LinkEnds, *, has_come: bool) -> bool:
-        """Record the start (`has_come`) or end of a link; return whether this event is new."""
-        if not has_come:
+    def changed(self, ends: LinkEnds, *, has_started: bool) -> bool:
+        """Record the start (`has_started`) or end of a link; return whether this event is new."""
+        if not has_started:
             return self._known.pop(ends, None) is not None
         token = object()
         return self._known.setdefault(ends, token) is token
@@ -117,7 +117,7 @@ def route_wait_s(own_id: str) -> float:
 
 
 class MeshNeighbours:
-    """The neighbours of one session in a mesh, and the check of routes to them.
+    """The neighbours of one session in a mesh, and the check of the routes to these neighbours.
 
     Each node subscribes to `NODES/ID` with its session's id. If a renewal has not repaired the routes to a
     linked neighbour, the node also subscribes to `NODES/ID/missed` with the neighbour's id. No message is

@@ -82,7 +82,7 @@ class ZenohBus:
                 else zenoh_config.standalone(listen, open_keys, put_keys)
             )
         self.trouble = ""
-        """fault that keeps a patient or renewed session from opening; empty if there is none"""
+        """fault that keeps a patient or renewed session from opening; empty without a fault"""
         self.endpoint: BusEndpoint | None = None
         """endpoint at which the session listens"""
         self._configuration = configuration
@@ -200,7 +200,7 @@ class ZenohBus:
             if reply.ok is not None and len(answers) < MAX_ANSWERS:
                 answers.append(bytes(reply.ok.payload))
 
-        def over() -> None:
+        def finished() -> None:
             if not self._closed.is_set():
                 self._loop.call_soon_threadsafe(ended.set)
 
@@ -210,7 +210,7 @@ class ZenohBus:
         try:
             session.get(
                 key,
-                Callback(arrived, over, indirect=False),
+                Callback(arrived, finished, indirect=False),
                 payload=payload,
                 timeout=timeout_s + TIMEOUT_MARGIN_S,
                 congestion_control=zenoh.CongestionControl.DROP,
@@ -337,10 +337,10 @@ class ZenohBus:
 
     def _link_changed(self, links: LinkSet, event: zenoh.LinkEvent) -> None:
         # Several threads may call this function at once, also for a session that has been replaced.
-        has_come = event.kind == zenoh.SampleKind.PUT
-        is_change = links.changed((event.link.src, event.link.dst), has_come=has_come)
+        has_started = event.kind == zenoh.SampleKind.PUT
+        is_change = links.changed((event.link.src, event.link.dst), has_started=has_started)
         if is_change and self._on_link is not None:
-            report = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_come)
+            report = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_started)
             self._inbox.take(OWN_QUEUE, "", report)
 
     def _bound_port(self, session: zenoh.Session) -> int:
@@ -366,7 +366,7 @@ def _start_closing(session: zenoh.Session) -> threading.Thread:
     """Close a session on a new thread, without a time limit; return the thread."""
 
     def close() -> None:
-        # Zenoh raises after 10 s without success; nothing more can be done then.
+        # Zenoh raises after 10 s without success; no further action is possible.
         with contextlib.suppress(zenoh.ZError):
             session.close()  # type: ignore[no-untyped-call]
 

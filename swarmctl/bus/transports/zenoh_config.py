@@ -40,7 +40,7 @@ DROP_AFTER_US = 1_000
 """longest wait of a put for room in a full queue; without a wait bursts would lose messages"""
 KEY_AND_HEADER_BYTES = 1_024
 GIVE_UP_AFTER_US = 1_000_000
-"""longest wait of declarations and answers before the link is closed; they are never dropped"""
+"""time after which a waiting declaration or answer closes the link, because neither may be dropped"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,6 @@ def _common(
 
 
 def _tls(credentials: Credentials) -> dict[str, Any]:
-    """Return the options for `tls` and `quic`."""
     return {
         "root_ca_certificate": str(credentials.ca),
         "listen_certificate": str(credentials.certificate),

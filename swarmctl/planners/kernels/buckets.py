@@ -8,9 +8,9 @@ If no edge is cheaper than `span`, all labels in the current bucket are final (D
 each cell is processed once. With cheaper edges, a cell whose label improves is processed again, generation by
 generation (as in Δ-stepping).
 
-A bucket is a stack of blocks from a common pool, so that memory follows the front of the search and not the
-area. The queue's arrays are local to one long function: passing them to smaller functions made the search
-three times slower.
+A bucket is a stack of blocks from a common pool. So the memory grows with the front of the search, not with
+the area. The queue's arrays are local to one long function: calls of smaller functions with these arrays
+made the search three times slower.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def label_search(
     """Return routes no longer than `longest_cells` and less exposed than `below`; `exposure` is P_s.
 
     With `whole` the result has all routes that no other route dominates. Otherwise each route is less exposed
-    than the one before, and the last is the least exposed of all. `max_labels` limits the number of labels
+    than the route before, and the last route is the least exposed. `max_labels` limits the number of labels
     (0: no limit).
     """
     rows, cols = exposure.shape

@@ -1,10 +1,10 @@
 """A first estimate of the whole field, exact nearly everywhere, in a fraction of a search's time.
 
-Most parts of a route are monotone: they gain rows, or columns, and never turn back. Sweeps find all such
-routes. They carry labels outward from the goals, once by columns and once by rows. Each column (row) takes
-labels from the column (row) before, then passes labels along itself in both directions. A sweep needs a few
-additions for each cell in the order of memory, no queue, and predictable branches. `buckets` then corrects
-the labels of routes that turn back.
+Most parts of a route are monotone: the rows, or the columns, never turn back. Sweeps find all monotone
+routes. Sweeps carry labels outward from the goals, once by columns and once by rows. Each column (row) takes
+labels from the column (row) before, and then passes labels along its cells in both directions. A sweep needs
+a few additions for each cell in the order of memory, no queue, and predictable branches. Afterwards `buckets`
+corrects the labels of routes that turn back.
 
 Diagonal steps past the corners of walls are excluded as in `cuts_corner`. That check takes a quarter of the
 time, so areas without walls have loops of their own.
@@ -165,7 +165,7 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
 
 
 def _offered_past_walls(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """Return the result of `offered`, with walls."""
+    """Return the result of `offered` without the steps that pass the corner of a wall."""
     west, east = straight[here - 1], straight[here + 1]
     south, north = straight[here - width], straight[here + width]
     low = min(_past(label[here - width - 1], west, south), _past(label[here - width + 1], east, south))
