@@ -78,10 +78,7 @@ class FtpClient:
     def ask(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> Reply:
-        """Send a request and return the answer; raise CheckFailed if none arrives.
-
-        An unanswered request is repeated with the same sequence number.
-        """
+        """Send a request and return the answer; an unanswered request is repeated with the same number."""
         mark = self.vehicle.mark()
         self.send(opcode, data, session=session, offset=offset, size=size)
         for _ in range(ATTEMPTS):

@@ -337,7 +337,6 @@ class PlanBackup:
         return trouble
 
     def names(self) -> list[str]:
-        """Return the names of the saved plans."""
         return [PLAN_NAMES[kind] for kind in self._copies]
 
 

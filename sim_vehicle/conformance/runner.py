@@ -119,8 +119,6 @@ def run(
 
 
 class _RunState:
-    """The state of a run."""
-
     def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
         self._vehicle, self._on_result = vehicle, on_result
         self._backup: PlanBackup | None = None
@@ -216,7 +214,6 @@ def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
 
 
 def _run_check(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
-    """Prepare and run one check; return its result."""
     began_s = vehicle.now
     try:
         _prepare(vehicle, check)

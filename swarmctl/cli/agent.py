@@ -113,7 +113,6 @@ def _fly(
     *,
     verbose: bool,
 ) -> None:
-    """Fly, and exit with the flight's code."""
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
     directory.forget_end(scenario.config.name, spec.sysid)

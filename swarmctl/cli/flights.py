@@ -162,10 +162,7 @@ def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
 
 
 def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permission:
-    """Return a function that refuses to arm real vehicles without confirmation.
-
-    With `real`, exit unless the operator confirms all real vehicles by name.
-    """
+    """Return a function that refuses to arm unconfirmed real vehicles; exit if the confirmation fails."""
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
     def permit(external: Sequence[Member]) -> None:

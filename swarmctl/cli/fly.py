@@ -77,10 +77,7 @@ def fly(
     config = config_or_example(config, example)
     scenario = with_forwarding(load_scenario_or_exit(config), forward or [])
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
-        fail(
-            [f"{config}: vehicles with a URL need real time; remove --clock virtual, or use `simulate`"],
-            USAGE,
-        )
+        fail([f"{config}: vehicles with a URL fly in real time only; remove --clock virtual"], USAGE)
     if clock is Clock.VIRTUAL and scenario.config.simulate and scenario.config.simulate.link == "mavsdk":
         fail(
             [

@@ -65,10 +65,7 @@ def send_and_exit(
     line_of: Callable[[VehicleAnswer], str],
     send: SendCommand = client.send,
 ) -> None:
-    """Send a command and print the answers; exit with an error code if the command fails.
-
-    `command` creates the command from the options; it may raise ValueError.
-    """
+    """Send a command and print the answers; a failure, or a ValueError of `command`, ends the program."""
     try:
         request = command()
         station, keyring = _find_station(swarm, config, connect)

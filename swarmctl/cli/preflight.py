@@ -51,10 +51,7 @@ def preflight(
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
-        fail(
-            [f"{config}: vehicles with a URL need real time; remove --clock virtual, or use `simulate`"],
-            USAGE,
-        )
+        fail([f"{config}: vehicles with a URL fly in real time only; remove --clock virtual"], USAGE)
     options = replace(app.DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)

@@ -315,7 +315,7 @@ def _every_message(vehicle: VehicleUnderTest, payload: Callable[[int], bytes]) -
 
 
 def _address(message: type, data: bytearray, target: tuple[int, int]) -> None:
-    """Write the target into a payload, if the message has a target field."""
+    """Write the target into the target fields of a payload."""
     names = message.fieldnames  # type: ignore[attr-defined]
     ordered = message.ordered_fieldnames  # type: ignore[attr-defined]
     offsets = _offsets(message)
