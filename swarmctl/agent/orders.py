@@ -1,7 +1,4 @@
-"""Orders of an operator or of the agent's own process, and the answers to the operator. Pure.
-
-A note ends in a code if other programs or the handbook refer to the note.
-"""
+"""Orders of an operator or of the agent's own process, and the answers to the operator. Pure."""
 
 from __future__ import annotations
 

@@ -105,7 +105,6 @@ class Task:
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
     """order for a vehicle whose mission can no longer be changed: RETURN or LAND"""
     rules: tuple[ActiveRule, ...] = ALWAYS_ON
-    """failsafe rules with their parameters"""
     fence: Fence | None = None
     separation: SeparationRules = DEFAULT_SEPARATION
     """distances kept from other vehicles, and the evasive action"""
@@ -165,7 +164,6 @@ class AgentState:
     pending: ev.SwapMission | None = None
     """plan being uploaded"""
     swap_times: SwapTimes = field(default_factory=SwapTimes)
-    """recent durations of mission changes"""
     swapped_boot_s: float = -math.inf
     """time of the last mission change"""
     swap_started_boot_s: float = -math.inf
@@ -204,7 +202,6 @@ class AgentState:
     returns_when_clear: bool = False
     """True: the return starts as soon as its path is clear; False: at its start time in a recall"""
     return_checked_boot_s: float = -math.inf
-    """time of the last check of the return path"""
     return_started_boot_s: float | None = None
     """start of a return that may still have to hold again"""
     return_deadline_boot_s: float = -math.inf
@@ -230,7 +227,6 @@ class AgentState:
     memories: tuple[Any, ...] = ()
     """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()
-    """current demand of each failsafe rule"""
     neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """recent states of vehicles nearby"""
     alarms: tuple[ProximityAlarm, ...] = ()
@@ -244,12 +240,10 @@ class AgentState:
     must_change: bool = False
     """True: the next plan is flown even if it is no better"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
-    """recent intents of other vehicles"""
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
-    """comparisons of other vehicles' intents with the own intent"""
     predicted_conflicts: frozenset[int] = frozenset()
     """vehicles in conflict with the flown route, to which this vehicle has to give way"""
     deferred_for: frozenset[int] = frozenset()
@@ -260,7 +254,6 @@ class AgentState:
     holding_since_boot_s: float = math.inf
     """start of the hold that gives way, or time of the last report about this hold"""
     descent_checked_boot_s: float = -math.inf
-    """time of the last check of the descent"""
     others_earliest_s: Mapping[int, float] = field(default_factory=dict)
     """earliest arrivals of other vehicles over their goals, by this vehicle's clock"""
     due_s: float | None = None
@@ -298,7 +291,6 @@ class AgentState:
     outcome: str = ""
     """end of the flight, as text; empty before"""
     trouble: str = ""
-    """last trouble, as text"""
     swap_trouble: str = ""
     """reason of the last failed mission change, as text"""
 

@@ -27,8 +27,7 @@ from swarmctl.report.final_state import FlightEnd, describe_final_state, is_rele
 START_TOLERANCE_M = 100.0
 """greatest distance between a vehicle and its configured start [m]"""
 NOT_READY_S = 20.0
-"""time between two messages about a vehicle that is not ready [s]; a healthy estimator needs about this time
-after power-up"""
+"""time between two messages about a vehicle that is not ready [s]; a healthy estimator starts in this time"""
 PARTIAL_CHECKS_S = 10.0
 """time limit for the checks of the vehicles that have answered, when preflight is stopped [s]"""
 EARLY_CHECKS_S = 3.0

@@ -177,7 +177,6 @@ class Runner:
                 self.note("first heartbeat")
 
     def _read_neighbours(self, boot_s: float) -> None:
-        """Post new states and intents of neighbours."""
         if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
             return
         self._neighbours_read_s = boot_s

@@ -138,7 +138,6 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
-    """Return the higher of the configured least speed and the fixed wing's least speed [m/s]."""
     wings = state.task.wings
     return group.slowest_m_s if wings is None else max(group.slowest_m_s, wings.min_speed_m_s)
 

@@ -1,7 +1,4 @@
-"""Interface of a failsafe rule: its input, its demands, and their order of strength.
-
-`RULES` of this package names all rules; `enforcement` evaluates them.
-"""
+"""Interface of a failsafe rule: input, demands, and the order of strength of the demands."""
 
 from __future__ import annotations
 

@@ -66,7 +66,6 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
 
 
 def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
-    """Return whether a demand is the first, of another kind, or newly urgent for a waiting vehicle."""
     if previous is None or previous.kind is not demand.kind:
         return True
     return demand.urgent and not previous.urgent and state.return_turn_boot_s is not None

@@ -1,7 +1,4 @@
-"""The predicted trajectory of a copter's flight plan. Pure.
-
-`wing_trajectory` has the trajectory of a fixed wing.
-"""
+"""The predicted trajectory of a copter's flight plan; `wing_trajectory` is for fixed wings. Pure."""
 
 from __future__ import annotations
 

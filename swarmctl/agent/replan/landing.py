@@ -1,7 +1,6 @@
 """The two landings of a fixed wing: at its goal and at home. Pure.
 
-New observations do not change the approaches. So a check before the flight can show that the approaches of
-different vehicles do not meet.
+New observations do not change the approaches, so preflight can check that approaches do not meet.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The splice point: the point ahead of the vehicle at which a new route leaves the present route. Pure.
 
 The vehicle flies on during the swap. So the new route keeps the cells of the old route up to a centre that
-the vehicle reaches only after the swap. The vehicle never has to fly back. The distance to that centre
-follows from the vehicle's speed and from the durations of its last swaps.
+the vehicle reaches after the swap. The distance to that centre follows from the vehicle's speed and from the
+durations of its last swaps.
 
 If the old route has a wall before the splice point, a copter leaves the route at once. A fixed wing stays on
 the route, because it can neither turn on the spot nor wait.

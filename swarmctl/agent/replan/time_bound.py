@@ -106,10 +106,7 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A
 
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
-    """Return the arrival time of a vehicle on the ground, from its take-off [s].
-
-    Its route is `length` [cells] long, over `cells`.
-    """
+    """Return the arrival time after take-off [s], for a route over `cells` of this length [cells]."""
     lead_in = before_takeoff(task.arrival, task.altitude_m)
     return lead_in.arrives_s(task.arrival, length * task.grid.cell_size_m, route_lost_s(task, cells))
 
@@ -117,10 +114,7 @@ def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
 def misses_by(
     task: Task, bounds: LengthBounds, length: float, cells: Sequence[Cell], joining: JoiningLeg = FROM_A_STOP
 ) -> float:
-    """Return the distance of a route from its bounds [cells], with the time lost at its turns.
-
-    The route is `length` [cells] long, over `cells`.
-    """
+    """Return the distance of a route over `cells` from its bounds [cells], with the time lost at turns."""
     return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, joining)))
 
 

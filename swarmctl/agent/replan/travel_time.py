@@ -29,13 +29,11 @@ BRAKING_M_S2 = 1.75
 CORNER_RADIUS_M = 2.0
 """WPNAV_RADIUS: distance from a corner at which the vehicle turns off"""
 CORNER_SHARE = 0.75
-"""Speed at a corner as a share of the greatest speed for a turn within CORNER_RADIUS_M. The vehicle is slower
-than that speed, because it also has to leave its old direction."""
+"""Speed at a corner as a share of the greatest speed for a turn within CORNER_RADIUS_M."""
 SETTLE_S = 0.8
 """additional time at each turn until the vehicle follows the next leg [s]"""
 SHORT_S = 4.5
-"""Duration of a leg at full speed below which the vehicle swerves at both ends [s]. A swerve may cost as much
-as a stop."""
+"""Duration of a leg at full speed below which the vehicle swerves at both ends [s]."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 

@@ -263,7 +263,7 @@ def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:
 
 def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if state.task.separation.action == "none":
-        return "; evasive action is turned off [alarm]"
+        return "; separation.action is none, so order one vehicle to hold [alarm]"
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):

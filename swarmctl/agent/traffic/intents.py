@@ -43,15 +43,13 @@ MAX_AGE_S = 20.0
 HOLD_DURATION_S = 30.0
 """Duration of the announced hold [s]."""
 LAST_POSITION_S = 180.0
-"""Time for which a vehicle without a position announces its last position [s]; such a vehicle soon stops,
-lands or returns."""
+"""Time for which a vehicle without a position announces its last position [s]."""
 MAX_UNCERTAINTY_M = 60.0
 """Greatest horizontal uncertainty of an announced position [m]."""
 AT_HOME_M = 5.0
 """Horizontal distance from home within which a vehicle climbs vertically after take-off [m]."""
 AT_LANDING_M = 2.0
-"""Horizontal distance from the landing spot within which a vehicle at cruise height descends vertically [m];
-below the cruise height this distance is AT_HOME_M."""
+"""Horizontal distance from the landing spot within which a vehicle begins its vertical descent [m]."""
 
 
 def share_intent(state: AgentState) -> StepResult:
@@ -146,7 +144,6 @@ def _hold_at_last_position(state: AgentState) -> Trajectory | None:
 
 
 def _uncertainty_m(state: AgentState) -> tuple[float, float]:
-    """Return the uncertainty of the announced position, horizontal and vertical [m]."""
     last = state.last_position
     if state.vehicle.has_position or last.alt_rel_m is None:
         return 0.0, 0.0

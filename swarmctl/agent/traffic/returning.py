@@ -42,8 +42,7 @@ SETTLING_S = 5.0
 CLIMBED_SHARE = 0.9
 """Share of the cruise altitude above which a fixed wing has finished its take-off."""
 MAX_WAITING_AGE_S = 5.0
-"""Silence after which a waiting vehicle no longer counts [s]; a returning vehicle counts for longer
-(`may_be_returning`)."""
+"""Silence after which a waiting vehicle no longer counts [s]; returning vehicles: `may_be_returning`."""
 
 NOT_WAITING: dict[str, Any] = {
     "return_turn_boot_s": None,
@@ -74,7 +73,6 @@ def return_target(state: AgentState) -> LatLon | None:
 
 
 def _returns_on_lost_link(state: AgentState) -> bool:
-    """Return whether the vehicle's own failsafe returns the vehicle on a lost link."""
     return any(isinstance(r.params, lost_link.Params) and r.params.does == "return" for r in state.task.rules)
 
 

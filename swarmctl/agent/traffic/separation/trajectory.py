@@ -113,7 +113,6 @@ def landing_start_s(flight: Trajectory) -> float:
 
 
 def _n_before_landing(flight: Trajectory) -> int:
-    """Return the number of points before the final vertical descent."""
     n = len(flight.points)
     while n > 1 and _is_vertical_descent(flight.points[n - 2], flight.points[n - 1]):
         n -= 1
