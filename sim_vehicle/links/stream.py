@@ -21,10 +21,7 @@ class Stream:
         received: Callable[[bytes], None],
         ended: Callable[[str], None],
     ) -> None:
-        """Begin to read from the descriptor `file`; `read` and `write` do not block.
-
-        `ended` is called once, with the reason of the stream's end.
-        """
+        """Begin to read from the descriptor `file`; `ended` receives the reason of the stream's end, once."""
         self.dropped = 0
         self._file, self._read, self._write = file, read, write
         self._limit = backlog_bytes

@@ -16,9 +16,9 @@ from sim_vehicle.truth import Truth
 REFRESH_S = 0.5  # time between two drawings
 PAGE_S = 5.0  # time of a page
 FRAME_LINES = 5  # two header lines, headings, summary, and the last warning
-MAX_NAMED_MODES = 4  # number of modes that the summary counts by name
+MAX_MODES = 4  # number of modes that the summary counts by name
 LATE_S = 0.05  # 99th percentile of lateness above which the header is red
-LOW_BATTERY_SHARE = 0.2  # battery share below which the share is red
+LOW_BATTERY_SHARE = 0.2  # battery share below which the column shows red
 MIN_FAULTS_CHARS = 12  # minimum width of the column of faults, which may be cut
 
 
@@ -123,12 +123,8 @@ def _strikes(strikes: int) -> Text:
 def summary(truth: Truth, page: int, pages: int) -> list[str]:
     """Return a summary of all vehicles, and the page number."""
     modes = Counter(truth.mode).most_common()
-    named = [f"{number} {mode}" for mode, number in modes[:MAX_NAMED_MODES]]
-    named += (
-        [f"{sum(number for _, number in modes[MAX_NAMED_MODES:])} other"]
-        if len(modes) > MAX_NAMED_MODES
-        else []
-    )
+    named = [f"{number} {mode}" for mode, number in modes[:MAX_MODES]]
+    named += [f"{sum(number for _, number in modes[MAX_MODES:])} other"] if len(modes) > MAX_MODES else []
     words = [
         f"{len(truth.mode)} vehicle{'s' if len(truth.mode) != 1 else ''}",
         ", ".join(named),

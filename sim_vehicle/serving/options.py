@@ -188,7 +188,7 @@ def parse_kind(text: str) -> str:
 
 
 def parse_home(text: str) -> tuple[float, float, float, float]:
-    """Return latitude [deg], longitude [deg], altitude [m above sea level] and heading [deg]."""
+    """Return latitude [deg], longitude [deg], altitude [m above sea level], heading [deg, default north]."""
     numbers = _numbers(text)
     if len(numbers) not in (3, 4):
         raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
@@ -272,7 +272,7 @@ def _number(text: str) -> float | None:
 
 
 def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -> list[str]:
-    """Set each parameter on the vehicles that have it; return the names of parameters of no vehicle."""
+    """Set each parameter on the vehicles with this parameter; return the names without a vehicle."""
     unknown = dict.fromkeys(given)
     for vehicle in vehicles:
         known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters

@@ -25,10 +25,7 @@ class Pace(Protocol):
         """Wait at most `LONGEST_WAIT_S` for the tick at `tick_s`; return True if the tick is due."""
 
     def now_s(self, done_s: float, tick_s: float) -> float:
-        """Return the simulated time [s] of input that arrives now: at least `done_s`, below `tick_s`.
-
-        `done_s` is the time of the last input or tick, `tick_s` the time of the next tick.
-        """
+        """Return the simulated time of input that arrives now [s], from `done_s` to before `tick_s`."""
 
     def late_s(self, tick_s: float) -> float:
         """Return the delay of the tick at `tick_s` in wall time [s]."""

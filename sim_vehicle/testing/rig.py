@@ -183,9 +183,7 @@ class Rig:
         self.fleet: Fleet | None = None
         self.vehicles: list[Vehicle] = []
         self.serving: FleetThread | None = None
-        self.operator_lines: deque[str] = deque(
-            maxlen=MAX_OPERATOR_LINES
-        )  # lines of a server to its operator
+        self.operator_lines: deque[str] = deque(maxlen=MAX_OPERATOR_LINES)  # output of a server
         self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
         self._station: Station | None = None
         self._now = 0.0

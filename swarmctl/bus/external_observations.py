@@ -89,7 +89,6 @@ class ReportReceiver:
         return ReportAnswer(taken=True, cells=cells)
 
     def _decode(self, key: str, payload: bytes | None, now_s: float) -> tuple[ReportedCells, str]:
-        """Return the cells of a report, and its source. Raises RejectedReport."""
         if not self._bucket.try_take(now_s):
             raise RejectedReport(RejectReason.TOO_FAST, f"the limit is {PER_S:g} reports a second")
         if key != self._key:

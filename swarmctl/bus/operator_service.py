@@ -197,7 +197,6 @@ class OperatorService:
         return lambda answer: reply(self._signing.sign_answer(key, payload, answer))
 
     def _verified(self, key: str, payload: bytes | None) -> bytes:
-        """Return the command in a payload. Raises BadMessage."""
         if payload is None:
             raise BadMessage(f"the payload is above the limit of {MAX_QUERY_BYTES} bytes")
         return self._signing.verify_command(key, payload)

@@ -33,8 +33,8 @@ FIRST_MARGIN_CELLS = 12
 """first distance from the old route to the edge of the box"""
 LARGEST_BOX_SHARE = 0.25
 """largest box, as a share of the area; instead of a larger box, the whole area is searched"""
-SAMPLE_STRIDE_CELLS = 997
-"""distance between the cells that are sampled for the drift of all costs"""
+SAMPLE_STRIDE = 997
+"""distance between two cells sampled for the drift of all costs [cells]"""
 WHOLE = slice(None)
 MAX_LABEL_RATIO = 4096.0
 """greatest ratio of an old label to the lowered label; a greater ratio leaves too few digits for a bound"""
@@ -138,12 +138,7 @@ class Replanner:
         self._now = Layers.of(exposure)
         self._p_unseen = 0.0
         self._drift, cells, costs = compiled(bounds.compare)(
-            exposure,
-            self._w,
-            self._old.step,
-            self._old.straight,
-            SAMPLE_STRIDE_CELLS,
-            exposure.size // 50 + 50,
+            exposure, self._w, self._old.step, self._old.straight, SAMPLE_STRIDE, exposure.size // 50 + 50
         )
         self._outdated = self._outdated or self._drift == 0.0
         if not self._outdated:

@@ -72,7 +72,7 @@ def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small boxes, and no fear of large ones, so that small areas show what large ones do."""
     monkeypatch.setattr(replan, "FIRST_MARGIN_CELLS", 1)
     monkeypatch.setattr(replan, "LARGEST_BOX_SHARE", 0.9)
-    monkeypatch.setattr(replan, "SAMPLE_STRIDE_CELLS", 3)
+    monkeypatch.setattr(replan, "SAMPLE_STRIDE", 3)
 
 
 @pytest.mark.usefixtures("boxes")

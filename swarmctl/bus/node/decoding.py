@@ -22,7 +22,7 @@ from swarmctl.core.observation import Checkpoint, Observation, Source, indexed, 
 CACHED_FRAMES = 16_384
 """greatest number of cached frames"""
 MAX_CACHED_BYTES = 1024
-"""size of the longest cached frame; each receiver decodes longer frames, so forged frames fill no memory"""
+"""size of the longest cached frame; longer frames are not cached, so forged frames do not fill the memory"""
 
 
 class DecodedFrame(msgspec.Struct, frozen=True, gc=False):

@@ -290,7 +290,6 @@ class Node:
     def _handle_state(
         self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now_s: float
     ) -> None:
-        """Store a state received directly from its UAV, and compare the reported knowledge."""
         peer.update_state(decoded, now_s)
         if peer.record is None:
             peer.attach(self._replica.of(decoded.source))

@@ -28,7 +28,7 @@ class ObservationLog:
         self._frames = list(frames)
 
     def accepts(self, decoded: DecodedFrame) -> bool:
-        """Append an observation that follows the last; return whether the log holds this observation."""
+        """Append an observation if it follows the last; return whether the log holds this observation."""
         at = decoded.seq - self.base - 1
         if at == len(self._frames):
             self._frames.append(decoded)

@@ -6,10 +6,7 @@ from collections.abc import Iterable
 
 
 class OwnSightings:
-    """Bit masks by cell: bit i stands for the UAV at place i of the reception tables.
-
-    One step compares a reported cell with the sightings of all UAVs.
-    """
+    """Bit masks of UAVs by cell, to compare a reported cell with all sightings at once; bit i is place i."""
 
     def __init__(self) -> None:
         self._clear: dict[int, int] = {}

@@ -148,7 +148,7 @@ def mesh_node(
     uavs: Sequence[int],
     credentials: Credentials | None = None,
 ) -> Configuration:
-    """Return the configuration of a mesh node, which relays for its neighbours, present or not.
+    """Return the configuration of a mesh node, which relays for its neighbours; neighbours may be absent.
 
     Only one node of each pair should connect to the other node. If both connect, the pair has two links and
     one transport. After a cut only one end may close the transport. Then messages are lost in one direction,

@@ -39,10 +39,7 @@ class ToGo:
 
     @classmethod
     def of(cls, shortest: Field, safest: Field | None, cheapest: Field, price: float) -> ToGo:
-        """Return the bounds from fields at w = 0 (ψ = 1), w = 1 and w = 1/2 (ψ = price).
-
-        `safest` None: the lower bound on exposure is 0.
-        """
+        """Return the bounds from fields at w = 0 (ψ = 1), w = 1 (None: bound 0) and w = 1/2 (ψ = price)."""
         length = _to_go(shortest)
         exposure = np.zeros_like(length) if safest is None else _to_go(safest)
         return cls(length, exposure, 2.0 * _to_go(cheapest), price)
