@@ -36,7 +36,7 @@ class RequestSchedule:
             self._due.setdefault(peer, max(now_s + self._options.round_trip_s / 2.0, not_before_s))
 
     def due(self, now_s: float) -> Iterator[int]:
-        """Yield the peers whose requests are due, until `asked`: an answer may make more requests needless."""
+        """Yield the peers whose requests are due, until `asked`: the answer may make others needless."""
         while self._due and not self._is_waiting():
             peer = next((peer for peer, at_s in self._due.items() if at_s <= now_s), None)
             if peer is None:
