@@ -53,7 +53,7 @@ class Area(Section):
 
 
 class Sensor(Section):
-    """Observations and their errors. Simulated sensors make these errors, and beliefs account for them."""
+    """Observations and their errors, which simulated sensors make, and for which beliefs account."""
 
     source: Literal["simulated", "external", "both"] = Field(
         "both",
@@ -91,7 +91,7 @@ class Config(Section):
     links: Links = Field(Links(), description="Settings that the MAVLink links of all vehicles share.")
     rules: Rules = Field(Rules(), description="Failsafe rules of each vehicle in flight.")
     preflight: PreflightSection = Field(
-        PreflightSection(), description="Checks that every vehicle passes before it is armed."
+        PreflightSection(), description="Checks of every vehicle before arming."
     )
     separation: SeparationSection = Field(
         SeparationSection(), description="The least distance between two vehicles."

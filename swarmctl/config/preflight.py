@@ -38,7 +38,7 @@ class Corner(Section):
 
 
 class FenceSection(Section):
-    """The fence around all vehicles. It is uploaded to each vehicle before arming."""
+    """The fence around all vehicles, uploaded to each vehicle before arming."""
 
     margin_m: float = Field(
         50.0,
@@ -61,7 +61,7 @@ class FenceSection(Section):
 
 
 class PreflightSection(Section):
-    """Checks that every vehicle passes before it is armed. `swarmctl preflight` runs them without arming."""
+    """Checks of every vehicle before arming. `swarmctl preflight` runs the checks without arming."""
 
     policy: Policy = Field(Policy(), description="Declared failsafe reactions of the autopilots.")
     reserve_percent: float = Field(

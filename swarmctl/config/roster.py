@@ -86,7 +86,7 @@ def _read(text: str) -> Roster:
     """Return the roster of a YAML text. Raises ValueError and TypeError."""
     data = yaml_lines.parse(text).data
     known = {key: data[key] for key in _Swarm.model_fields if key in data}
-    # JSON has lists for tuples, as YAML has; Python's strict validation would refuse lists.
+    # Strict validation of JSON accepts lists for tuples; strict validation of Python objects does not.
     found = _Swarm.model_validate_json(json.dumps(known))
     count = found.simulate.count if found.simulate is not None else 0
     pairs = [(n, f"uav{n}") for n in range(1, count + 1)] + [(v.sysid, v.name) for v in found.vehicles]

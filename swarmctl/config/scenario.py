@@ -34,7 +34,7 @@ from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
 
 PAPER_PLANNER = PLANNERS["dijkstra"]
-"""the paper's planner, the reference for every other"""
+"""the paper's planner, the reference for other planners"""
 
 
 class RandomStream(IntEnum):
@@ -61,7 +61,7 @@ class Scenario:
     prior: Belief
     """the belief of every vehicle before take-off"""
     swarm: tuple[Spec, ...]
-    """all vehicles, wherever their agents run"""
+    """all vehicles, also with agents in other processes"""
 
     def only(self, uav: int) -> Scenario:
         """Return the scenario of a process that flies only vehicle `uav`."""

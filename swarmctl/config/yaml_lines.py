@@ -11,7 +11,7 @@ Path = tuple[str | int, ...]
 
 
 class YamlError(ValueError):
-    """Malformed YAML, or a repeated key, in line `line` (from 1)."""
+    """Malformed YAML, or a repeated key; `line` is the line number, from 1."""
 
     def __init__(self, line: int, text: str) -> None:
         super().__init__(text)

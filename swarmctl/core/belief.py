@@ -95,7 +95,7 @@ class Belief:
     """An immutable set of observations of an area of (rows, cols) cells in which hostiles hide.
 
     Merging is set union: the result is the same for any order, any repetition and any use of checkpoints.
-    The occupancy follows from two numbers for each cell: its looks, and the looks that showed a hostile.
+    The occupancy follows from two numbers for each cell: the looks, and the looks that showed a hostile.
     """
 
     count: HostileCount

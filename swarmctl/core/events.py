@@ -34,7 +34,7 @@ class FlightOrder(StrEnum):
 
 
 PlanAfterFailure = Literal["old", "hold", "theirs", "unknown"]
-"""The plan of a vehicle after a failed swap: the old one, hold mode, another station's, or unknown."""
+"""The plan of a vehicle after a failed swap: the old plan, a hold, another station's plan, or unknown."""
 
 
 class _Record(msgspec.Struct, frozen=True, tag=True):
@@ -88,13 +88,13 @@ class MissionAccepted(_Record, frozen=True):
 
     plan_id: int
     took_s: float | None = None
-    """duration of the swap [s]: measured in flight, expected on the ground (from the upload's duration)"""
+    """duration of the swap [s]: in flight measured, on the ground estimated from the upload's duration"""
     stood_still_s: float = 0.0
     """time for which the vehicle held or stood still for the swap [s]"""
 
 
 class MissionFailed(_Record, frozen=True):
-    """Plan `plan_id` is not on the vehicle."""
+    """The upload or the swap of plan `plan_id` has failed."""
 
     plan_id: int
     flying: PlanAfterFailure

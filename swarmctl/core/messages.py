@@ -115,8 +115,11 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     uav: int
     name: str
     outcome: CommandOutcome
-    """refused: the command had no effect; over: the vehicle no longer plans, or its flight has ended;
-    unconfirmed: the agent has the command but has not answered in time; silent: no agent answers"""
+    """- refused: the command had no effect
+    - over: the vehicle no longer plans, or its flight has ended
+    - unconfirmed: the agent has the command but has not answered in time
+    - silent: no agent answers
+    """
     from_plan: int | None = None
     """number of the first plan with the new weights"""
     note: str = ""

@@ -55,7 +55,7 @@ class FlightPlan:
     begins: Waypoint | None = None
     """position at the time of planning; None on the ground"""
     leaves_ahead: bool = False
-    """True if `track` follows the present plan at first, and leaves it at a later point"""
+    """True if `track` follows the present plan at first, and leaves this plan at a later point"""
     from_hold: bool = False
     """True if the vehicle is in hold mode by its agent's order at the time of planning"""
 

@@ -44,8 +44,8 @@ def flight_plan(
     """Return the plan to fly a route over neighbouring cells and land.
 
     Waypoints are the centres of the turns. From a `position` within cells[0] the vehicle does not fly back to
-    the centre of this cell. Exception: the direct leg would enter a cell off the route that `may_clip` does
-    not allow.
+    the centre of this cell. Exception: the direct leg would enter a cell off the route, and `may_clip`
+    forbids this cell.
     """
     if not cells:
         raise ValueError("a route without cells cannot be flown: expected at least the goal cell")

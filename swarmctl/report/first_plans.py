@@ -36,9 +36,8 @@ class FirstRoute:
 def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     """Return the routes of all vehicles before any observation.
 
-    The keys are labels such as `w = 0.5`. The paper's planner gives the routes for each w of PLAN_WEIGHTS.
-    The configured planner gives the routes of `scenario.chosen_by`, also if this label has a w of
-    PLAN_WEIGHTS.
+    The keys are labels such as `w = 0.5`: one for each w of PLAN_WEIGHTS, and `scenario.chosen_by`. The
+    configured planner gives the routes of `scenario.chosen_by`, the paper's planner all other routes.
     """
     papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {

@@ -31,7 +31,7 @@ from swarmctl.planners.front import Front, pareto_front
 from swarmctl.report.pictures.panel import FrontBound, FrontPanel, FrontPoint
 from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
 
-ROWS = 12
+MAX_ROWS = 12
 """greatest number of routes of a front in the table and on the map"""
 PANELS_A_SHEET = 6
 TOLERANCE = 1e-9
@@ -142,7 +142,7 @@ def _equals(one: Route, other: Route) -> bool:
 
 
 def _shown_indices(front: Front, always: int | None) -> tuple[int, ...]:
-    """Return at most ROWS indices: the ends, the configured route, routes that some w finds, other routes.
+    """Return up to MAX_ROWS indices: the ends, the configured route, routes that some w finds, the rest.
 
     The next point of a group is the farthest from the line through the points chosen so far (Douglas and
     Peucker's algorithm).
@@ -151,7 +151,7 @@ def _shown_indices(front: Front, always: int | None) -> tuple[int, ...]:
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
     points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), TOLERANCE)
     kept = {0, n - 1} | ({always} if always is not None else set())
-    while len(kept) < min(ROWS, n):
+    while len(kept) < min(MAX_ROWS, n):
         line = sorted(kept)
         between = np.interp(points[:, 0], points[line, 0], points[line, 1])
         away = np.abs(points[:, 1] - between)

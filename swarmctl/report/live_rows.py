@@ -21,7 +21,7 @@ BAR_CHARS = 10
 MIN_COLUMNS_WITH_BAR = 92
 """least width of a terminal with a bar [columns]"""
 OK, NOT_YET = "ok", "–"
-"""link texts of a vehicle with recent telemetry, and of one before its first heartbeat"""
+"""link texts with recent telemetry, and before the first heartbeat"""
 COLUMNS = (
     Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left"), Column("batt."),
     Column("route", "left"), Column("cells\nown+heard", rank=4), Column("hostiles\nknown", rank=2),
@@ -84,8 +84,9 @@ def vehicle_row(
 ) -> VehicleRow:
     """Return the live view of one vehicle.
 
-    `age_s`: time since the last heartbeat, infinite before the first. `refused`: number of network messages
-    that the vehicle refused. `lost_timeout_s`: age from which a silent vehicle is given up.
+    age_s: time since the last heartbeat, infinite before the first [s].
+    refused: number of network messages that the vehicle refused.
+    lost_timeout_s: age from which a silent vehicle is given up [s].
     """
     own = state.belief.n_cells_from(state.task.uav)
     return VehicleRow(

@@ -25,7 +25,7 @@ class Report:
     statistics: FlightStatistics
     summary: dict[str, Any]
     bug: Exception | None = None
-    """an exception that only a bug can cause"""
+    """unexpected exception, caused by a bug"""
     checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
     """the findings of the preflight checks, by vehicle name"""
 

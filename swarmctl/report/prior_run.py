@@ -1,4 +1,4 @@
-"""A prior from an earlier run: planning with its observations."""
+"""A prior from the observations of an earlier run."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The record of a run, and its replay through the agents' fold.
 
 `run.mcap` holds every event, effect and bus message as JSON with its schema. Foxglove and any other reader of
-MCAP can open the file without this program. Two runs on the virtual clock write the same bytes.
+MCAP can open the file without this program. Equal runs on the virtual clock write equal bytes.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from swarmctl.core import events as ev
 
 MAX_FAILURES = 20
 """number of a vehicle's last failed changes that are kept with their reasons"""
-LISTED = 5
+MAX_LISTED = 5
 """number of failed changes that are listed below the table"""
 
 
@@ -61,7 +61,7 @@ class SwapStatistics:
 
 
 def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
-    """Return lines about the changes: their number, LISTED failures, each vehicle that stood still."""
+    """Return lines about the changes: their number, MAX_LISTED failures, each vehicle that stood still."""
     by_name = [(v["name"], v["swaps"]) for v in vehicles]
     tried = sum(swaps["changed"] + swaps["failed"] for _, swaps in by_name)
     if not tried:
@@ -75,10 +75,10 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     ]
     lines += [
         f"  {name}, plan {failure['plan']}, failed: {failure['reason'].removeprefix(f'{name}: ')}"
-        for name, failure in failures[:LISTED]
+        for name, failure in failures[:MAX_LISTED]
     ]
-    if failed > LISTED:
-        lines.append(f"  and {failed - LISTED} more: swaps.failures in summary.json")
+    if failed > MAX_LISTED:
+        lines.append(f"  and {failed - MAX_LISTED} more: swaps.failures in summary.json")
     lines += [
         f"  {name} stood still in {swaps['stood_still']} of {swaps['changed'] + swaps['failed']} changes: "
         f"{swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"

@@ -14,15 +14,15 @@ from rich.text import Text
 
 from swarmctl.core.inference.survival import ProbabilityEstimate
 
-SMALL = 1e-3
-"""value below which significant digits are shown instead of decimals"""
+MIN_DECIMAL = 1e-3
+"""least value with decimals; smaller values have significant digits"""
 
 
 def product_text(safety_factor: float) -> str:
-    """Return ∏(1 − P_s) with four decimals, or three significant digits below SMALL; "0" only for zero."""
+    """Return ∏(1 − P_s) with four decimals, or three significant digits below MIN_DECIMAL; "0" for zero."""
     if safety_factor == 0.0:
         return "0"
-    return f"{safety_factor:.4f}" if safety_factor >= SMALL else f"{safety_factor:.3g}"
+    return f"{safety_factor:.4f}" if safety_factor >= MIN_DECIMAL else f"{safety_factor:.3g}"
 
 
 def estimate_texts(chance: ProbabilityEstimate) -> tuple[str, str]:

@@ -236,17 +236,17 @@ def after_looking(rows: int, share: float) -> Scenario:
 def test_a_long_front_shows_its_ends_its_knees_and_the_configured_route() -> None:
     (vehicle,) = front.fronts(after_looking(40, 0.6))
     n = len(vehicle.front.routes)
-    assert n > front.ROWS
-    assert len(vehicle.shown) == front.ROWS
+    assert n > front.MAX_ROWS
+    assert len(vehicle.shown) == front.MAX_ROWS
     assert {0, n - 1, vehicle.chosen_index} <= set(vehicle.shown)
     # None that some w finds is left out before one that no w finds.
     supported = {i for i, some_w_finds_it in enumerate(vehicle.front.supported) if some_w_finds_it}
     assert supported <= set(vehicle.shown) or set(vehicle.shown) - {0, n - 1} <= supported
     (line,) = front.left_out([vehicle])
-    assert re.findall(r"\d+", line.partition(": ")[2]) == [str(n - front.ROWS), str(n)]
+    assert re.findall(r"\d+", line.partition(": ")[2]) == [str(n - front.MAX_ROWS), str(n)]
     assert "front.json" in line
     table = front.front_table([vehicle]).at()
-    assert table.row_count == front.ROWS
+    assert table.row_count == front.MAX_ROWS
     # What is left out lies close to the line through what is shown.
     points = np.array([(r.length_cells, r.exposure_sum) for r in vehicle.front.routes])
     shown = points[list(vehicle.shown)]

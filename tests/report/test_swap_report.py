@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from swarmctl.core import events as ev
-from swarmctl.report.swaps import LISTED, MAX_FAILURES, SwapStatistics, swap_lines
+from swarmctl.report.swaps import MAX_LISTED, MAX_FAILURES, SwapStatistics, swap_lines
 
 
 def after(*events: ev.MissionAccepted | ev.MissionFailed) -> SwapStatistics:
@@ -55,8 +55,8 @@ def test_many_failures_are_limited_in_the_summary_and_below_the_table() -> None:
     assert summary["failed"] == 38
     assert [failure["plan"] for failure in summary["failures"]] == list(range(40 - MAX_FAILURES, 40))
     _, *listed, rest = swap_lines([{"name": "uav1", "swaps": summary}])
-    assert len(listed) == LISTED
-    assert f"{38 - LISTED} more" in rest
+    assert len(listed) == MAX_LISTED
+    assert f"{38 - MAX_LISTED} more" in rest
     assert "summary.json" in rest
 
 

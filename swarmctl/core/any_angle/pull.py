@@ -132,8 +132,8 @@ def _rest_of(under: CrossedCells, here: int) -> CrossedCells:
 
 def may_join(threat: ThreatMap, position: GridPoint, here: Cell, corner: Cell) -> bool:
     """Return whether a vehicle within cell `here` may fly straight to the next corner."""
-    # DEVIATION: as on a lattice route, the vehicle may enter an unplanned cell, at most as exposed as the
-    # worst planned cell beside this cell.
+    # DEVIATION: as on a lattice route, the vehicle may enter an unplanned cell that is at most as exposed as
+    # the worst planned cell beside this cell.
     planned = crossed_cells((centre(here), centre(corner))).cells
     if not is_clear(threat, (position, centre(corner)), CORNER_TOLERANCE):
         return False

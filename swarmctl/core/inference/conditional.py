@@ -205,7 +205,7 @@ def _clipped(expected: Floats, n_cells: Ints) -> Floats:
 
 
 def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
-    """Return the indices of all totals that are not negligible, and possibly of some that are.
+    """Return the indices of the totals that are not surely negligible.
 
     Let e_J(λ) be the weight of all sets of J cells, and U(J) = min over t of Σ m log(1 + λ e^t) − J t. Then
     e_J(λ) < e^U(J), and the ratio of both is bounded by a power of J. U is concave. Between knots its chord

@@ -1,4 +1,4 @@
-"""The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes.
+"""The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes' rule.
 
 Cells with equal numbers of looks and hits form a class. Every function takes the classes of a whole area.
 Several entries may have equal numbers.

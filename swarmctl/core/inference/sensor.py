@@ -18,7 +18,7 @@ class SensorModel:
     """
 
     p_miss: float = 0.0
-    """probability that a look at a hostile shows none"""
+    """probability that a look at a hostile shows no hostile"""
     p_false_alarm: float = 0.0
     """probability that a look at a clear cell shows a hostile"""
 
@@ -44,7 +44,8 @@ class SensorModel:
         `hits` of the `looks` at a cell showed a hostile. The result is 0 for cells without a look, and ±∞ for
         certain cells.
 
-        DEVIATION: the paper's perfect sensors never contradict each other. If some do, occupied wins.
+        DEVIATION: the paper's perfect sensors never contradict each other. Here a contradictory cell counts
+        as occupied.
         """
         misses = looks - hits
         with np.errstate(invalid="ignore"):  # ∞ − ∞ for contradictory looks of a perfect sensor

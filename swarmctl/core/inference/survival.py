@@ -59,8 +59,8 @@ def survival_probability(
 ) -> ProbabilityEstimate:
     """Return the probability, by belief, that a vehicle enters every cell of a route without being hit.
 
-    `n_worlds` worlds are drawn from the belief, each with its own hostiles. The start cell does not count,
-    the goal does; a cell entered twice counts twice.
+    `n_worlds` worlds are drawn from the belief, each with other hostiles. The start cell does not count. A
+    cell entered twice counts twice.
 
     The shots are not drawn. For given hostiles the survival probability is a product. The product's average
     over the worlds has the same mean as the share of surviving vehicles, and a smaller variance
@@ -109,7 +109,7 @@ def survival_among(
 ) -> float:
     """Return the exact probability, ∏(1 − fs), that a vehicle survives a route among known hostiles.
 
-    The start cell does not count, the goal does.
+    The start cell does not count.
     """
     reached, entries = _in_reach(shape, cells)
     held = np.isin(reached, [row * shape[1] + col for row, col in hostiles])

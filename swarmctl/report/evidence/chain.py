@@ -1,4 +1,4 @@
-"""The chain of entries: writing a line, and checking a file. Pure."""
+"""The chain of entries: the next line, and the check of a file. Pure."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def sha256(data: bytes) -> str:
 
 
 class Chain:
-    """A chain being written, line by line."""
+    """The state of a chain after its last line."""
 
     def __init__(self) -> None:
         self.n = 0
@@ -83,7 +83,7 @@ class ChainFault:
 
 @dataclass(frozen=True, slots=True)
 class CheckedChain:
-    """The result of checking a file of entries."""
+    """The result of the check of a file of entries."""
 
     entries: tuple[Entry, ...]
     """the entries before the fault, or all"""

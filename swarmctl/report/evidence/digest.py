@@ -9,12 +9,12 @@ from typing import Any
 
 from swarmctl.core.vehicle import Landed
 from swarmctl.report.evidence.chain import Entry
-from swarmctl.report.evidence.transfer import BEGINS
+from swarmctl.report.evidence.transfer import ANNOUNCEMENTS
 
 _ITEMS = "MISSION_ITEM_INT"
 _UPLOADS = (_ITEMS, "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
 _PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
-_NOTHING_YET = ""
+_NO_MODE = ""
 """the mode of a vehicle before its first heartbeat"""
 _DISARMED = "armed False"
 _CHANGED_PART = {
@@ -29,7 +29,7 @@ _CHANGED_PART = {
 }
 """command -> the part of a vehicle's state that changes when the vehicle follows the command"""
 _ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
-"""messages other than commands that a vehicle acknowledges"""
+"""messages that a vehicle acknowledges, besides commands"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
 """ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and continues the transfer"""
 
@@ -100,7 +100,7 @@ def _sent(
     name = str(what.get("command", what.get("message", "?")))
     row = rows.setdefault((vehicle, name), CommandRow(vehicle, name))
     items = rows.get((vehicle, _ITEMS))
-    if name in BEGINS and items is not None:
+    if name in ANNOUNCEMENTS and items is not None:
         items.is_in_transfer = False
     if row.is_in_transfer:
         return  # more items of the same transfer
@@ -148,5 +148,5 @@ def _seen(
     row = asked.pop((vehicle, part), None)
     if row is not None:
         row.seen[text] += 1
-    elif part in ("mode", "armed") and what.get("from") != _NOTHING_YET:
+    elif part in ("mode", "armed") and what.get("from") != _NO_MODE:
         found.unasked.setdefault(vehicle, Counter())[text] += 1

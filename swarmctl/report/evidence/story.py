@@ -12,7 +12,7 @@ from swarmctl.report.evidence.chain import canonical, sha256
 from swarmctl.report.evidence.transfer import NewEntry
 
 EFFECTS = ("mode", "armed", "landed", "mission_seq")
-"""the parts of a vehicle's state that show a followed command, or another station's action"""
+"""parts of a vehicle's state that change after a followed command or another station's action"""
 
 
 def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:

@@ -1,10 +1,10 @@
 """Entries from the MAVLink messages of one vehicle: commands and acknowledgements. Pure.
 
 - Every message sent is a command, except those that only keep a link alive.
-- All items of a transfer (mission, fence or rally points) make one entry at its end, with number and hash.
+- The end of a transfer (mission, fence or rally points) makes one entry, with number and hash of the items.
   Each call of `so_far` makes an entry for the items so far.
-- Consecutive partial lists, each for one item, are one transfer. The first list is an entry. Their
-  acknowledgements are counted with the items.
+- Consecutive partial lists, each for one item, are one transfer. The first list is an entry. The
+  acknowledgements of the lists are counted with the items.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE, decoded
-from swarmctl.report.evidence.transfer import BEGINS, PARTIAL, NewEntry, Transfer
+from swarmctl.report.evidence.transfer import ANNOUNCEMENTS, PARTIAL, NewEntry, Transfer
 
 KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
 """messages without a command or a request"""
@@ -97,7 +97,7 @@ class Traffic:
     def _before(self, kind: str, message: Message) -> list[NewEntry]:
         """Return the entries of a transfer that this message ends. An announcement begins a new transfer."""
         entries: list[NewEntry] = []
-        if kind in BEGINS or kind == "MISSION_ACK" or self._is_partial:
+        if kind in ANNOUNCEMENTS or kind == "MISSION_ACK" or self._is_partial:
             entries = self.so_far()
         if self._is_partial and kind != "MISSION_REQUEST_LIST":  # a read-back during the transfer
             self._upload = None

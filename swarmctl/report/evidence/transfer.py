@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.command import name_of
 from swarmctl.report.evidence.chain import Kind, canonical, sha256
 
 PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
-BEGINS = frozenset({"MISSION_COUNT", PARTIAL})
+ANNOUNCEMENTS = frozenset({"MISSION_COUNT", PARTIAL})
 """the messages that announce items"""
 
 NewEntry = tuple[Kind, dict[str, Any]]

@@ -115,7 +115,7 @@ def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
 def _spread(points: Points, least: float) -> Points:
     """Return the points (n, 2), moved apart until the distances are about `least` or more."""
     angles = 2.4 * np.arange(len(points))
-    # Points in the same place get a small offset, each in its own direction.
+    # Points in the same place get small offsets in different directions.
     moved = points + 1e-3 * least * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     for _ in range(100):
         between = moved[:, None] - moved[None, :]

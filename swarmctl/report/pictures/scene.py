@@ -74,7 +74,7 @@ def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
     reach, pad = 0.3 * side, 0.035 * side
     low = np.maximum(points.min(axis=0), -reach) - pad
     high = np.minimum(points.max(axis=0), [grid.width_m + reach, grid.height_m + reach]) + pad
-    # a long narrow area would leave no room for its labels
+    # A long narrow area gets more space, for the labels.
     spare = np.maximum((high - low).max() * 0.25 - (high - low), 0.0) / 2
     (west, south), (east, north) = low - spare, high + spare
     return west, south, east, north
