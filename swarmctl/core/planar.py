@@ -115,7 +115,6 @@ def _edges(polygon: Sequence[PlanarPoint]) -> list[tuple[PlanarPoint, PlanarPoin
 
 
 def _intersect(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint, d: PlanarPoint) -> bool:
-    """Return whether two segments share a point."""
     turns = (_turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b))
     if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
         return True

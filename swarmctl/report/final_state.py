@@ -43,7 +43,6 @@ def is_released_in_air(state: AgentState) -> bool:
 
 
 def _is_over(state: AgentState) -> bool:
-    """Return whether the vehicle has ended its flight and is down."""
     return state.ended and not may_be_armed(state)
 
 

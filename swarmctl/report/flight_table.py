@@ -116,7 +116,6 @@ def network_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _chance(at_takeoff: dict[str, Any] | None) -> tuple[str, str]:
-    """Return the survival probability at take-off and its interval, as texts."""
     if at_takeoff is None:
         return "–", ""
     chance = at_takeoff["chance_by_simulation"]

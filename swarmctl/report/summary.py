@@ -220,7 +220,6 @@ def summary(
 
 
 def _simulated_seconds(scenario: Scenario, clock: str) -> float:
-    """Return the simulated seconds in one second of the run's clock."""
     simulate = scenario.config.simulate
     return simulate.speedup if clock == "real" and simulate is not None else 1.0
 

@@ -85,8 +85,6 @@ def choose_corners(
 
 
 class _Search:
-    """The search for corners among the cells of one route."""
-
     def __init__(self, threat: ThreatMap, route: Ints, measure: ExposureMeasure, radius: float) -> None:
         self._threat, self._route, self._measure, self._radius = threat, route, measure, radius
         steps = measure_legs(threat, route[:-1], route[1:]).measures

@@ -213,7 +213,6 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
 
 
 def _draw_key(axes: Axes, panels: Sequence[FrontPanel]) -> None:
-    """Draw the legend in one line."""
     x, y = 0.0, 0.17
     n_inside = sum(not point.supported for panel in panels for point in panel.points)
     marks = [("on the hull: some w finds it", 5.5, QUIET, QUIET, 1.1)]
