@@ -89,7 +89,7 @@ def refusal(sent: OutgoingFrame, permissions: Set[str], saved_plans: Set[int]) -
     """
     wanted = None if sent.message is None else permission_for(sent.message)
     if wanted is not None and wanted not in permissions:
-        return f"{sent.kind} needs --allow-{wanted}"
+        return f"{sent.kind} needs {'the built-in simulator' if wanted == SIMULATOR else f'--allow-{wanted}'}"
     plan = sent.message.mission_type if sent.kind in _PLANS else _LEGACY_PLANS.get(sent.kind)
     if plan is not None and plan not in saved_plans:
         return f"the {PLAN_NAMES.get(plan, f'plans of type {plan}')} could not be saved [plan-unsaved]"

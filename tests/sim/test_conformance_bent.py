@@ -120,7 +120,7 @@ def test_a_slow_heartbeat_is_noticed() -> None:
         ("SCALED_PRESSURE", "press_abs", 100.0, {"telemetry.pressure.fits_the_altitude"}),
         ("BATTERY_STATUS", "battery_remaining", 0.5, {"telemetry.battery.messages_agree"}),
         ("ATTITUDE", "time_boot_ms", 1e-3, {"telemetry.time.is_milliseconds"}),
-        ("SCALED_IMU", "zacc", -1.0, {"telemetry.imu.feels_gravity"}),
+        ("SCALED_IMU", "zacc", -1.0, {"telemetry.imu.measures_gravity"}),
         ("GPS_RAW_INT", "satellites_visible", 0.1, {"telemetry.gps.has_a_fix"}),
     ],
 )

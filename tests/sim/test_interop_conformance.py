@@ -72,7 +72,7 @@ def test_the_suite_follows_a_rebooting_vehicle_over_udp() -> None:
     port = free_port(socket.SOCK_DGRAM)
     with simulator("--count", "3", "--url", f"udpout:127.0.0.1:{port}"):
         done = conformance(
-            f"udpin:127.0.0.1:{port}", "--sysid", "2", *only("reboot.comes_back", "reboot.parameters_stay")
+            f"udpin:127.0.0.1:{port}", "--sysid", "2", *only("reboot.answers_again", "reboot.parameters_stay")
         )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "system 2" in done.stdout

@@ -54,7 +54,7 @@ def agrees(vehicle: VehicleUnderTest) -> str:
     return f"{boot_s:.2f} s and {clock_s:.2f} s"
 
 
-@check("time.system_time.knows_the_date", limit_s=150)
+@check("time.system_time.has_the_date", limit_s=150)
 def has_the_date(vehicle: VehicleUnderTest) -> str:
     """With a GPS fix time_unix_usec is a date of this decade or later."""
     for _ in range(100):
@@ -69,7 +69,7 @@ def has_the_date(vehicle: VehicleUnderTest) -> str:
     raise Skip("no GPS time")
 
 
-@check("time.system_time.both_go_alike")
+@check("time.system_time.same_rate")
 def same_rate(vehicle: VehicleUnderTest) -> str:
     """The date and the time since boot advance at the same rate."""
     first = vehicle.request("SYSTEM_TIME")

@@ -122,7 +122,7 @@ def _unanswered(vehicle: VehicleUnderTest, message: Any) -> str:
     return "no answer"
 
 
-@check("commands.target.everybody")
+@check("commands.target.broadcast")
 def all_systems(vehicle: VehicleUnderTest) -> str:
     """A command to system 0 reaches every system; PX4 accepts only a few such commands."""
     command = known_behaviour(vehicle, ardupilot=REQUEST, px4=mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES)
@@ -241,7 +241,7 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
     return "the next command is ACCEPTED"
 
 
-@check("commands.target.everybody_is_not_px4", dialects=("px4",))
+@check("commands.target.broadcast_is_ignored", dialects=("px4",))
 def px4_ignores_system_0(vehicle: VehicleUnderTest) -> str:
     """PX4 ignores most commands to system 0, so that one frame cannot arm a fleet."""
     return _unanswered(vehicle, vehicle.command_long(REQUEST, VERSION, to=(0, 0)))

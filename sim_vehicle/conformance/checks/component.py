@@ -39,7 +39,7 @@ def _fetch(vehicle: VehicleUnderTest, uri: str) -> tuple[bytes, Any]:
     return data, json.loads(lzma.decompress(data) if uri.endswith(".xz") else data)
 
 
-@check("component.metadata_is_told")
+@check("component.metadata_is_announced")
 def metadata_is_offered(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_METADATA names a file."""
     _, uri = _metadata(vehicle)

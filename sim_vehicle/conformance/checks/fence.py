@@ -169,7 +169,9 @@ def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
     return str(expected)
 
 
-@check("fence.old_one_stays", claims=CLAIMS, pins="AUTOPILOTS 2: fence atomic, old fence kept on failure")
+@check(
+    "fence.refusal_keeps_the_old", claims=CLAIMS, pins="AUTOPILOTS 2: fence atomic, old fence kept on failure"
+)
 def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     """After a refused upload the vehicle keeps its old fence."""
     old = polygon(vehicle)
@@ -295,8 +297,8 @@ def enable_command(vehicle: VehicleUnderTest) -> str:
     return seen
 
 
-@check("fence.leaves_nothing", claims=CLAIMS)
-def leaves_nothing(vehicle: VehicleUnderTest) -> str:
+@check("fence.empty_upload", claims=CLAIMS)
+def empty_upload(vehicle: VehicleUnderTest) -> str:
     """An empty upload is accepted and removes the fence."""
     plans.upload_or_fail(vehicle, [], FENCE)
     equal(plans.count(vehicle, FENCE), 0, "items left")

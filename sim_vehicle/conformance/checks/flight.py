@@ -142,7 +142,12 @@ def reposition_plane(vehicle: VehicleUnderTest) -> str:
     return f"arrived after {took_s:.0f} s"
 
 
-@check("flight.reposition.as_long", airborne=True, limit_s=300, pins="AUTOPILOTS 1.17: LONG -> UNSUPPORTED")
+@check(
+    "flight.reposition.by_command_long",
+    airborne=True,
+    limit_s=300,
+    pins="AUTOPILOTS 1.17: LONG -> UNSUPPORTED",
+)
 def reposition_long(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
     expected = known_behaviour(vehicle, ardupilot="UNSUPPORTED", px4="ACCEPTED")

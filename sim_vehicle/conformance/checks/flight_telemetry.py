@@ -8,7 +8,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 
-@check("flight.tells.velocity", airborne=True, kind="copter", limit_s=300)
+@check("flight.telemetry.velocity", airborne=True, kind="copter", limit_s=300)
 def velocity(vehicle: VehicleUnderTest) -> str:
     """vx and vy [cm/s] agree with the change of the position."""
     flying.reposition(vehicle, plans.offset(flying.last_position(vehicle), 60.0, 60.0), 20.0)
@@ -24,7 +24,7 @@ def velocity(vehicle: VehicleUnderTest) -> str:
     return f"{flown_m:.1f} m flown, {reported_m:.1f} m by velocity"
 
 
-@check("flight.tells.local_position", airborne=True, kind="copter", limit_s=300)
+@check("flight.telemetry.local_position", airborne=True, kind="copter", limit_s=300)
 def local_position(vehicle: VehicleUnderTest) -> str:
     """LOCAL_POSITION_NED moves with GLOBAL_POSITION_INT; z is down."""
     rates = {"LOCAL_POSITION_NED": 5.0, "GLOBAL_POSITION_INT": 5.0}
@@ -47,7 +47,7 @@ def local_position(vehicle: VehicleUnderTest) -> str:
     return f"{local_m:.1f} m"
 
 
-@check("flight.tells.climb", airborne=True, kind="copter", limit_s=300)
+@check("flight.telemetry.climb", airborne=True, kind="copter", limit_s=300)
 def climb(vehicle: VehicleUnderTest) -> str:
     """In a climb vz is negative and VFR_HUD.climb positive."""
     place, height = flying.last_position(vehicle), flying.height_m(vehicle)
@@ -63,7 +63,7 @@ def climb(vehicle: VehicleUnderTest) -> str:
     return f"{hud.climb:.2f} m/s"
 
 
-@check("flight.tells.airspeed", airborne=True, kind="plane", limit_s=300)
+@check("flight.telemetry.airspeed", airborne=True, kind="plane", limit_s=300)
 def airspeed(vehicle: VehicleUnderTest) -> str:
     """The airspeed of a plane is 5 to 60 m/s, and the throttle a percentage."""
     hud = vehicle.sample({"VFR_HUD": 5.0}, 2.0)["VFR_HUD"][-1]
@@ -72,7 +72,7 @@ def airspeed(vehicle: VehicleUnderTest) -> str:
     return f"{hud.airspeed:.1f} m/s, {hud.throttle} %"
 
 
-@check("flight.tells.battery", airborne=True, limit_s=300)
+@check("flight.telemetry.battery", airborne=True, limit_s=300)
 def battery(vehicle: VehicleUnderTest) -> str:
     """In the air a current flows, the consumption grows, and the remaining charge does not grow."""
     first = vehicle.request("BATTERY_STATUS")

@@ -59,8 +59,8 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
     return f"{size} bytes of log {entry.id}"
 
 
-@check("logs.ends_short", limit_s=120)
-def ends_short(vehicle: VehicleUnderTest) -> str:
+@check("logs.end_of_log", limit_s=120)
+def end_of_log(vehicle: VehicleUnderTest) -> str:
     """A log ends at its size, with a short LOG_DATA."""
     entry = logclient.newest(vehicle)
     seen = logclient.data(vehicle, entry.id, max(0, entry.size - 40), 200)

@@ -103,7 +103,7 @@ def default(vehicle: VehicleUnderTest) -> str:
     return f"{default_hz:.1f} Hz, {seen_hz:.1f} Hz, {after_hz:.1f} Hz"
 
 
-@check("messages.interval.told")
+@check("messages.interval.is_reported")
 def interval_reported(vehicle: VehicleUnderTest) -> str:
     """GET_MESSAGE_INTERVAL reports the requested interval."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
@@ -116,7 +116,7 @@ def interval_reported(vehicle: VehicleUnderTest) -> str:
     return f"{answer.interval_us} us"
 
 
-@check("messages.interval.told_when_stopped")
+@check("messages.interval.reported_when_stopped")
 def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
     """GET_MESSAGE_INTERVAL of a stopped message reports -1 or 0."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
@@ -140,7 +140,7 @@ def unknown_interval(vehicle: VehicleUnderTest) -> str:
     return result_name(result)
 
 
-@check("messages.interval.others_keep_theirs")
+@check("messages.interval.other_rates_are_kept")
 def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
     """The interval of one message does not change the interval of another message."""
     with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
@@ -208,7 +208,7 @@ def stream_stop(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "messages.streams.flow_by_themselves",
+    "messages.streams.sent_without_request",
     dialects=("px4",),
     pins="AUTOPILOTS 2: streams flow without a request",
 )

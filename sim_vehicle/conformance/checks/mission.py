@@ -90,7 +90,7 @@ def replaces(vehicle: VehicleUnderTest) -> str:
     return f"{len(items)} items left"
 
 
-@check("mission.upload.none_at_all")
+@check("mission.upload.no_items")
 def zero_items(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 0 is accepted and empties the mission."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
@@ -208,8 +208,8 @@ def item_zero(vehicle: VehicleUnderTest) -> str:
     return "home" if is_home else "as sent"
 
 
-@check("mission.download.behind_the_end", pins="AUTOPILOTS 2: wrong item")
-def behind_the_end(vehicle: VehicleUnderTest) -> str:
+@check("mission.download.beyond_the_end", pins="AUTOPILOTS 2: wrong item")
+def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """A request for a missing item is refused with an acknowledgement."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     total, mark = plans.open_list(vehicle), vehicle.mark()

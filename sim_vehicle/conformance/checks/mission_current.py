@@ -73,8 +73,8 @@ def set_by_message(vehicle: VehicleUnderTest) -> str:
     return "2, then 1"
 
 
-@check("mission.current.behind_the_end")
-def set_behind_the_end(vehicle: VehicleUnderTest) -> str:
+@check("mission.current.beyond_the_end")
+def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT of a missing item changes nothing."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
@@ -99,11 +99,11 @@ def set_by_command(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission.current.command_behind_the_end",
+    "mission.current.command_beyond_the_end",
     dialects=("ardupilot",),
     pins="AUTOPILOTS 2: out of range DENIED(2)",
 )
-def command_behind_the_end(vehicle: VehicleUnderTest) -> str:
+def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT of a missing item is DENIED."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)

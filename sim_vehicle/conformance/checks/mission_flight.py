@@ -16,8 +16,8 @@ FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # distance at which a waypoint counts as passed
 
 
-@check("mission-flight.flies_it_all", needs=[ARM], kind="copter", limit_s=FLY_S, pins="AUTOPILOTS 1.7")
-def flies_it_all(vehicle: VehicleUnderTest) -> str:
+@check("mission-flight.flies_every_item", needs=[ARM], kind="copter", limit_s=FLY_S, pins="AUTOPILOTS 1.7")
+def flies_every_item(vehicle: VehicleUnderTest) -> str:
     """By mission the vehicle takes off, passes each waypoint, reports progress, lands and disarms."""
     items = missions.items(vehicle)
     plans.upload_or_fail(vehicle, items)
@@ -47,8 +47,8 @@ def flies_it_all(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.0f} s, reached {reached}"
 
 
-@check("mission-flight.counts_on", airborne=True, kind="copter", limit_s=FLY_S)
-def counts_on(vehicle: VehicleUnderTest) -> str:
+@check("mission-flight.counts_upwards", airborne=True, kind="copter", limit_s=FLY_S)
+def counts_upwards(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT counts through the items without a step back."""
     plans.upload_or_fail(vehicle, missions.items(vehicle, landing=False))
     first = missions.first_waypoint(vehicle)
@@ -129,14 +129,14 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission-flight.auto_alone_stays",
+    "mission-flight.auto_mode_does_not_take_off",
     needs=[ARM],
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
     pins="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
 )
-def auto_alone_stays(vehicle: VehicleUnderTest) -> str:
+def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle in AUTO stays on the ground and disarms within 20 s."""
     plans.upload_or_fail(vehicle, missions.items(vehicle))
     flying.start_streams(vehicle)
@@ -227,8 +227,8 @@ def _is_near(vehicle: VehicleUnderTest, target: tuple[int, int], near_m: float) 
     return flying.distance_to_m(vehicle, target) < near_m
 
 
-@check("mission-flight.plane_flies_it", needs=[ARM], kind="plane", limit_s=500)
-def plane_flies_it(vehicle: VehicleUnderTest) -> str:
+@check("mission-flight.plane_flies_every_item", needs=[ARM], kind="plane", limit_s=500)
+def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     """A plane passes the waypoints of a mission in order and continues to fly."""
     flying.ensure_airborne(vehicle)
     home = vehicle.request("HOME_POSITION")

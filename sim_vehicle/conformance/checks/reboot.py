@@ -43,14 +43,14 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
     return MAX_REBOOT_S
 
 
-@check("reboot.comes_back", needs=[REBOOT], limit_s=120, pins="AUTOPILOTS 1.18: Reboot (246)")
-def comes_back(vehicle: VehicleUnderTest) -> str:
+@check("reboot.answers_again", needs=[REBOOT], limit_s=120, pins="AUTOPILOTS 1.18: Reboot (246)")
+def answers_again(vehicle: VehicleUnderTest) -> str:
     """A reboot is acknowledged, and the vehicle answers again within 60 s."""
     return f"after {_reboot(vehicle):.1f} s"
 
 
-@check("reboot.clock_begins_anew", needs=[REBOOT], limit_s=120)
-def clock_begins_anew(vehicle: VehicleUnderTest) -> str:
+@check("reboot.clock_restarts", needs=[REBOOT], limit_s=120)
+def clock_restarts(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms counts from the boot."""
     took_s = _reboot(vehicle)
     seen_ms = _boot_ms(vehicle)
@@ -153,7 +153,7 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     return f"ready {took_s:.0f} s later"
 
 
-@check("reboot.nothing_asked", needs=[REBOOT], limit_s=60)
+@check("reboot.zero_parameters", needs=[REBOOT], limit_s=60)
 def zero_parameters_do_nothing(vehicle: VehicleUnderTest) -> str:
     """PREFLIGHT_REBOOT_SHUTDOWN with all parameters 0 does not reboot."""
     before_ms = _boot_ms(vehicle)

@@ -84,8 +84,8 @@ def around_a_frame(vehicle: VehicleUnderTest) -> str:
     return "found"
 
 
-@check("robustness.garbage.much", limit_s=60)
-def much(vehicle: VehicleUnderTest) -> str:
+@check("robustness.garbage.twenty_kilobytes", limit_s=60)
+def twenty_kilobytes(vehicle: VehicleUnderTest) -> str:
     """Twenty kilobytes of random bytes do not stop the vehicle."""
     for seed in range(20):
         vehicle.send_raw(_random_bytes(1000, 100 + seed))
@@ -151,8 +151,8 @@ def untrimmed(vehicle: VehicleUnderTest) -> str:
     return "answered"
 
 
-@check("robustness.frame.from_the_future")
-def from_the_future(vehicle: VehicleUnderTest) -> str:
+@check("robustness.frame.later_version")
+def later_version(vehicle: VehicleUnderTest) -> str:
     """A message with the additional fields of a later version is processed."""
     message = vehicle.command_long(REQUEST, VERSION)
     payload = vehicle.pack(message)[10:-2].ljust(message.unpacker.size, b"\0") + b"\x07\x08"

@@ -205,7 +205,7 @@ def gps_fix(vehicle: VehicleUnderTest) -> str:
     return f"fix_type {gps.fix_type}, {gps.satellites_visible} satellites"
 
 
-@check("telemetry.gps.tells_its_quality")
+@check("telemetry.gps.reports_its_quality")
 def gps_quality(vehicle: VehicleUnderTest) -> str:
     """eph and epv of a fix are between 0.1 and 10."""
     gps = vehicle.request("GPS_RAW_INT")
@@ -214,7 +214,7 @@ def gps_quality(vehicle: VehicleUnderTest) -> str:
     return f"eph {gps.eph / 100:.2f}, epv {gps.epv / 100:.2f}"
 
 
-@check("telemetry.estimator.knows_the_position")
+@check("telemetry.estimator.has_a_position")
 def estimator(vehicle: VehicleUnderTest) -> str:
     """The estimator report of a ready vehicle has attitude and position."""
     flying.wait_ready(vehicle)
@@ -243,7 +243,7 @@ def load(vehicle: VehicleUnderTest) -> str:
     return f"{value / 10:.1f} %"
 
 
-@check("telemetry.imu.feels_gravity")
+@check("telemetry.imu.measures_gravity")
 def imu(vehicle: VehicleUnderTest) -> str:
     """At rest the accelerometer shows 9.8 m/s2 upward."""
     for kind, scale in (("SCALED_IMU", 9.80665e-3), ("RAW_IMU", 9.80665e-3), ("HIGHRES_IMU", 1.0)):

@@ -37,8 +37,8 @@ def readable(vehicle: VehicleUnderTest) -> str:
     return f"{len(vehicle.texts)} texts"
 
 
-@check("endurance.still_there")
-def still_there(vehicle: VehicleUnderTest) -> str:
+@check("endurance.still_answers")
+def still_answers(vehicle: VehicleUnderTest) -> str:
     """At the end of the run the vehicle sends heartbeats and answers."""
     vehicle.expect("HEARTBEAT", within_s=3.0)
     vehicle.request("AUTOPILOT_VERSION")
