@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from swarmctl.core import events as ev
-from swarmctl.report.swaps import MAX_LISTED, MAX_FAILURES, SwapStatistics, swap_lines
+from swarmctl.report.swaps import MAX_FAILURES, MAX_LISTED, SwapStatistics, swap_lines
 
 
 def after(*events: ev.MissionAccepted | ev.MissionFailed) -> SwapStatistics:
