@@ -68,6 +68,9 @@ def one_check(function: Any, *, category: str = "parameters", limit_s: float = 6
 # -- the simulator passes --------------------------------------------------------------------------------
 
 
+@pytest.mark.autopilots("1.9", "1.17", "2 count", "MAVSDK 5 offboard")
+@pytest.mark.autopilots("2 item 0", "2 count", "2 RTL item", "MAVSDK 5 mission_raw item 0", of="px4")
+@pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST", of="px4")
 @pytest.mark.virtual
 @pytest.mark.parametrize(("personality", "kind"), VEHICLES)
 def test_the_simulator_passes_everything(personality: str, kind: str) -> None:

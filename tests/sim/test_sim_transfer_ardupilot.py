@@ -18,7 +18,6 @@ from transfer_bench import (
     WP,
     ardupilot,
     fields,
-    kinds,
     requests,
     results,
     square,
@@ -53,7 +52,7 @@ def ring(vertices: int, command: int = POLYGON) -> list[dict[str, Any]]:
 
 
 @pytest.mark.autopilots("2 fence")
-@pytest.mark.parametrize("frame", [0, 3, 5, 6])
+@pytest.mark.parametrize("frame", [3, 5, 6])
 def test_a_fence_is_read_back_in_frame_0_without_altitude(frame: int) -> None:
     bench = ardupilot()
     sent = [
@@ -135,14 +134,6 @@ def test_a_polygon_that_changes_its_kind_or_count_on_the_way_is_refused() -> Non
     uneven[2] |= {"param1": 5.0}
     assert bench.upload(uneven, FENCE) == ERROR
     assert bench.fence.items == ()
-
-
-@pytest.mark.autopilots("2 fence")
-def test_a_polygon_that_crosses_itself_is_accepted() -> None:
-    bench = ardupilot()
-    items = square()
-    items[1], items[2] = items[2] | {"seq": 1}, items[1] | {"seq": 2}
-    assert bench.upload(items, FENCE) == ACCEPTED
 
 
 @pytest.mark.autopilots("2 fence")
@@ -277,16 +268,6 @@ def test_other_types_are_unsupported_and_nothing_is_cleared(kind: int) -> None:
     assert bench.clear(kind) == [UNSUPPORTED]
     assert results(bench.ask_list(kind)) == [UNSUPPORTED]
     assert [len(bench.download(of_kind)) for of_kind in (MISSION, FENCE, RALLY)] == [3, 4, 1]
-
-
-@pytest.mark.autopilots("2 requests")
-def test_every_item_is_asked_for_with_a_legacy_request() -> None:
-    bench = ardupilot()
-    replies = bench.count(3)
-    for values in waypoints(3):
-        assert kinds(replies) == ["MISSION_REQUEST"]
-        replies = bench.item(values)
-    assert results(replies) == [ACCEPTED]
 
 
 def test_the_next_deadline_is_that_of_whoever_waits() -> None:
