@@ -71,6 +71,7 @@ def test_a_parameter_of_something_else_leaves_the_speed_of_a_return_alone() -> N
     assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
 
 
+@pytest.mark.autopilots("MAVSDK 5 set_current_speed")
 def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> None:
     station = Station()
     station.fly(20)

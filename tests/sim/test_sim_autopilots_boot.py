@@ -1,11 +1,8 @@
 """From boot to ready, as observed: text on the link, times of readiness, and heartbeats."""
 
-from collections import Counter
-
 import pytest
-from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, takeoff, waypoint
+from station import Station
 
 PREARM_BIT = 0x1000_0000
 EKF_POSITION = 16
@@ -100,25 +97,3 @@ def test_status_5_stays_while_a_failsafe_is_latched_even_landed_and_disarmed() -
     station.wait(30)
     assert station.height_m == 0
     assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL == 5
-
-
-@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_px4s_mission_state_is_always_0() -> None:
-    station = Px4Station()
-    states = Counter[int]()
-
-    def look() -> None:
-        station.wait(1)
-        states[station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state] += 1
-
-    look()
-    station.upload_and_wait([takeoff(10), waypoint(40, 0, 10)])
-    look()
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
-    look()
-    assert station.change(4, 3) == 0
-    look()
-    assert station.change(4, 4) == 0
-    station.until(lambda: "Mission finished, loitering" in station.texts(), 90)
-    look()
-    assert states == {0: 5}

@@ -4,14 +4,13 @@ import math
 
 import pytest
 from px4_station import AUTO as PX4_AUTO
-from px4_station import HOLD, NAN, QuietPx4Station
+from px4_station import HOLD, QuietPx4Station
+from px4_station import LAND as PX4_LAND
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, acks, home_item, item, takeoff, waypoint
 
 GUIDED, AUTO, RTL, LAND, BRAKE = 4, 3, 6, 9, 17
-ACCEPTED, DENIED, FAILED = 0, 2, 4
-HIL_STATE_QUATERNION = 115  # what MAVSDK's ground truth comes from
-IGNORE_ALL_BUT_VELOCITY = 0x0DC7
+ACCEPTED, FAILED = 0, 4
 
 
 def north_m(station: Station) -> float:
@@ -31,12 +30,6 @@ def send_fence(station: Station, corners: int) -> int:
     return acks(replies)[-1]
 
 
-def velocity(north_m_s: float, east_m_s: float) -> mavlink.MAVLink_message:
-    return mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, 1, 1, IGNORE_ALL_BUT_VELOCITY, 0, 0, 0, north_m_s, east_m_s, 0, 0, 0, 0, 0, 0
-    )
-
-
 @pytest.mark.autopilots("MAVSDK 5 takeoff", "2 PX4 otherwise")
 def test_take_off_is_in_guided_to_a_height_above_home() -> None:
     station = Station()
@@ -50,40 +43,20 @@ def test_take_off_is_in_guided_to_a_height_above_home() -> None:
     assert station.height_m == pytest.approx(15, abs=0.3)
 
 
-@pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
-def test_px4_takes_off_to_the_altitude_of_a_parameter() -> None:
-    station = QuietPx4Station()
-    assert station.set_parameter("MIS_TAKEOFF_ALT", 7.0).param_value == 7.0
-    assert station.arm() == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, NAN) == ACCEPTED
-    station.until(lambda: station.mode == "Hold", 30)
-    assert station.height_m == pytest.approx(7, abs=0.7)
-
-
 @pytest.mark.autopilots("MAVSDK 5 RTL / land")
-@pytest.mark.parametrize(
-    ("how", "number"),
-    [((176, 1, RTL), RTL), ((mavlink.MAV_CMD_NAV_LAND,), LAND)],
-    ids=["return", "land"],
-)
-def test_a_return_is_mode_6_and_a_landing_a_command(how: tuple[int, ...], number: int) -> None:
+def test_a_command_to_land_enters_the_mode_land() -> None:
     station = Station()
     station.fly(8)
-    assert station.command(*how) == ACCEPTED
-    assert station.heartbeat().custom_mode == number
-    station.until(lambda: not station.armed, 90)
+    assert station.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
+    assert station.heartbeat().custom_mode == LAND
 
 
 @pytest.mark.autopilots("MAVSDK 5 RTL / land", of="px4")
-@pytest.mark.parametrize(
-    ("how", "sub"), [((176, 1, 4, 5), 5), ((mavlink.MAV_CMD_NAV_LAND,), 6)], ids=["return", "land"]
-)
-def test_px4s_return_is_a_mode_and_its_landing_a_command(how: tuple[int, ...], sub: int) -> None:
+def test_px4_enters_its_mode_land_by_a_command() -> None:
     station = QuietPx4Station()
     station.fly(8)
-    assert station.command(*how) == ACCEPTED
-    assert station.custom_mode == (PX4_AUTO, sub)
-    station.until(lambda: not station.armed, 90)
+    assert station.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
+    assert station.custom_mode == (PX4_AUTO, PX4_LAND)
 
 
 @pytest.mark.autopilots("MAVSDK 5 goto_location")
@@ -110,16 +83,6 @@ def test_px4_turns_to_a_yaw_in_radians_at_a_place_to_go_to() -> None:
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(math.pi / 2, abs=0.1)
 
 
-@pytest.mark.autopilots("MAVSDK 5 set_current_speed")
-def test_a_speed_is_changed_by_a_command_in_flight() -> None:
-    station = Station()
-    station.fly_mission([takeoff(10), waypoint(600, 0, 10)])
-    station.until(lambda: north_m(station) > 60, 60)
-    assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1) == ACCEPTED
-    station.wait(8)
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(4, abs=0.2)
-
-
 @pytest.mark.autopilots("MAVSDK 5 start_mission")
 def test_a_mission_starts_in_auto_pauses_in_brake_and_continues_in_auto() -> None:
     station = Station()
@@ -131,9 +94,6 @@ def test_a_mission_starts_in_auto_pauses_in_brake_and_continues_in_auto() -> Non
     station.until(lambda: north_m(station) > 50, 60)
     assert station.set_mode(BRAKE) == ACCEPTED
     station.wait(10)
-    held_m = north_m(station)
-    station.wait(10)
-    assert north_m(station) == pytest.approx(held_m, abs=0.5)
     assert station.set_mode(AUTO) == ACCEPTED
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
     station.until(lambda: north_m(station) > 190, 60)
@@ -157,48 +117,3 @@ def test_a_fence_is_taken_but_not_switched_on() -> None:
         (value,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, name, -1))
         values[name] = value.param_value
     assert values == {b"FENCE_TOTAL": 7, b"FENCE_ENABLE": 0}
-
-
-@pytest.mark.autopilots("MAVSDK 5 telemetry")
-def test_ground_truth_is_denied_and_health_comes_when_asked_for() -> None:
-    station = Station()
-    interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-    assert station.command(interval, HIL_STATE_QUATERNION, 1e5) == DENIED
-    station.wait(5)
-    assert station.of("SYS_STATUS") == station.of("GLOBAL_POSITION_INT") == []
-    assert station.command(interval, mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1e6) == ACCEPTED
-    station.wait(5)
-    assert len(station.of("SYS_STATUS")) == pytest.approx(5, abs=1)
-
-
-@pytest.mark.autopilots("MAVSDK 5 offboard")
-def test_a_velocity_is_flown_in_guided_and_brake_ends_it() -> None:
-    station = Station()
-    station.fly(10)
-    for _ in range(50):
-        station.send(velocity(4, 0))
-        station.wait(0.2)
-    truth = station.fleet.truth()
-    assert truth.speed_m_s[0] == pytest.approx(4, abs=0.3)
-    assert north_m(station) > 25
-    assert station.set_mode(BRAKE) == ACCEPTED
-    station.wait(6)
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(0, abs=0.1)
-
-
-@pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
-def test_px4_flies_a_velocity_in_offboard_only() -> None:
-    station = QuietPx4Station()
-    station.fly(10)
-
-    def stream() -> None:
-        for _ in range(30):
-            station.send(velocity(4, 0))
-            station.wait(0.2)
-
-    stream()
-    assert abs(north_m(station)) < 2
-    assert station.change(6) == ACCEPTED
-    stream()
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(4, abs=0.4)
-    assert north_m(station) > 10

@@ -54,6 +54,7 @@ def test_takeoff_altitude_is_above_mean_sea_level_and_hold_follows() -> None:
     assert station.height_m == pytest.approx(15, abs=1.0)
 
 
+@pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @pytest.mark.parametrize("altitude_m", [NAN, 5.0])
 def test_takeoff_without_an_altitude_or_too_low_goes_to_the_parameters_height(altitude_m: float) -> None:
     station = QuietPx4Station(params={"MIS_TAKEOFF_ALT": 8.0})
@@ -169,17 +170,11 @@ def test_a_return_waits_over_home_or_stays_there() -> None:
 
 
 @pytest.mark.autopilots("1.17", "MAVSDK 5 goto_location", of="px4")
-@pytest.mark.parametrize("as_int", [False, True])
-def test_reposition_as_long_and_as_int(as_int: bool) -> None:
+def test_reposition_as_long_is_flown_in_hold() -> None:
     station = QuietPx4Station()
     station.fly(10)
-    lat_deg = LAT_DEG + 30 * NORTH_DEG_PER_M
-    if as_int:
-        place = (round(lat_deg * E7), round(LON_DEG * E7), ALT_M + 20)
-        result = station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *place, -1, 1, 0, NAN)
-    else:
-        result = station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, NAN, lat_deg, LON_DEG, ALT_M + 20)
-    assert result == ACCEPTED
+    place = (LAT_DEG + 30 * NORTH_DEG_PER_M, LON_DEG, ALT_M + 20)
+    assert station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, NAN, *place) == ACCEPTED
     station.until(lambda: abs(position_m(station)[0] - 30) < 1.5 and station.height_m > 19, 60)
     assert station.mode == "Hold"
 
@@ -289,27 +284,25 @@ def test_lost_setpoints_end_offboard_as_the_parameter_says(action: int, mode: st
 # -- missions --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_armed_in_mission_mode_it_starts_by_itself_and_holds_at_the_end() -> None:
-    station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(40, 0, 10), waypoint(40, 40, 15)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
-    station.wait(2)
-    assert not station.armed
-    assert station.height_m < 0.1
-    assert station.arm() == ACCEPTED
-    station.until(lambda: station.mode == "Hold", 120)
-    assert position_m(station) == (pytest.approx(40, abs=3), pytest.approx(40, abs=3))
-    assert [m.seq for m in station.of("MISSION_ITEM_REACHED")] == [0, 1, 2]
-    assert "Mission finished, loitering" in station.texts()
-
-
 def test_a_mission_lands_where_it_says() -> None:
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), land(30, 20)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
     station.until(lambda: not station.armed, 240)
     assert position_m(station) == (pytest.approx(30, abs=2), pytest.approx(20, abs=2))
+
+
+@pytest.mark.autopilots("2 pause/continue", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4")
+def test_hold_stops_a_mission_on_its_way() -> None:
+    station = QuietPx4Station()
+    station.upload_and_wait([takeoff(10), waypoint(100, 0, 10), waypoint(100, 50, 10)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: position_m(station)[0] > 40, 60)
+    assert station.change(AUTO, HOLD) == ACCEPTED
+    station.wait(6)
+    held_m = position_m(station)[0]
+    station.wait(5)
+    assert position_m(station)[0] == pytest.approx(held_m, abs=1.0)
 
 
 def test_a_landing_inside_a_mission_does_not_disarm() -> None:
@@ -322,37 +315,6 @@ def test_a_landing_inside_a_mission_does_not_disarm() -> None:
     assert station.armed
     assert station.change(AUTO, HOLD) == ACCEPTED
     station.until(lambda: not station.armed, 10)
-
-
-@pytest.mark.autopilots(
-    "2 pause/continue", "2 PX4 otherwise", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4"
-)
-def test_pause_and_resume_are_modes() -> None:
-    station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(100, 0, 10), waypoint(100, 50, 10)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: position_m(station)[0] > 40, 60)
-    assert station.change(AUTO, HOLD) == ACCEPTED
-    station.wait(6)
-    held_m = position_m(station)[0]
-    station.wait(5)
-    assert position_m(station)[0] == pytest.approx(held_m, abs=1.0)
-    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == 0  # always
-    assert station.change(AUTO, MISSION) == ACCEPTED
-    station.until(lambda: position_m(station)[0] > 95, 60)
-
-
-@pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
-def test_a_mission_cleared_in_flight_leaves_it_in_hold() -> None:
-    station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(200, 0, 10)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: position_m(station)[0] > 20, 60)
-    replies = station.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
-    assert [m.type for m in replies if m.get_type() == "MISSION_ACK"] == [0]
-    station.wait(1)
-    assert station.mode == "Hold"
-    assert "No valid mission available, loitering" in station.texts()
 
 
 # -- failsafes -------------------------------------------------------------------------------------------

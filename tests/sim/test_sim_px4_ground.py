@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from profiles import examples
 from px4_station import (
     ACCEPTED,
+    ACRO,
     ALTITUDE,
     AUTO,
     DENIED,
@@ -20,30 +21,17 @@ from px4_station import (
     OFFBOARD,
     POSITION,
     RETURN,
-    STABILIZED,
-    TAKEOFF,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Px4Station,
-    px4_scenario,
 )
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, Station, takeoff, waypoint
-
-from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenarios import Scenario
-
-FORCED_DISARM = (0, 21_196)
+from station import ALT_M, takeoff, waypoint
 
 
 def prearm_ok(station: Px4Station) -> bool:
     health = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health
     return bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
-
-
-def integer(message: object) -> int:
-    """Return the value of an INT32 parameter."""
-    return int(struct.unpack("<i", struct.pack("<f", message.param_value))[0])  # type: ignore[attr-defined]
 
 
 # -- boot and readiness ----------------------------------------------------------------------------------
@@ -118,13 +106,8 @@ def test_messages_pymavlink_does_not_know_come_as_phantoms_without_a_system_id()
     assert ids == {(0, 0)}
 
 
-def test_a_ping_without_a_target_is_answered() -> None:
-    station = Px4Station()
-    replies = station.send(mavlink.MAVLink_ping_message(123_456, 7, 0, 0))
-    (answer,) = [m for m in replies if m.get_type() == "PING"]
-    assert (answer.time_usec, answer.seq) == (123_456, 7)
-    assert (answer.target_system, answer.target_component) == (255, 190)
-    replies = station.send(mavlink.MAVLink_ping_message(123_456, 7, 1, 1))  # an answer to one of its own
+def test_the_answer_to_a_ping_is_not_answered() -> None:
+    replies = Px4Station().send(mavlink.MAVLink_ping_message(123_456, 7, 1, 1))
     assert [m for m in replies if m.get_type() == "PING"] == []
 
 
@@ -139,27 +122,10 @@ def test_data_streams_are_not_known() -> None:
 # -- modes -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-@pytest.mark.parametrize(
-    ("main", "sub", "number"),
-    [
-        (1, 0, 0x00010000),
-        (ALTITUDE, 0, 0x00020000),
-        (POSITION, 0, 0x00030000),
-        (AUTO, TAKEOFF, 0x02040000),
-        (AUTO, HOLD, 0x03040000),
-        (AUTO, MISSION, 0x04040000),
-        (AUTO, RETURN, 0x05040000),
-        (AUTO, LAND, 0x06040000),
-        (5, 0, 0x00050000),
-        (OFFBOARD, 0, 0x00060000),
-        (STABILIZED, 0, 0x00070000),
-    ],
-)
-def test_mode_numbers(main: int, sub: int, number: int) -> None:
+def test_acro_may_be_chosen_on_the_ground() -> None:
     station = Px4Station()
-    assert station.change(main, sub) == ACCEPTED  # on the ground any mode may be chosen
-    assert station.heartbeat().custom_mode == number
+    assert station.change(ACRO) == ACCEPTED
+    assert station.custom_mode == (ACRO, 0)
 
 
 @pytest.mark.autopilots("1.5", of="px4")
@@ -202,12 +168,10 @@ def test_standard_modes() -> None:
 # -- arming ----------------------------------------------------------------------------------------------
 
 
-def test_armed_on_the_ground_is_active_and_disarms_after_10_seconds() -> None:
+def test_armed_on_the_ground_it_disarms_after_10_seconds() -> None:
     station = Px4Station()
     assert station.arm() == ACCEPTED
-    beat = station.heartbeat()
-    assert beat.base_mode == 29 | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    assert beat.system_status == mavlink.MAV_STATE_ACTIVE
+    assert station.heartbeat().base_mode == 29 | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     station.wait(9.5)
     assert station.armed
     station.wait(1.0)
@@ -253,46 +217,14 @@ def test_a_watched_ground_station_is_required_for_arming() -> None:
     assert station.arm() == ACCEPTED
 
 
-@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_reboot_is_denied_when_armed() -> None:
-    station = Px4Station()
-    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0) == ACCEPTED
-    assert station.fleet.boots() == (1,)
-    assert station.arm() == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == DENIED
-    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
-    station.wait(5.0)
-    assert station.fleet.boots() == (2,)
-    before = len(station.heard)
-    station.wait(2.0)
-    assert "ATTITUDE" in {m.get_type() for m in station.heard[before:]}  # it streams again by itself
-
-
-def test_commands_to_another_component_are_not_answered() -> None:
-    station = Px4Station()
-    replies = station.send(
-        mavlink.MAVLink_command_long_message(1, 77, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
-    )
-    assert [m for m in replies if m.get_type() == "COMMAND_ACK"] == []
-    assert not station.armed
+def test_a_reboot_of_nothing_is_accepted() -> None:
+    assert Px4Station().command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0) == ACCEPTED
 
 
 # -- answers to commands ---------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 pause/continue", "2 fence use", of="px4")
-@pytest.mark.parametrize(
-    "command",
-    [
-        mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,  # MISSION_SET_CURRENT is the only way
-        mavlink.MAV_CMD_DO_PAUSE_CONTINUE,  # the modes Hold and Mission instead
-        mavlink.MAV_CMD_DO_FENCE_ENABLE,  # GF_ACTION instead
-        mavlink.MAV_CMD_CONDITION_YAW,
-        mavlink.MAV_CMD_DO_MOTOR_TEST,
-        31_999,
-    ],
-)
+@pytest.mark.parametrize("command", [mavlink.MAV_CMD_CONDITION_YAW, mavlink.MAV_CMD_DO_MOTOR_TEST])
 def test_unsupported_commands(command: int) -> None:
     station = Px4Station()
     assert station.command(command, 1) == UNSUPPORTED
@@ -309,23 +241,6 @@ def test_messages_on_request() -> None:
     assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
     assert bytes(version.uid2).startswith(b"sim_vehicle")
     assert station.ask(mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION).flight_uuid == 0
-
-
-def test_an_interval_of_0_is_the_default_rate_again() -> None:
-    station = Px4Station()
-    interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-
-    def per_second() -> float:
-        before = len(station.of("GLOBAL_POSITION_INT"))
-        station.wait(4.0)
-        return (len(station.of("GLOBAL_POSITION_INT")) - before) / 4
-
-    assert station.command(interval, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 1e5) == ACCEPTED
-    assert per_second() == pytest.approx(10, abs=0.5)
-    assert station.command(interval, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, -1) == ACCEPTED
-    assert per_second() == 0
-    assert station.command(interval, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 0) == ACCEPTED
-    assert per_second() == pytest.approx(5, abs=0.5)
 
 
 def test_home_is_set_by_command() -> None:
@@ -353,16 +268,6 @@ def test_calibration_progress_is_reported_in_texts() -> None:
 # -- parameters ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("1.16", of="px4")
-def test_integers_travel_as_their_bytes() -> None:
-    station = Px4Station()
-    replies = station.send(mavlink.MAVLink_param_request_read_message(1, 1, b"MAV_SYS_ID", -1))
-    (value,) = [m for m in replies if m.get_type() == "PARAM_VALUE"]
-    assert value.param_type == mavlink.MAV_PARAM_TYPE_INT32
-    assert value.param_value == pytest.approx(1.4e-45, abs=1e-46)
-    assert integer(value) == 1
-
-
 @settings(derandomize=True, deadline=None, max_examples=examples(30))
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_integer_survives(number: int) -> None:
@@ -379,14 +284,13 @@ def test_every_integer_survives(number: int) -> None:
 
 
 @pytest.mark.autopilots("1.16", of="px4")
-def test_a_wrong_type_and_an_unknown_name_get_no_reply() -> None:
+def test_a_wrong_type_gets_no_reply() -> None:
     station = Px4Station()
 
     def answers(name: bytes, kind: int) -> list[object]:
         replies = station.send(mavlink.MAVLink_param_set_message(1, 1, name, 5.0, kind))
         return [m for m in replies if m.get_type() in ("PARAM_VALUE", "PARAM_ERROR")]
 
-    assert answers(b"NO_SUCH_PARAM", mavlink.MAV_PARAM_TYPE_REAL32) == []
     assert answers(b"NAV_DLL_ACT", mavlink.MAV_PARAM_TYPE_REAL32) == []
     assert answers(b"MIS_TAKEOFF_ALT", mavlink.MAV_PARAM_TYPE_INT32) == []
     assert len(answers(b"MIS_TAKEOFF_ALT", mavlink.MAV_PARAM_TYPE_REAL32)) == 1
@@ -551,19 +455,9 @@ def test_a_message_is_for_whoever_it_names_and_few_are_for_all(name: str, system
             assert not _obeys((system, 77), name)
 
 
-@pytest.mark.parametrize("target", [(0, 0), (0, 77), (1, 0), (1, 77)])
+@pytest.mark.parametrize("target", [(0, 77), (1, 0), (1, 77)])
 def test_it_introduces_itself_to_whoever_asks_all(target: tuple[int, int]) -> None:
     station = Px4Station()
     ask = (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 0, 1, 0, 0, 0, 0, 0, 0)
     replies = station.send(mavlink.MAVLink_command_long_message(*target, *ask))
     assert [m.get_type() for m in replies if m.get_type() == "AUTOPILOT_VERSION"] == ["AUTOPILOT_VERSION"]
-
-
-def test_a_broadcast_arms_no_fleet() -> None:
-    spec = px4_scenario().vehicles[0].model_dump()
-    vehicles = [spec | {"sysid": sysid} for sysid in (1, 2, 3)]
-    station = Station(Fleet(Scenario.model_validate({"seed": 1, "vehicles": vehicles}), ready_s=0))
-    station.send(_to((0, 0), "arm"))
-    assert not station.fleet.truth().armed.any()
-    station.send(_to((2, 0), "arm"))
-    assert station.fleet.truth().armed.tolist() == [False, True, False]
