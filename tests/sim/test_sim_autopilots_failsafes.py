@@ -4,8 +4,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, takeoff, waypoint
 
-AUTO, RTL = 3, 6
-
 
 def set_parameter(station: Station, name: str, value: float) -> None:
     replies = station.send(mavlink.MAVLink_param_set_message(1, 0, name.encode(), value, 9))
@@ -81,6 +79,7 @@ def test_only_sysid_mygcs_keeps_the_ground_station_failsafe_quiet() -> None:
     station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
     wait_beating(station, 10, sysid=254)
     assert station.mode == "RTL"
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL
     wait_beating(station, 3, sysid=255)
     assert station.heartbeat().system_status != mavlink.MAV_STATE_CRITICAL
 

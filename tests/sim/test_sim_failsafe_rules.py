@@ -207,7 +207,6 @@ def test_a_return_without_remote_control_lands_despite_its_final_height() -> Non
 @pytest.mark.parametrize(
     ("parameter", "value", "mode"),
     [
-        ("FS_GCS_ENABLE", 1, "RTL"),
         pytest.param("FS_GCS_ENABLE", 4, "LAND", marks=pytest.mark.full),
         ("FS_GCS_ENABLE", 5, "LAND"),
         pytest.param("FS_GCS_ENABLE", 7, "BRAKE", marks=pytest.mark.full),

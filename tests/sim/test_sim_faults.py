@@ -1,7 +1,5 @@
 """Faults on whole vehicles, through bytes on the wire and virtual time."""
 
-import math
-from collections import Counter
 from typing import Any
 
 import pytest
@@ -23,7 +21,7 @@ from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
 
-GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
+GUIDED = 4
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 MISSION = [home_item(), takeoff(20), waypoint(100, 0), waypoint(100, 100), waypoint(0, 100)]
 
@@ -289,16 +287,6 @@ def test_a_reboot_in_flight_is_silence_a_fall_and_boot_text() -> None:
     assert there.heartbeat().custom_mode == 0
 
 
-def test_a_gps_loss_in_auto_makes_it_land() -> None:
-    there = station()
-    there.fly_mission([takeoff(20), waypoint(300, 0), waypoint(300, 300)])
-    there.until(lambda: there.height_m > 19)
-    there.wait(5)
-    inject(there, "gps_loss")
-    there.until(lambda: there.mode == "LAND", 20)
-    there.until(lambda: not there.armed, 120)
-
-
 def test_a_gps_glitch_carries_the_vehicle_away_in_truth() -> None:
     there = station()
     there.fly(20)
@@ -342,13 +330,6 @@ def test_a_copter_without_motors_comes_down(motors: int, at_least_m_s: float) ->
     inject(there, f"motor_loss:motors={motors}")
     took_s = there.until(lambda: there.height_m < 0.1, 120)
     assert 40 / took_s > at_least_m_s
-
-
-def test_a_lost_remote_control_is_a_failsafe() -> None:
-    there = station()
-    there.fly(20)
-    inject(there, "rc_loss")
-    there.until(lambda: there.mode == "RTL", 10)
 
 
 def test_all_faults_at_once_stop_nothing() -> None:
@@ -433,20 +414,6 @@ def signed_station() -> Station:
     return there
 
 
-def test_a_key_makes_everything_signed_and_unsigned_commands_vain() -> None:
-    there = signed_station()
-    there.heard.clear()
-    there.wait(2)
-    assert there.heard
-    assert all(m.get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED for m in there.heard)
-    there.send(mavlink.MAVLink_set_mode_message(1, 1, GUIDED))
-    assert there.mode == "STABILIZE"
-    sign(there)
-    assert there.set_mode(GUIDED) == 0
-    assert there.mode == "GUIDED"
-    assert all(m.get_signed() for m in there.wait(2))
-
-
 def test_a_trusted_link_needs_no_signature() -> None:
     there = Station(Fleet(scenario(), ready_s=0.0, trusted_links={0}))
     there.send(mavlink.MAVLink_setup_signing_message(1, 1, list(KEY), START))
@@ -459,27 +426,6 @@ def test_px4_knows_no_signing() -> None:
     there = Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
     there.send(mavlink.MAVLink_setup_signing_message(1, 1, list(KEY), START))
     assert not there.heartbeat().get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED
-
-
-def test_a_replayed_command_is_vain() -> None:
-    there = signed_station()
-    sign(there)
-    frame = mavlink.MAVLink_set_mode_message(1, 1, GUIDED).pack(there.codec)
-    there.fleet.receive(frame, there.now)
-    assert there.mode == "GUIDED"
-    assert there.set_mode(2) == 0
-    there.fleet.receive(frame, there.now)
-    assert there.mode == "ALT_HOLD"
-
-
-def test_streams_and_replies_verify_in_order_over_a_minute() -> None:
-    there = signed_station()
-    sign(there)
-    there.stream(POSITION, hz=10)
-    there.wait(60)
-    assert Counter(m.get_signed() for m in there.heard if m.get_type() == "GLOBAL_POSITION_INT") == {
-        True: pytest.approx(600, abs=2)
-    }
 
 
 def test_an_armed_vehicle_keeps_its_key() -> None:
@@ -499,14 +445,3 @@ def test_a_reboot_keeps_the_key_and_boot_text_stays_plain() -> None:
     there.wait(4)
     assert b"Init ArduCopter" in there.raw
     assert there.of("HEARTBEAT")[-1].get_signed()
-
-
-def test_signing_ends_with_a_key_of_zeros() -> None:
-    there = signed_station()
-    sign(there)
-    there.send(mavlink.MAVLink_setup_signing_message(1, 1, [0] * 32, 0))
-    for codec in (there.codec, there._decoder):
-        codec.signing.secret_key = None
-        codec.signing.sign_outgoing = False
-    assert there.set_mode(GUIDED) == 0
-    assert math.isfinite(there.now)

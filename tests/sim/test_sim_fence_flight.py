@@ -55,14 +55,8 @@ def fenced(*fence: dict[str, Any], kind: int = 4) -> Station:
     return station
 
 
-@pytest.mark.autopilots("2 fence", "2 fence use")
-def test_fence_total_is_a_parameter_and_enabling_by_command_does_not_change_one() -> None:
-    station = Station()
-    upload(station, square(100), FENCE)
-    assert parameter(station, "FENCE_TOTAL") == 6
-    assert station.command(ENABLE, 1) == 0
-    assert parameter(station, "FENCE_ENABLE") == 0
-    assert station.command(ENABLE, 5) == mavlink.MAV_RESULT_FAILED
+def test_enabling_the_fence_by_another_number_fails() -> None:
+    assert Station().command(ENABLE, 5) == mavlink.MAV_RESULT_FAILED
 
 
 @pytest.mark.autopilots("2 fence use")

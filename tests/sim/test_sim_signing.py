@@ -158,13 +158,6 @@ def test_a_key_is_set_up_over_the_wire_and_taken_away_again() -> None:
     assert not signing.active
 
 
-def test_an_armed_vehicle_takes_no_key() -> None:
-    signing = Signing()
-    (message,) = station(None).parse_buffer(packed(setup_message()))
-    assert not signing.set_up(message, 0.0, armed=True)
-    assert not signing.active
-
-
 def test_a_reboot_keeps_the_key_and_forgets_the_streams() -> None:
     signing = keyed()
     frame = packed(attitude(), station())

@@ -47,11 +47,6 @@ def test_without_a_request_there_are_no_streams() -> None:
     assert counts["HOME_POSITION"] == counts["GPS_GLOBAL_ORIGIN"] == 1
 
 
-@pytest.mark.autopilots("1.2")
-def test_the_link_carries_plain_text_at_boot() -> None:
-    assert Station().raw.startswith(b"\n\nInit ArduCopter V4.6.2")
-
-
 @pytest.mark.autopilots("1.1")
 @pytest.mark.parametrize("message_id", sorted(ASKED_FOR))
 def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> None:
