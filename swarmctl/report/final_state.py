@@ -64,7 +64,7 @@ def describe_outcome(state: AgentState) -> str:
         outcome = f"{outcome}; last in mode {mode}"
     if not state.lost or _is_over(state):
         return outcome
-    return f"lost; {outcome}" if state.outcome else f"lost in mode {mode}"
+    return f"lost; {outcome}" if state.outcome else f"lost; last in mode {mode}"
 
 
 def describe_final_state(member: Vehicle) -> str:
@@ -91,7 +91,7 @@ def describe_final_state(member: Vehicle) -> str:
 
 
 def _landed_note(state: AgentState) -> str:
-    return "; landed and disarmed" if state.phase is Phase.RELEASED and state.armed_seen else ""
+    return "; on the ground, disarmed" if state.phase is Phase.RELEASED and state.armed_seen else ""
 
 
 def _height(vehicle: VehicleState) -> str:
@@ -139,7 +139,7 @@ class FlightEnd:
         self._given_up.add(member.name)
         vehicle = member.runner.link.state()
         self._say(
-            f"{member.name}: given up after {self._lost_timeout_s:g} s without telemetry "
-            f"(flight.lost_timeout_s); last in mode {vehicle.mode or '?'}, {_height(vehicle)}; the vehicle "
-            "may still be in the air [given-up]"
+            f"{member.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); the program "
+            f"no longer waits for the vehicle, which may still be in the air; last in mode "
+            f"{vehicle.mode or '?'}, {_height(vehicle)} [given-up]"
         )

@@ -12,6 +12,7 @@ from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_
 
 OUTCOME_WIDTH = 16
 BOUND = Column("over goal /\nbound [s]")
+LEGEND = "ΣP_s and ∏(1−P_s): cells entered, as believed in flight; chance: of no strike"
 
 
 def flight_table(summary: dict[str, Any]) -> FittedTable:
@@ -24,7 +25,7 @@ def flight_table(summary: dict[str, Any]) -> FittedTable:
         Column("95 %\ninterval", rank=6), Column("by true\nhostiles", rank=2), Column("strikes"),
         Column("replans", rank=1), Column("sent", rank=5), Column("outcome", "left", wraps_at=OUTCOME_WIDTH),
     )  # fmt: skip
-    table = FittedTable(columns, caption=swarm_lines(summary), elsewhere="summary.json")
+    table = FittedTable(columns, caption=[LEGEND, *swarm_lines(summary)], elsewhere="summary.json")
     for vehicle in vehicles:
         time_s = "–" if vehicle["flight_time_s"] is None else f"{vehicle['flight_time_s']:.0f}"
         true_chance = vehicle["chance_among_true_hostiles"]
@@ -56,28 +57,29 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     if (least := separation["least_distance"]) is not None:
         one, other = least["vehicles"]
         when = "" if least["at_flight_s"] is None else f", {least['at_flight_s']:.0f} s after take-off"
-        text = f"least distance in the air: {least['distance_m']:.1f} m, {one} and {other} "
         over, high = least["horizontal_m"], least["vertical_m"]
-        lines.append(f"{text}({over:.1f} m horizontal, {high:.1f} m vertical{when})")
+        lines.append(
+            f"least distance in the air: {least['distance_m']:.1f} m ({over:.1f} m horizontal, "
+            f"{high:.1f} m vertical),\n  {one} and {other}{when}"
+        )
     for pair in separation["too_close"]:
         lines.append(f"{' and '.join(pair['vehicles'])} were too close for {pair['seconds']:.1f} s")
     first, plans = separation["first_routes"], separation["plans_in_flight"]
     if first is not None and first["predicted"]:
         lines.append(
-            f"first routes that cross: {first['predicted']} pairs, {first['by_height']} of them separated "
-            "by height"
+            f"first routes that cross over ground: {first['predicted']} pairs, {first['by_height']} of them "
+            "at different heights"
         )
     if plans["predicted"]:
         lines.append(
-            f"plan conflicts predicted in flight: {plans['predicted']}; resolved by height "
-            f"{plans['by_height']}, by route {plans['by_route']}, by waiting {plans['by_waiting']}, by the "
-            f"other vehicle {plans['ceased']}; unresolved {plans['unresolved']}"
+            f"plan conflicts predicted in flight: {plans['predicted']}; {plans['by_height']} resolved by "
+            f"height, {plans['by_route']} by route,\n  {plans['by_waiting']} by waiting, {plans['ceased']} by "
+            f"the other vehicle, {plans['unresolved']} unresolved"
         )
     if separation["alarms"]:
         lines.append(
-            f"separation alarms: {separation['alarms']}; vehicles gave way by holding "
-            f"{separation['held']} times, by "
-            f"climbing {separation['climbed']} times"
+            f"separation alarms: {separation['alarms']}; vehicles held {separation['held']} times and "
+            f"climbed {separation['climbed']} times to give way"
         )
     return lines
 

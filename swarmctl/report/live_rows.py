@@ -24,7 +24,7 @@ OK, NOT_YET = "ok", "–"
 """link texts with recent telemetry, and before the first heartbeat"""
 COLUMNS = (
     Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left"), Column("batt."),
-    Column("route", "left"), Column("cells\nown+heard", rank=4), Column("hostiles\nknown", rank=2),
+    Column("route", "left"), Column("cells own\n+received", rank=4), Column("hostiles\nknown", rank=2),
     Column("replans", rank=3), Column("strikes"), Column("link", "left"),
 )  # fmt: skip
 NEW_WEIGHTS = Column("new w", "left", rank=1)
@@ -54,7 +54,7 @@ class VehicleRow:
     progress: float
     """flown share of the present route, 0..1"""
     cells_own: int
-    cells_heard: int
+    cells_received: int
     hostiles_known: int
     replans: int
     strikes: int
@@ -96,14 +96,14 @@ def vehicle_row(
         battery_percent=state.vehicle.battery_percent,
         progress=_progress(state),
         cells_own=own,
-        cells_heard=state.belief.n_observed - own,
+        cells_received=state.belief.n_observed - own,
         hostiles_known=state.belief.n_found,
         replans=state.replans,
         strikes=state.vehicle.strikes,
         link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
         silence=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
-        note=note or state.alarm or state.outcome or state.trouble or state.late,
+        note=note or ("" if state.ended else state.alarm) or state.outcome or state.trouble or state.late,
     )
 
 
@@ -153,7 +153,7 @@ def live_table(view: SwarmView, width: int, height: int) -> Group:
             row.mode,
             "–" if row.battery_percent is None else f"{row.battery_percent} %",
             _bar(row.progress, BAR_CHARS if width >= MIN_COLUMNS_WITH_BAR else 0),
-            f"{row.cells_own}+{row.cells_heard}",
+            f"{row.cells_own}+{row.cells_received}",
             str(row.hostiles_known),
             str(row.replans),
             Text(str(row.strikes), style="red" if row.strikes else ""),
@@ -185,7 +185,8 @@ def plain_line(row: VehicleRow) -> str:
     phase = f"{row.silence} (was {row.phase})" if row.silence else row.phase
     text = (
         f"{row.name}: {phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
-        f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "
+        f"cells {row.cells_own} own + {row.cells_received} received, hostiles known {row.hostiles_known}, "
+        f"replans {row.replans}, "
         f"strikes {row.strikes}, link {row.link}"
     )
     text += f", w {row.weights}" if row.weights else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -71,10 +72,10 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     failures = [(name, failure) for name, swaps in by_name for failure in swaps["failures"]]
     lines = [
         f"mission changes in flight: {tried}, {failed or 'none'} failed"
-        + ("" if stood else "; no vehicle stood still")
+        + ("" if stood else "; no vehicle stopped for a change")
     ]
     lines += [
-        f"  {name}, plan {failure['plan']}, failed: {failure['reason'].removeprefix(f'{name}: ')}"
+        f"  {name}, plan {failure['plan']}: {_without_address(failure['reason'], name)}"
         for name, failure in failures[:MAX_LISTED]
     ]
     if failed > MAX_LISTED:
@@ -85,3 +86,8 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
         for name, swaps in stood
     ]
     return lines
+
+
+def _without_address(reason: str, name: str) -> str:
+    """Return a link's reason without the vehicle's name and address at its beginning."""
+    return re.sub(rf"^{re.escape(name)}( \(.*?\))?: ", "", reason)

@@ -70,7 +70,10 @@ class LiveTable:
 
 
 class PlainLines:
-    """Lines for logs and pipes: one at each change of a phase, and one a vehicle every LINE_EVERY_S."""
+    """Lines for logs and pipes: one at each change of a phase, and one per vehicle every LINE_EVERY_S.
+
+    With `verbose` the observer of the flight logs each change of a phase.
+    """
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._console = console
@@ -93,9 +96,9 @@ class PlainLines:
         due = view.flown_s >= self._next_s
         if due:
             self._next_s = view.flown_s + LINE_EVERY_S
-            speed = "" if view.speed is None else f", {view.speed:.1f} times real time"
-            self.say(f"after {view.flown_s:.0f} s of flight{speed}:")
+            speed = "" if view.speed is None else f" at {view.speed:.1f} times real time"
+            self.say(f"{view.flown_s:.0f} s of flight{speed}:")
         for row in view.rows:
-            if due or self._phases.get(row.name, row.phase) is not row.phase:
+            if due or (self._phases.get(row.name, row.phase) is not row.phase and not self._verbose):
                 self.say("  " * due + plain_line(row))
             self._phases[row.name] = row.phase
