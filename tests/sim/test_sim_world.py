@@ -11,7 +11,7 @@ from profiles import examples
 
 from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.gps import GpsSettings
-from sim_vehicle.physics.noise import BLOCK, Normals
+from sim_vehicle.physics.noise import BLOCK_ROWS, Normals
 from sim_vehicle.physics.wind import WindSettings
 from sim_vehicle.physics.world import World
 
@@ -67,7 +67,7 @@ def test_equal_seeds_are_equal_and_others_are_not() -> None:
 def test_draws_do_not_depend_on_how_many_draw() -> None:
     alone = Normals([np.random.default_rng(7)], 3)
     among = Normals([np.random.default_rng(seed) for seed in range(5, 75)], 3)
-    for _ in range(3 * BLOCK):
+    for _ in range(3 * BLOCK_ROWS):
         assert alone.take()[:, 0].tolist() == among.take()[:, 2].tolist()
 
 
