@@ -52,7 +52,7 @@ def place_for_return(state: AgentState) -> VehiclePosition | None:
         v.home_alt_amsl_m,
         speed_m_s=state.task.arrival.speed_m_s,
         # A fixed wing in hold may be anywhere on its circle.
-        keeps_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
+        min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
         # True for any cause of the return, and for an urgent failsafe that the vehicle does not follow yet.
         is_returning=_follows(state, ev.FlightOrder.RETURN)
         or (bool(urgent_return_reason(state)) and state.ordered is not ev.FlightOrder.LAND),

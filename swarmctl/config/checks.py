@@ -22,7 +22,7 @@ from swarmctl.config.separation_checks import check_separation
 from swarmctl.config.specs import Spec, entry_of, grid_of, on_border, simulated_goals
 from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
 from swarmctl.config.wings_checks import check_landings, check_plane, check_wings
-from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.links.url import parse_url
@@ -115,7 +115,7 @@ def _check_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) ->
         text = "turns are planned on straightened routes only; set flight.any_angle: true"
         yield ConfigProblem(path, text)
         return
-    side_m = max(scenario.grid.width_m, scenario.grid.height_m)
+    side_m = max(scenario.grid.size_east_m, scenario.grid.size_north_m)
     if task.turn_radius_m > side_m:
         text = f"{task.turn_radius_m:g} m is more than the longest side of the area, {side_m:g} m; lower it"
         yield ConfigProblem(path, text)

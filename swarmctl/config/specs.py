@@ -128,18 +128,18 @@ def _beside(grid: Grid, side: Side, share: float, away_m: float, count: int) -> 
 
     The position is opposite the centre of a cell if the side has a cell for each of `count` vehicles.
     """
-    east_m, north_m = share * grid.width_m, share * grid.height_m
+    east_m, north_m = share * grid.size_east_m, share * grid.size_north_m
     if count <= (grid.rows if side in ("west", "east") else grid.cols):
         east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
     match side:
         case "west":
             east_m = -away_m
         case "east":
-            east_m = grid.width_m + away_m
+            east_m = grid.size_east_m + away_m
         case "south":
             north_m = -away_m
         case "north":
-            north_m = grid.height_m + away_m
+            north_m = grid.size_north_m + away_m
     return grid.frame.to_geodetic(east_m, north_m)
 
 

@@ -2,17 +2,17 @@
 
 | act/kind | content | meaning |
 |---|---|---|
-| `inform/observation` | Observation | cells that the sender has just seen |
+| `inform/observation` | Observation | cells that the sender has just observed |
 | `inform/state` | StateShared | position, phase, counts of observations; once a second |
 | `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
 | `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists the sender's observations |
-| `inform/snapshot` | Snapshot | the answer: frames of the observers, byte for byte |
+| `inform/snapshot` | Snapshot | the answer: frames as received, with observations, states and intents |
 | `inform/relayed` | Relayed | new frames of other UAVs, passed on at once; or a checkpoint of the sender |
-| `inform/checkpoint` | Checkpoint | in snapshots: replaces an observer's observations up to a number |
+| `inform/checkpoint` | Checkpoint | inside the last two: replaces an observer's observations up to a number |
 
 A frame is the byte VERSION, a flag byte (signed or not), a 64-byte Ed25519 signature if signed, and a
-MessagePack map. The signature covers the swarm's name and the map. Unknown fields are ignored. Another
-version, a missing field or an invalid value is refused.
+MessagePack map. The signature covers the swarm's name and the map. Unknown fields are ignored. A frame is
+refused if it has another version or an invalid value, or lacks a field without a default.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ VERSION = 3
 UNSIGNED, SIGNED = 0, 1
 SIGNATURE_BYTES = 64
 MAX_FRAME_BYTES = 49_152
-"""longest frame; a longer answer is split into several frames, a longer received frame is refused"""
+"""longest frame [bytes]; a longer received frame is refused"""
 MAX_INNER_BYTES = MAX_FRAME_BYTES - 8192
-"""greatest total length of the frames inside one message"""
+"""greatest total length of the frames inside one message [bytes]; a longer answer is split"""
 MAX_TEXT = 200
 """longest text [characters]"""
 MAX_POINTS = 256
 """most points of an intent; only the first points of a longer flight are sent"""
 MAX_AHEAD_S = 14_400.0
-"""latest time of a point in an intent [s]"""
+"""latest time of a point in an intent, after the time of sending [s]"""
 MAX_MAGNITUDE = 1e7
 """Greatest height, distance [m] or speed [m/s] in a message. Autopilots report numbers up to 2.2e6. Sums of
 such numbers stay finite."""
 MAX_ACKNOWLEDGED = 254
-"""most UAVs in a list of received UAVs: the number of system ids"""
+"""most UAVs in `StateShared.hears`: the number of system ids"""
 MAX_FRAMES = 256
 """most frames inside one message"""
 
@@ -72,7 +72,7 @@ class RefusalReason(StrEnum):
 
 
 class MessageRefused(ValueError):
-    """A refused message: `why` is the reason, the text describes the finding."""
+    """A refused message: `why` is the reason, the text says what is invalid."""
 
     def __init__(self, why: RefusalReason, text: str) -> None:
         super().__init__(f"{why}: {text}")
@@ -85,7 +85,7 @@ def _check_position(lat_deg: float, lon_deg: float) -> None:
 
 
 class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
-    """Position, phase and knowledge of a UAV, about once a second by its clock."""
+    """Position, phase and knowledge of a UAV."""
 
     time_s: float
     """vehicle's clock since boot [s]"""
@@ -98,7 +98,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     last_seq: int = 0
     """sequence number of the UAV's last own observation"""
     knows: int = 0
-    """hash over the names of all observations that the UAV holds"""
+    """exclusive or of `mark_of` over all observations that the UAV holds"""
     mode: Text = ""
     plan_id: int = 0
     replans: int = 0
@@ -108,12 +108,12 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     refused: int = 0
     """number of messages that the UAV refused"""
     flagged: tuple[int, ...] = ()
-    """UAVs with observations that contradict observations of this UAV"""
+    """UAVs whose observations contradict this UAV's observations, or each other"""
     alt_amsl_m: float | None = None
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """east, north, up [m/s]"""
     earliest_in_s: float | None = None
-    """for simultaneous arrival: least time to the goal [s]; negative: time since the arrival"""
+    """for simultaneous arrival: least time to the goal [s]; negative after the arrival; else None"""
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_ACKNOWLEDGED)] = ()
     """nearby UAVs whose messages arrived recently; an acknowledgement to each of them"""
     returns_to: tuple[float, float] | None = None
@@ -152,11 +152,11 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     points: Annotated[tuple[IntentPoint, ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
     """points with increasing times; empty: the flight is unknown"""
     may_change: bool = True
-    """ability to give way: True if the vehicle flies a mission that its agent may change"""
+    """True if the UAV can give way: its agent may change its mission, now or after take-off"""
     around_m: tuple[float, float] = (0.0, 0.0)
     """greatest distance of the UAV from the announced flight, over ground and in height [m]"""
     on_ground: bool = False
-    """the UAV is on the ground and about to take off"""
+    """True from the launch order until the UAV has taken off"""
 
     def __post_init__(self) -> None:
         if not all(0.0 <= m <= MAX_MAGNITUDE for m in self.around_m):
@@ -184,7 +184,7 @@ class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
     upto: int
     """number up to which all observations are held"""
     beyond: tuple[Seq, ...] = ()
-    """numbers of the observations held after `upto`"""
+    """numbers of observations held after `upto`; of many, only the lowest"""
     mark: int = 0
     """combined mark of all held observations (`swarmctl.core.observation.mark_of`)"""
 
@@ -212,7 +212,7 @@ class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
 
 Content = Observation | Checkpoint | StateShared | IntentShared | SnapshotAsked | Snapshot | Relayed
 AgentMessage = Observation | StateShared | IntentShared
-"""a message of an agent; nodes exchange the remaining contents"""
+"""contents from the agent; the node itself makes the other contents"""
 
 
 class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
@@ -227,7 +227,7 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     content: Content
     lat_deg: float | None = None
     lon_deg: float | None = None
-    """position of the sender [deg]; None if the content has the position"""
+    """position of the sender [deg]; None if unknown, or if the content has the position"""
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.unix_s):
@@ -317,5 +317,6 @@ class FrameCodec:
         if item.source != (frame.sender, frame.incarnation):
             raise MessageRefused(
                 RefusalReason.SOURCE,
-                f"vehicle {frame.sender} sent an observation of vehicle {item.observer} as its own",
+                f"a frame of vehicle {frame.sender} (incarnation {frame.incarnation}) has observations of "
+                f"vehicle {item.observer} (incarnation {item.incarnation})",
             )

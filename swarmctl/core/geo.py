@@ -1,4 +1,4 @@
-"""Geodesy: from degrees on WGS-84 to metres on a local plane and back, and distances on the ellipsoid."""
+"""Geodesy: conversion between degrees on WGS-84 and metres on a local plane; distances on the ellipsoid."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Grid:
         if self.rows < 1 or self.cols < 1:
             raise ValueError(f"an area of {self.rows} × {self.cols} cells: expected at least 1 × 1")
         if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0.0):
-            raise ValueError(f"cell size of {self.cell_size_m} m: expected more than 0")
+            raise ValueError(f"cell size of {self.cell_size_m} m: expected a finite number above 0")
         LocalFrame(self.origin_lat_deg, self.origin_lon_deg)
 
     @property
@@ -38,25 +38,25 @@ class Grid:
         return self.rows * self.cols
 
     @property
-    def width_m(self) -> float:
+    def size_east_m(self) -> float:
         return self.cols * self.cell_size_m
 
     @property
-    def height_m(self) -> float:
+    def size_north_m(self) -> float:
         return self.rows * self.cell_size_m
 
     def contains(self, cell: Cell) -> bool:
         return 0 <= cell[0] < self.rows and 0 <= cell[1] < self.cols
 
     def cell_at(self, lat_deg: float, lon_deg: float) -> Cell | None:
-        """Return the cell of a point, None outside the area. South and west edges belong to a cell."""
+        """Return the cell of a point; None outside the area. A cell includes its south and west edges."""
         east_m, north_m = self.frame.to_local(lat_deg, lon_deg)
-        if not (0.0 <= east_m < self.width_m and 0.0 <= north_m < self.height_m):
+        if not (0.0 <= east_m < self.size_east_m and 0.0 <= north_m < self.size_north_m):
             return None
         return self._clamped(east_m, north_m)
 
     def nearest_border_cell(self, lat_deg: float, lon_deg: float) -> Cell:
-        """Return the border cell of the area nearest to a point, which may be inside or outside."""
+        """Return the cell on the area's border that is nearest to a point inside or outside the area."""
         east_m, north_m = self.frame.to_local(lat_deg, lon_deg)
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             raise ValueError(
@@ -69,8 +69,8 @@ class Grid:
         _, border_cell = min(
             (north_m, (0, col)),
             (east_m, (row, 0)),
-            (self.height_m - north_m, (last_row, col)),
-            (self.width_m - east_m, (row, last_col)),
+            (self.size_north_m - north_m, (last_row, col)),
+            (self.size_east_m - east_m, (row, last_col)),
         )
         return border_cell
 
@@ -93,9 +93,9 @@ class Grid:
         to_geodetic = self.frame.to_geodetic
         return (
             to_geodetic(0.0, 0.0),
-            to_geodetic(self.width_m, 0.0),
-            to_geodetic(self.width_m, self.height_m),
-            to_geodetic(0.0, self.height_m),
+            to_geodetic(self.size_east_m, 0.0),
+            to_geodetic(self.size_east_m, self.size_north_m),
+            to_geodetic(0.0, self.size_north_m),
         )
 
     def _clamped(self, east_m: float, north_m: float) -> Cell:

@@ -1,8 +1,8 @@
 """Operator commands to agents and their answers, and the bytes of both on the bus.
 
-A message is one version byte and a MessagePack map (msgspec). A message of another version, with a missing
-field or with an invalid value is refused. Unknown fields of an answer are ignored. A command with an unknown
-field is refused, because an agent must not execute only a part of a command.
+A message is one version byte and a MessagePack map (msgspec). A message is refused if it has another version
+or an invalid value, or lacks a field without a default. Unknown fields of an answer are ignored. A command
+with an unknown field is refused, because an agent must not execute only a part of a command.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ MAX_NAME = 32
 
 
 class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_fields=True):
-    """An operator's command: other weights from the next plan on. Raises ValueError for invalid values."""
+    """An operator's command: new weights from the next plan on. Raises ValueError for invalid values."""
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
     w: float | None = None
-    """distance anxiety in [0, 1]; None: no change"""
+    """weight in [0, 1]: 0 for the shortest route, 1 for the least exposed route; None: no change"""
     firing_strength: tuple[float, float, float] | None = None
     """direct, first and second neighbour (Eq. 1); None: no change"""
 
@@ -58,7 +58,7 @@ class GiveOrder(
     """system ids or names; None: all of the swarm"""
     order: Literal["launch", "hold", "return", "land"]
     after_s: float = 0.0
-    """with return: time of a hold before the return, while other vehicles return [s]"""
+    """with return: time for which the vehicle holds first, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
     """with launch: vehicles that the launch does not wait for"""
 
@@ -104,8 +104,8 @@ class VehiclePosition(msgspec.Struct, frozen=True):
     home_lon_deg: float
     home_alt_amsl_m: float
     speed_m_s: float
-    keeps_m: tuple[float, float]
-    """least distances to other vehicles, over ground and in height [m]"""
+    min_separation_m: tuple[float, float] = msgspec.field(name="keeps_m")
+    """required distances to other vehicles, over ground and in height [m]"""
     is_returning: bool = False
 
 
@@ -115,9 +115,10 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     uav: int
     name: str
     outcome: CommandOutcome
-    """- refused: the command had no effect
+    """- taken: the agent follows the command
+    - refused: the command had no effect
     - over: the vehicle no longer plans, or its flight has ended
-    - unconfirmed: the agent has the command but has not answered in time
+    - unconfirmed: no valid answer in time; the agent may follow the command
     - silent: no agent answers
     """
     from_plan: int | None = None
@@ -134,11 +135,11 @@ class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
     vehicles: tuple[VehicleAnswer, ...] = ()
     """answers of the named vehicles, in the order of the swarm"""
     refused: str = ""
-    """reason to refuse the whole command, without any effect; empty for an accepted command"""
+    """reason why no vehicle got the command; empty if the vehicles got the command"""
 
 
 class BadMessage(ValueError):
-    """Bytes from the bus that are not a valid message; the text describes the finding."""
+    """Bytes from the bus that are not a valid message; the text says what is invalid."""
 
 
 T = TypeVar("T")

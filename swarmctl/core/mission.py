@@ -37,10 +37,10 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
-    """A take-off at the vehicle's position, a flight along `track`, and a landing at `landing`.
+    """A take-off, a flight along `track`, and a landing at `landing`.
 
     `landing.alt_rel_m` is the altitude at which the descent begins. Some firmwares refuse a mission without a
-    take-off, so a plan for a vehicle in flight has a take-off, too. Its mission starts at the first waypoint.
+    take-off, so a plan made in flight has a take-off, too. The vehicle then starts at the first waypoint.
     """
 
     takeoff_alt_m: float
@@ -66,7 +66,7 @@ class FlightPlan:
 
     @property
     def waypoints(self) -> tuple[Waypoint, ...]:
-        """All points of the flight before the descent, with the position at the time of planning."""
+        """All points of the flight before the descent, from the position at the time of planning if known."""
         return self.track if self.begins is None else (self.begins, *self.track)
 
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 from math import dist
 
 MIN_CORNER_OFFSET_M = 0.01
-"""Least distance of a hull's corner from the line between its neighbours [m]. Without this limit, rounding
-makes corners of vehicles that start in a row, and autopilots store few corners."""
+"""Least distance of a hull's corner from the line between the neighbouring corners [m]. Without this limit,
+rounding adds corners on straight edges, and autopilots store few corners."""
 
 PlanarPoint = tuple[float, float]
 """(east, north) [m]"""
@@ -30,7 +30,7 @@ def distance_to_track(point: PlanarPoint, track: Sequence[PlanarPoint]) -> float
 
 
 def padded_hull(points: Sequence[PlanarPoint], margin_m: float) -> tuple[PlanarPoint, ...]:
-    """Return the convex polygon, counter-clockwise, that holds every point at least `margin_m` inside."""
+    """Return a convex polygon, counter-clockwise, with each point `margin_m` inside, exact to 1 cm."""
     m = margin_m
     return convex_hull([(e + de, n + dn) for e, n in points for de in (-m, m) for dn in (-m, m)])
 
@@ -87,7 +87,7 @@ def stays_inside(polygon: Sequence[PlanarPoint], a: PlanarPoint, b: PlanarPoint)
 
 
 def crossing_sides(polygon: Sequence[PlanarPoint]) -> tuple[int, int] | None:
-    """Return the first two sides of a polygon that share more than a corner; None for a simple polygon.
+    """Return the first two sides that meet elsewhere than at a common corner; None for a simple polygon.
 
     The index of a side is the index of its first corner.
     """

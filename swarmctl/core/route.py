@@ -10,8 +10,8 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan, Waypoint
 
 CORNER_TOLERANCE = 0.02
-"""Greatest distance of a leg from the shared corner of two diagonal cells [cells]. A leg between centres
-meets the corner exactly; a vehicle follows such a leg with about this error."""
+"""Greatest distance from a leg to the shared corner of two diagonal cells [cells]: about the error with which
+a vehicle follows a leg. A leg between the centres meets the corner exactly."""
 
 LANDING_SPACING_M = 12.0
 """Greatest distance between the landing spots in one cell [m]."""
@@ -39,13 +39,13 @@ def flight_plan(
     altitude_m: float,
     landing_lat_lon: LatLon,
     position: LatLon | None = None,
-    may_clip: Callable[[Cell], bool] = lambda _: False,
+    may_cross: Callable[[Cell], bool] = lambda _: False,
 ) -> FlightPlan:
     """Return the plan to fly a route over neighbouring cells and land.
 
-    Waypoints are the centres of the turns. From a `position` within cells[0] the vehicle does not fly back to
-    the centre of this cell. Exception: the direct leg would enter a cell off the route, and `may_clip`
-    forbids this cell.
+    Waypoints are the centres of the first and the last cell, and of the cells with a turn. From a `position`
+    within cells[0] the vehicle flies straight to the next centre, not back to the centre of cells[0].
+    Exception: the straight leg would cross a cell off the route, and `may_cross` forbids this cell.
     """
     if not cells:
         raise ValueError("a route without cells cannot be flown: expected at least the goal cell")
@@ -53,7 +53,7 @@ def flight_plan(
     if position is not None and len(turns) > 1 and grid.cell_at(*position) == turns[0]:
         if _may_skip_first_centre(grid, turns, position):
             turns = turns[1:]
-        elif may_clip(_clipped(grid, cells[0], cells[1], position)):
+        elif may_cross(_crossed(grid, cells[0], cells[1], position)):
             turns = ends_and_turns(cells[1:])
     return _plan(grid, turns, altitude_m, landing_lat_lon)
 
@@ -112,18 +112,18 @@ def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) 
     (row, col), (next_row, next_col) = turns[0], turns[1]
     if row == next_row or col == next_col:
         return True  # the whole leg stays in one row or column of cells
-    # A diagonal leg converges on the line of centres. Its greatest distance is at the first shared corner.
+    # The leg approaches the line of the centres, so the first shared corner is the farthest from the leg.
     leg, across = _leg(grid, turns[0], turns[1], position)
     return abs(across) <= CORNER_TOLERANCE * leg
 
 
-def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
-    """Return the cell beside the shared corner that the leg to the diagonal neighbour enters."""
+def _crossed(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
+    """Return the cell that the leg from `position` to the diagonal neighbour `there` crosses."""
     _, across = _leg(grid, here, there, position)
     d_row, d_col = _step(here, there)
     # If the corner is to the left, the leg passes to the right of the corner: to the east on a flight north.
-    passes_beside_column = (across > 0.0) == (d_row * d_col > 0)
-    return (here[0], there[1]) if passes_beside_column else (there[0], here[1])
+    enters_column_first = (across > 0.0) == (d_row * d_col > 0)
+    return (here[0], there[1]) if enters_column_first else (there[0], here[1])
 
 
 def _leg(grid: Grid, here: Cell, there: Cell, position: LatLon) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from pydantic_core import CoreSchema, core_schema
 
 
 class Section(BaseModel):
-    """A frozen model that refuses unknown keys, infinities and values of another type."""
+    """A frozen model that refuses unknown keys, NaN, infinities and values of another type."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 

@@ -25,7 +25,7 @@ class Landed(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """Values of the last telemetry; None for a value that the vehicle has not reported yet."""
+    """Values of the last telemetry; None for a value not reported yet, and for an outdated position."""
 
     time_boot_s: float = 0.0
     """the vehicle's clock since boot [s]; simulated seconds for a simulated vehicle"""
@@ -50,17 +50,17 @@ class VehicleState:
     ready: bool = False
     """True if pre-arm checks pass and the position estimate is good"""
     not_ready: tuple[str, ...] = ()
-    """reasons against readiness, in the vehicle's words if available"""
+    """reasons why `ready` is False, in the vehicle's words if available"""
     battery_percent: int | None = None
     battery_v: float | None = None
     gps_ok: bool | None = None
-    """True with a fix; None for a vehicle without a GPS receiver"""
+    """True if the GPS works; None for a vehicle without a GPS receiver"""
     mission_seq: int | None = None
     mission_total: int | None = None
     brakes_m_s2: float | None = None
-    """deceleration to a stop before a new plan in flight [m/s²]; None: the vehicle turns without a stop"""
+    """deceleration to a stop before a new mission in flight [m/s²]; None: the vehicle turns without a stop"""
     other_mission: bool = False
-    """True if another station has uploaded a mission after the verified one"""
+    """True if the vehicle stores another mission than the verified one"""
     home_lat_deg: float | None = None
     home_lon_deg: float | None = None
     home_alt_amsl_m: float | None = None
@@ -69,7 +69,7 @@ class VehicleState:
     status_text: str = ""
     """last STATUSTEXT of severity WARNING or worse"""
     heartbeat_s: float | None = None
-    """arrival of the last heartbeat by the ground station's clock [s]: the time of mode and arming"""
+    """arrival of the last heartbeat by this program's clock [s]: the time of mode and arming"""
     status_s: float | None = None
     """arrival of the last SYS_STATUS by the same clock [s]: the time of battery, GPS and readiness"""
     position_s: float | None = None
@@ -77,7 +77,7 @@ class VehicleState:
 
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:
-        """Place of take-off [deg]: home once the vehicle is armed, its position before; None if unknown."""
+        """Place of take-off [deg]: home of an armed vehicle, else the vehicle's position; None if unknown."""
         if self.armed and self.home_lat_deg is not None and self.home_lon_deg is not None:
             return self.home_lat_deg, self.home_lon_deg
         return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)

@@ -13,7 +13,7 @@ from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.prediction import AIRBORNE_M
 from swarmctl.agent.traffic.return_schedule import (
     MIN_HORIZONTAL_M,
-    SILENT_S,
+    MIN_SILENCE_S,
     SINK_M_S,
     may_be_returning,
     place_from_state,
@@ -65,10 +65,10 @@ class ReturnQueue:
         At equal height the vehicle with the lower system id counts as the lower vehicle.
         """
         self._update(now_s)
-        here, apart_m = (place.lat_deg, place.lon_deg), max(MIN_HORIZONTAL_M, place.keeps_m[0])
+        here, apart_m = (place.lat_deg, place.lon_deg), max(MIN_HORIZONTAL_M, place.min_separation_m[0])
         for uav, received in self._received.items():
             state, age_s = received.state, now_s - received.at_s + received.state.age_s
-            if state.alt_rel_m < AIRBORNE_M or age_s > max(SILENT_S, state.alt_rel_m / SINK_M_S):
+            if state.alt_rel_m < AIRBORNE_M or age_s > max(MIN_SILENCE_S, state.alt_rel_m / SINK_M_S):
                 continue
             home_amsl_m = place.home_alt_amsl_m
             up_m = home_amsl_m + state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
@@ -95,4 +95,4 @@ class ReturnQueue:
 
 def _may_wait(received: _ReceivedState, now_s: float) -> bool:
     """Return whether another vehicle may wait for its turn to return, by a recent state."""
-    return received.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - received.at_s <= SILENT_S
+    return received.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - received.at_s <= MIN_SILENCE_S

@@ -179,7 +179,7 @@ def _vehicles_below(member: Member, flying: Sequence[Member]) -> list[Member]:
         other_place = place_for_return(other.state)
         if other is member or other.state.ended or other_place is None:
             continue
-        apart_m = max(MIN_HORIZONTAL_M, place.keeps_m[0], other_place.keeps_m[0])
+        apart_m = max(MIN_HORIZONTAL_M, place.min_separation_m[0], other_place.min_separation_m[0])
         lower = (other_place.alt_amsl_m, other.spec.sysid) < (place.alt_amsl_m, member.spec.sysid)
         if lower and distance_m(here, (other_place.lat_deg, other_place.lon_deg)) < apart_m:
             found.append(other)
@@ -197,4 +197,4 @@ def return_delays_s(
         schedule = describe_schedule(turns, {m.spec.sysid: m.name for m in returning})
         say(f"returning: {schedule} [return-schedule]")
     # Vehicles without a known position return after all other vehicles have landed.
-    return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}
+    return {uav: turns.begins_s.get(uav, turns.all_landed_s) for uav in uavs}

@@ -27,7 +27,7 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
     """Write the summary, the map, Foxglove's layout, and a `.plan` for each vehicle that held a mission."""
     _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
     grid = scenario.grid
-    centre = grid.frame.to_geodetic(grid.width_m / 2.0, grid.height_m / 2.0)
+    centre = grid.frame.to_geodetic(grid.size_east_m / 2.0, grid.size_north_m / 2.0)
     _write_json(folder / "foxglove.json", foxglove.layout([spec.name for spec in scenario.specs], centre))
     for spec in scenario.specs:
         accepted = report.states[spec.sysid].accepted

@@ -165,7 +165,7 @@ def test_a_cut_corner_enters_only_the_permitted_cell(east: float, north: float, 
         return True
 
     plan = flight_plan(
-        GRID, [here, there], altitude_m=30.0, landing_lat_lon=HOME, position=position, may_clip=allow
+        GRID, [here, there], altitude_m=30.0, landing_lat_lon=HOME, position=position, may_cross=allow
     )
     assert tracks(plan) == [there]
     target = GRID.centre(there)
@@ -188,6 +188,6 @@ def test_a_corner_is_not_cut_over_a_cell_that_is_not_allowed() -> None:
         altitude_m=30.0,
         landing_lat_lon=HOME,
         position=position,
-        may_clip=lambda cell: cell != (3, 4),
+        may_cross=lambda cell: cell != (3, 4),
     )
     assert tracks(plan) == [(3, 3), (4, 4)]

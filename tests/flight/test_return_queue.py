@@ -17,7 +17,7 @@ from trouble import Trouble, inject
 
 from sim_vehicle.truth import Truth
 from swarmctl.agent.state import Phase
-from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, SILENT_S
+from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, MIN_SILENCE_S
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import StateShared
 from swarmctl.core.geo import LatLon
@@ -28,7 +28,7 @@ from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import Report
 
 HOME = (46.0, 14.4)
-OWN = VehiclePosition(46.005, 14.4, 340.0, *HOME, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+OWN = VehiclePosition(46.005, 14.4, 340.0, *HOME, 300.0, speed_m_s=10.0, min_separation_m=(20.0, 5.0))
 """556 m north of its home"""
 
 
@@ -102,7 +102,7 @@ def test_a_silent_holding_vehicle_does_not_block_the_queue() -> None:
     peers = Peers()
     peers.told[1] = state(0.0, Phase.HOLDING)
     assert not peers.may_return(0.0)
-    assert peers.may_return(SILENT_S + 1.0)
+    assert peers.may_return(MIN_SILENCE_S + 1.0)
 
 
 def lands(**changes: Any) -> bool:

@@ -30,7 +30,7 @@ STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 def place(way_deg: float = 0.01) -> VehiclePosition:
     """Return a position `way_deg` of longitude east of its home."""
     return VehiclePosition(
-        46.0, 14.0 + way_deg, 340.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0)
+        46.0, 14.0 + way_deg, 340.0, 46.0, 14.0, 300.0, speed_m_s=10.0, min_separation_m=(20.0, 5.0)
     )
 
 
@@ -92,7 +92,9 @@ def test_no_vehicle_returns_while_an_unconfirmed_one_may() -> None:
 
 
 def test_a_vehicle_that_lands_before_the_time_out_returns_at_once() -> None:
-    above_home = VehiclePosition(46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+    above_home = VehiclePosition(
+        46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, min_separation_m=(20.0, 5.0)
+    )
     agents = Agents({1: above_home, 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
     assert agents.last(1) == 0.0
@@ -111,7 +113,7 @@ def test_a_vehicle_at_an_unknown_position_waits_as_well() -> None:
         {"home_alt_amsl_m": -1e300},
         {"speed_m_s": 0.0},
         {"home_lon_deg": 1e300},
-        {"keeps_m": (1e300, 5.0)},
+        {"min_separation_m": (1e300, 5.0)},
     ],
 )
 def test_an_impossible_position_counts_as_unknown(

@@ -137,7 +137,7 @@ def mission_for(
             lead_waypoints = ()
         return replace(plan, track=(*lead_waypoints, *plan.track), leaves_ahead=leaves_ahead)
 
-    def may_clip(cell: Cell) -> bool:
+    def may_cross(cell: Cell) -> bool:
         # DEVIATION: a vehicle past the centre of its cell would fly back to the centre for a diagonal turn.
         # The vehicle cuts the corner if the cell under the shortcut is no worse than the cells of the step.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
@@ -148,7 +148,7 @@ def mission_for(
         altitude_m=task.altitude_m,
         landing_lat_lon=landing,
         position=position,
-        may_clip=may_clip,
+        may_cross=may_cross,
     )
     return replace(plan, track=(*lead_waypoints, *plan.track), leaves_ahead=leaves_ahead)
 

@@ -2,7 +2,7 @@
 
 A vehicle holds at its position and height until its start. Then it climbs, flies straight home and lands. The
 climb is a parameter of the firmware, and the speed is uncertain. So the vehicle may be anywhere between the
-positions of a fast and of a slow return. Moving vehicles are separated over ground at every height.
+positions of a fast and of a slow return. Vehicles that return are separated over ground at every height.
 
 Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the recall [s].
 """
@@ -36,7 +36,7 @@ CLIMBS_TO_M = 60.0
 """Greatest return height above home [m]: PX4's default RTL_RETURN_ALT, more than ArduCopter's RTL_ALT."""
 CLIMB_M_S = 1.5
 """Least climb rate [m/s]."""
-SILENT_S = 10.0
+MIN_SILENCE_S = 10.0
 """Shortest silence after which a returning vehicle may count as landed [s]."""
 SINK_M_S = 0.8
 """Average descent rate from the return height to the ground [m/s], including a wait above home."""
@@ -97,11 +97,10 @@ class ReturnSchedule:
 
     begins_s: Mapping[int, float]
     """start by system id [s], in order of time"""
-    down_s: float
+    all_landed_s: float
     """latest landing [s]"""
     height_only: tuple[tuple[int, int], ...] = ()
-    """pairs separated by height alone: the first vehicle passes over or under the second vehicle in hold, and
-    no order of starts avoids this"""
+    """pairs that only height can separate: the first vehicle passes near the second vehicle, which holds"""
 
 
 def schedule_returns(
@@ -109,35 +108,35 @@ def schedule_returns(
 ) -> ReturnSchedule:
     """Return start times with which no two vehicles come closer than `horizontal_m` over ground.
 
-    Exception: a vehicle may pass at least `vertical_m` above or below a vehicle that holds.
+    Exceptions: a vehicle may pass at least `vertical_m` above or below a vehicle that holds. Pairs in
+    `height_only`, and two vehicles that already return, may come closer.
     """
-
-    begins = {vehicle: 0 for vehicle in vehicles if vehicle.is_returning}
+    start_steps = {vehicle: 0 for vehicle in vehicles if vehicle.is_returning}
     waiting = sorted((c for c in vehicles if not c.is_returning), key=lambda c: (c.home_distance_m, c.uav))
     passes = {
         mover: [h for h in waiting if h is not mover and _passes(mover, h, horizontal_m, vertical_m)]
-        for mover in (*begins, *waiting)
+        for mover in (*start_steps, *waiting)
     }
-    height_only = [(mover.uav, holder.uav) for mover in begins for holder in passes[mover]]
+    height_only = [(mover.uav, holder.uav) for mover in start_steps for holder in passes[mover]]
     in_the_way = {vehicle: len(passes[vehicle]) for vehicle in waiting}
     passed_by: dict[ReturningVehicle, list[ReturningVehicle]] = {vehicle: [] for vehicle in waiting}
     for mover in waiting:
         for holder in passes[mover]:
             passed_by[holder].append(mover)
     while in_the_way:
-        nearest = min(in_the_way, key=in_the_way.__getitem__)
-        height_only += [(nearest.uav, holder.uav) for holder in passes[nearest] if holder in in_the_way]
-        del in_the_way[nearest]
-        for mover in passed_by[nearest]:
+        freest = min(in_the_way, key=in_the_way.__getitem__)
+        height_only += [(freest.uav, holder.uav) for holder in passes[freest] if holder in in_the_way]
+        del in_the_way[freest]
+        for mover in passed_by[freest]:
             if mover in in_the_way:
                 in_the_way[mover] -= 1
-        # All vehicles on the path of `nearest` must have left.
-        from_step = max((begins[other] for other in passes[nearest] if other in begins), default=0)
-        begins[nearest] = _first_turn(nearest, begins, from_step, horizontal_m)
-    order = sorted(begins, key=lambda c: (begins[c], c.uav))
+        # The vehicles on the path of `freest` start no later.
+        from_step = max((start_steps[other] for other in passes[freest] if other in start_steps), default=0)
+        start_steps[freest] = _first_free_step(freest, start_steps, from_step, horizontal_m)
+    order = sorted(start_steps, key=lambda c: (start_steps[c], c.uav))
     return ReturnSchedule(
-        {c.uav: STEP_S * begins[c] for c in order},
-        max((STEP_S * begins[c] + c.takes_s for c in order), default=0.0),
+        {c.uav: STEP_S * start_steps[c] for c in order},
+        max((STEP_S * start_steps[c] + c.takes_s for c in order), default=0.0),
         tuple(height_only),
     )
 
@@ -160,7 +159,7 @@ def schedule_for(places: Mapping[int, VehiclePosition]) -> ReturnSchedule:
         )
         for uav, place in places.items()
     ]
-    keeps = [(MIN_HORIZONTAL_M, MIN_VERTICAL_M), *(place.keeps_m for place in places.values())]
+    keeps = [(MIN_HORIZONTAL_M, MIN_VERTICAL_M), *(place.min_separation_m for place in places.values())]
     return schedule_returns(
         vehicles, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps)
     )
@@ -172,7 +171,7 @@ def is_plausible(place: VehiclePosition) -> bool:
     if not all(abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 for lat_deg, lon_deg in (here, home)):
         return False
     is_near = distance_m(here, home) <= MAX_DISTANCE_M and all(
-        0.0 <= m <= MAX_DISTANCE_M for m in place.keeps_m
+        0.0 <= m <= MAX_DISTANCE_M for m in place.min_separation_m
     )
     up_m = place.alt_amsl_m - place.home_alt_amsl_m
     return is_near and abs(up_m) <= MAX_HEIGHT_M and MIN_SPEED_M_S <= place.speed_m_s < math.inf
@@ -182,7 +181,7 @@ def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePositio
     """Return the position of a vehicle that returns or waits to return, from its broadcast state.
 
     Speed and separation come from `own`. If the state has no height above the sea, the height of home also
-    comes from `own`. The result is None if the state has no home, or is implausible.
+    comes from `own`. The result is None without a return in the state, or for an implausible state.
     """
     if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
         return None
@@ -199,14 +198,14 @@ def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePositio
         *state.returns_to,
         ground_amsl_m,
         own.speed_m_s,
-        own.keeps_m,
+        own.min_separation_m,
         is_returning=True,
     )
 
 
 def may_be_returning(place: VehiclePosition, age_s: float) -> bool:
     """Return whether a vehicle that was returning `age_s` [s] ago may still be on its return."""
-    return age_s <= max(SILENT_S, schedule_for({0: place}).down_s)
+    return age_s <= max(MIN_SILENCE_S, schedule_for({0: place}).all_landed_s)
 
 
 def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str:
@@ -219,17 +218,17 @@ def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str
         for begins_s, group in groups.items()
     ]
     pairs = ", ".join(f"{names[one]} passing {names[other]}" for one, other in schedule.height_only)
-    only = f"; separated by height alone: {pairs}" if pairs else ""
-    return f"{'; '.join(when)}; all vehicles have landed after {schedule.down_s:.0f} s{only}"
+    only = f"; only height can separate: {pairs}" if pairs else ""
+    return f"{'; '.join(when)}; all vehicles have landed after {schedule.all_landed_s:.0f} s{only}"
 
 
-def _first_turn(
-    vehicle: ReturningVehicle, begins: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
+def _first_free_step(
+    vehicle: ReturningVehicle, start_steps: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
 ) -> int:
-    """Return the first free start [steps], not before `from_step`."""
+    """Return the first start without a conflict [steps], not before `from_step`."""
     taken = set[int]()
-    for other, begun in begins.items():
-        taken.update((_conflicting_delays(other, vehicle, horizontal_m) + begun).tolist())
+    for other, start_step in start_steps.items():
+        taken.update((_conflicting_delays(other, vehicle, horizontal_m) + start_step).tolist())
     step = from_step
     while step in taken:
         step += 1
@@ -250,7 +249,7 @@ def _passes(
 
 
 def _conflicting_delays(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: float) -> Steps:
-    """Return the delays [steps] of the start of `other` after the start of `one` at which both conflict.
+    """Return the delays [steps] of the start of `other` after the start of `one` that cause a conflict.
 
     The pairs of positions that are too close form a convex set. So for each piece of the path of `one`, a
     single piece of the path of `other` is too close.

@@ -11,9 +11,9 @@ distributions", 1997):
 2. Choose t so that the expected total equals the given total. The number in each group is binomial.
 3. Convolve the groups (forward pass), then condition on the total (backward pass).
 
-All terms are positive, so no cancellation occurs. Near the given total no underflow occurs. The tails of each
-distribution below TAIL are left out. An uncertain total is split into ranges with one t each. A saddle point
-bound excludes negligible totals.
+All terms are positive, so no cancellation occurs. Near the given total no underflow occurs. The negligible
+tails of each distribution are left out. An uncertain total is split into ranges with one t each. A saddle
+point bound excludes negligible totals.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class HostileGroups:
         return means
 
     def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
-        """Return (size, n_groups) independent draws of the numbers in the first `n_groups` groups."""
+        """Return (size, n_groups) draws of the numbers in the first `n_groups` groups, in no random order."""
         shares = rng.multinomial(size, self._weight).tolist()
         parts = zip(shares, self._ranges, strict=True)
         return np.concatenate([total_range.draw(rng, n, n_groups) for n, total_range in parts if n])
@@ -136,26 +136,26 @@ class _TotalRange:
             before, group = self._forward[g], self._groups[g]
             wide = given.spread(before.lo + group.lo, before.end + group.end - 1)
             given = _Window(before.lo, np.correlate(wide, group.values, "valid"))
-        held = self._forward[n_groups]
-        chance = np.cumsum(held.values * given.values)
-        left = held.lo + np.searchsorted(chance, rng.random(size) * chance[-1], side="right")
+        first = self._forward[n_groups]
+        chance = np.cumsum(first.values * given.values)
+        remaining = first.lo + np.searchsorted(chance, rng.random(size) * chance[-1], side="right")
         numbers = np.zeros((size, n_groups), dtype=np.int64)
         for g in range(n_groups - 1, 0, -1):
-            numbers[:, g] = self._draw_group(rng, g, left)
-            left = left - numbers[:, g]
+            numbers[:, g] = self._draw_group(rng, g, remaining)
+            remaining = remaining - numbers[:, g]
         if n_groups:
-            numbers[:, 0] = left
+            numbers[:, 0] = remaining
         return numbers
 
-    def _draw_group(self, rng: np.random.Generator, g: int, left: Ints) -> Ints:
-        """Return draws of the number in group g, given `left` hostiles in the groups 0 .. g."""
+    def _draw_group(self, rng: np.random.Generator, g: int, total: Ints) -> Ints:
+        """Return draws of the number in group g, given `total` hostiles in the groups 0 .. g."""
         before, group = self._forward[g], self._groups[g]
-        possible, which = np.unique(left, return_inverse=True)
+        possible, which = np.unique(total, return_inverse=True)
         rest = possible[:, None] - np.arange(group.lo, group.end)[None, :] - before.lo
         inside = (rest >= 0) & (rest < before.values.size)
         weights = np.where(inside, before.values[np.where(inside, rest, 0)], 0.0) * group.values
         chance = np.cumsum(weights, axis=1)
-        reached = chance[which] <= (rng.random(left.size) * chance[which, -1])[:, None]
+        reached = chance[which] <= (rng.random(total.size) * chance[which, -1])[:, None]
         return group.lo + np.asarray(reached.sum(axis=1), dtype=np.int64)
 
 
@@ -189,7 +189,7 @@ def _trimmed(window: _Window) -> _Window:
 
 
 def _tilt(log_ratio: Floats, n_cells: Ints, expected: Floats) -> Floats:
-    """Return t at which the expected total is `expected`, a number between 0 and the number of cells."""
+    """Return the t for each of the `expected` totals, which lie between 0 and the number of cells."""
     margin = math.log(2.0 * float(n_cells.sum())) + 1.0
     low = np.full(expected.shape, -float(log_ratio.max()) - margin)
     high = np.full(expected.shape, -float(log_ratio.min()) + margin)
@@ -214,7 +214,7 @@ def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight:
     if totals.size <= 2:
         return np.arange(totals.size)
     cells = float(n_cells.sum())
-    # Equal steps of the angle are equal shares of a binomial's standard deviation; an angle of 1 is 2 √cells.
+    # An angle of 1 is 2 √cells standard deviations of a binomial distribution, wherever it begins.
     first, last = np.arcsin(np.sqrt(np.array([totals[0], totals[-1]]) / cells)).tolist()
     n_knots = min(2 + math.ceil((last - first) * 2.0 * math.sqrt(cells) / KNOT_SIGMA), MAX_KNOTS)
     at = np.unique(_clipped(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))
@@ -235,9 +235,9 @@ def _ranges(log_ratio: Floats, n_cells: Ints, totals: Ints, kept: Ints) -> list[
         t, sigma = _tilt_and_sigma(log_ratio, n_cells, first)
         middle = np.minimum(first + REACH_SIGMA * sigma, 0.5 * (first + totals[kept[-1]]))
         t, sigma = _tilt_and_sigma(log_ratio, n_cells, middle)
-        served = totals[kept] <= max(first[0], middle[0] + REACH_SIGMA * sigma)
-        ranges.append((t, kept[served]))
-        kept = kept[~served]
+        in_range = totals[kept] <= max(first[0], middle[0] + REACH_SIGMA * sigma)
+        ranges.append((t, kept[in_range]))
+        kept = kept[~in_range]
     return ranges
 
 

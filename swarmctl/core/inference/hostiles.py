@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, xlog1py, xlogy
 
 LOG_RANGE = 745.0
-"""difference of log weight from the likeliest number at which a number counts as impossible: a double's
-range"""
+"""difference of log weight from the likeliest number, beyond which a number counts as impossible"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HostileCount:
-    """A prior over n_HA. Raises ValueError for numbers below 0, out of order or of infinite weight."""
+    """A prior over n_HA. Raises ValueError for no number, for numbers below 0 or out of order, and for a
+    weight that is not positive and finite."""
 
     n: NDArray[np.int64]
     """(k,) possible numbers, ascending"""

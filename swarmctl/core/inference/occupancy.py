@@ -1,7 +1,7 @@
 """The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes' rule.
 
-Cells with equal numbers of looks and hits form a class. Every function takes the classes of a whole area.
-Several entries may have equal numbers.
+The cells of a class have equal numbers of looks and hits; two classes may have the same numbers. Every
+function takes the classes of a whole area.
 """
 
 from __future__ import annotations
@@ -56,42 +56,41 @@ def eq4(n_hostiles: int, classes: CellClasses) -> Floats:
 def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Floats:
     """Return the posterior probability p_O (k,), exact to rounding. Eq. 4 is a special case.
 
-    Every placement of hostiles is equally likely, with at most one in a cell. `count` is the distribution of
-    their number, and `sensor` has the error rates of looks. Every look changes every cell: fewer hostiles in
-    some cells mean more hostiles elsewhere.
+    A priori, every placement of the same number of hostiles is equally likely, with at most one in a cell. A
+    look can change p_O of every cell: fewer hostiles in some cells mean more hostiles elsewhere.
     """
-    open_cells, groups = posterior(count, sensor, classes)
+    is_uncertain, groups = posterior(count, sensor, classes)
     p = np.where(sensor.log_ratio(classes.looks, classes.hits) > 0.0, 1.0, 0.0)
     if groups is not None:
-        p[open_cells] = np.clip(groups.means() / classes.n_cells[open_cells], 0.0, 1.0)
+        p[is_uncertain] = np.clip(groups.means() / classes.n_cells[is_uncertain], 0.0, 1.0)
     return p
 
 
 def posterior(
     count: HostileCount, sensor: SensorModel, classes: CellClasses
 ) -> tuple[NDArray[np.bool_], HostileGroups | None]:
-    """Return the mask (k,) of uncertain classes, and the distribution of hostiles in them; None: no class.
+    """Return the mask (k,) of uncertain classes, and their hostiles' distribution; None if all are certain.
 
-    If `count` allows only fewer hostiles than are certain, or more than the cells can hold, the nearest
-    possible number replaces `count`.
+    If all numbers of `count` contradict the certain cells, one number replaces `count`: of the possible
+    numbers, the nearest to its least number.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
-    open_cells = np.isfinite(log_ratio)
-    n_sure = int(classes.n_cells[log_ratio == np.inf].sum())
-    left = int(classes.n_cells[open_cells].sum())
-    if not left:
-        return open_cells, None
-    fits = (count.n >= n_sure) & (count.n <= n_sure + left)
+    is_uncertain = np.isfinite(log_ratio)
+    n_certain = int(classes.n_cells[log_ratio == np.inf].sum())
+    n_uncertain = int(classes.n_cells[is_uncertain].sum())
+    if not n_uncertain:
+        return is_uncertain, None
+    fits = (count.n >= n_certain) & (count.n <= n_certain + n_uncertain)
     if fits.any():
         n, log_prior = count.n[fits], count.log_weight[fits]
     else:
-        n = np.array([min(max(count.least, n_sure), n_sure + left)])
+        n = np.array([min(max(count.least, n_certain), n_certain + n_uncertain)])
         log_prior = np.zeros(1)
     total = classes.total
     # For a given n all C(total, n) sets of cells are equally likely.
     log_sets = gammaln(total + 1) - gammaln(n + 1) - gammaln(total - n + 1)
-    in_open = classes.n_cells[open_cells]
-    return open_cells, HostileGroups(log_ratio[open_cells], in_open, n - n_sure, log_prior - log_sets)
+    n_cells = classes.n_cells[is_uncertain]
+    return is_uncertain, HostileGroups(log_ratio[is_uncertain], n_cells, n - n_certain, log_prior - log_sets)
 
 
 def announced_too_low(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> bool:

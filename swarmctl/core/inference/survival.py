@@ -24,8 +24,8 @@ N_WORLDS = 4096
 Z_95 = 1.959964
 """two-sided 95 % of a normal distribution"""
 MIN_EFFECTIVE_WORLDS = 100.0
-"""Least effective number of worlds, n·mean²/mean of squares, for the normal interval. The normal interval is
-too narrow if the average rests on few worlds. Wilson's interval holds for any spread between 0 and 1."""
+"""Least effective number of worlds, n·mean²/mean of squares, for the normal interval: if the average rests on
+fewer worlds, this interval is too narrow. Wilson's interval holds for any spread between 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class ProbabilityEstimate:
 
 
 def _digits(chance: float) -> str:
-    """Return a probability with three decimals, or with more if three decimals would give 0 or 1."""
+    """Return a probability with three decimals, or with more digits below 0.001 and above 0.999."""
     if chance in (0.0, 1.0) or 0.001 <= chance <= 0.999:
         return f"{chance:.3f}"
     return f"{chance:.1e}" if chance < 0.001 else f"{chance:.5f}"
@@ -57,10 +57,9 @@ def survival_probability(
     rng: np.random.Generator,
     n_worlds: int = N_WORLDS,
 ) -> ProbabilityEstimate:
-    """Return the probability, by belief, that a vehicle enters every cell of a route without being hit.
+    """Estimate the probability, by belief, that a vehicle enters every cell of a route without being hit.
 
-    `n_worlds` worlds are drawn from the belief, each with other hostiles. The start cell does not count. A
-    cell entered twice counts twice.
+    The start cell does not count. A cell entered twice counts twice.
 
     The shots are not drawn. For given hostiles the survival probability is a product. The product's average
     over the worlds has the same mean as the share of surviving vehicles, and a smaller variance
@@ -77,8 +76,8 @@ def survival_probability(
     survival = _survival(strength, kinds[:, 2:])
     looks, hits = kinds[:, 0], kinds[:, 1]
     worlds = _Worlds(belief, CellClasses(looks, hits, n_cells.astype(np.int64)))
-    survived = np.full(n_worlds, np.prod(survival[worlds.sure] ** n_cells[worlds.sure]))
-    for chance, hostiles in zip(survival[worlds.open], worlds.draw(rng, n_worlds).T, strict=True):
+    survived = np.full(n_worlds, np.prod(survival[worlds.is_occupied] ** n_cells[worlds.is_occupied]))
+    for chance, hostiles in zip(survival[worlds.is_uncertain], worlds.draw(rng, n_worlds).T, strict=True):
         survived *= chance**hostiles
     mean = float(survived.mean())
     p_occupied = belief.occupancy().ravel()[reached]
@@ -93,10 +92,10 @@ def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]
     half = Z_95 * float(survived.std(ddof=1)) / math.sqrt(n)
     low, high = mean - half, mean + half
     # The rare outcome may be the survival or the loss.
-    least = min(mean, 1.0 - mean)
+    rare_mean = min(mean, 1.0 - mean)
     rare = survived if mean <= 0.5 else 1.0 - survived
     squares = float(np.mean(rare**2))
-    if squares == 0.0 or n * least**2 / squares < MIN_EFFECTIVE_WORLDS:
+    if squares == 0.0 or n * rare_mean**2 / squares < MIN_EFFECTIVE_WORLDS:
         z2 = Z_95**2 / n
         centre = (mean + z2 / 2.0) / (1.0 + z2)
         spread = Z_95 / (1.0 + z2) * math.sqrt(mean * (1.0 - mean) / n + z2 / (4.0 * n))
@@ -112,8 +111,8 @@ def survival_among(
     The start cell does not count.
     """
     reached, entries = _in_reach(shape, cells)
-    held = np.isin(reached, [row * shape[1] + col for row, col in hostiles])
-    return float(np.prod(_survival(strength, entries[held])))
+    is_occupied = np.isin(reached, [row * shape[1] + col for row, col in hostiles])
+    return float(np.prod(_survival(strength, entries[is_occupied])))
 
 
 class _Worlds:
@@ -131,24 +130,25 @@ class _Worlds:
             np.concatenate([near.hits, everywhere.hits[far]]),
             np.concatenate([near.n_cells, (everywhere.n_cells - n_near)[far]]),
         )
-        is_open, self._groups = posterior(belief.count, belief.sensor, both)
-        self.open = is_open[: near.n_cells.size]
-        """(k,) kinds of cells that may or may not hold hostiles"""
-        self.sure = ~self.open & (near.hits > 0) & (belief.sensor.log_ratio(near.looks, near.hits) > 0.0)
-        """(k,) kinds with a hostile in every cell"""
+        is_uncertain, self._groups = posterior(belief.count, belief.sensor, both)
+        self.is_uncertain = is_uncertain[: near.n_cells.size]
+        """(k,) True for kinds of cells that may or may not hold hostiles"""
+        log_ratio = belief.sensor.log_ratio(near.looks, near.hits)
+        self.is_occupied = ~self.is_uncertain & (near.hits > 0) & (log_ratio > 0.0)
+        """(k,) True for kinds with a hostile in every cell"""
 
     def draw(self, rng: np.random.Generator, n_worlds: int) -> NDArray[np.int64]:
-        """Return (worlds, open kinds) numbers of hostiles in the cells of each kind."""
-        n_open = int(np.count_nonzero(self.open))
-        if self._groups is None or n_open == 0:
-            return np.zeros((n_worlds, n_open), dtype=np.int64)
-        return self._groups.draw(rng, n_worlds, n_open)
+        """Return (worlds, uncertain kinds) numbers of hostiles in the cells of each kind."""
+        n_kinds = int(np.count_nonzero(self.is_uncertain))
+        if self._groups is None or n_kinds == 0:
+            return np.zeros((n_worlds, n_kinds), dtype=np.int64)
+        return self._groups.draw(rng, n_worlds, n_kinds)
 
 
 def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the cells from which a hostile can hit a vehicle on a route, and the entries into its reach.
 
-    (m,) cells as row · cols + col; (m, 3) entries into the hostile's, the adjacent and the diagonal cells.
+    (m,) cells as row · cols + col; (m, 3) numbers of entries: into the hostile's cell, adjacent, diagonal.
     """
     rows, cols = shape
     entered = np.array(cells[1:], dtype=np.int64).reshape(-1, 1, 2)

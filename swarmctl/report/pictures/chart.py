@@ -44,7 +44,7 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     mistaken = ~hostile & (picture.known == OCCUPIED)
     colours = np.array([_rgb(colour) for colour in (SEEN, VEIL, FOUND, NEVER_FOUND)], dtype=np.uint8)
     image = colours[np.where(hostile, np.where(missed, 3, 2), picture.known == UNKNOWN)]
-    extent = (0.0, grid.width_m, 0.0, grid.height_m)
+    extent = (0.0, grid.size_east_m, 0.0, grid.size_north_m)
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1)
     cell_pt = grid.cell_size_m * points_per_m
     if cell_pt > 5.0:
@@ -71,7 +71,9 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
         _outline(axes, grid, row, col, edgecolor=FOUND, lw=1.6, zorder=3)
     for row, col in sorted({cell for track in picture.tracks for cell in track.goal_cells}):
         _outline(axes, grid, row, col, edgecolor=INK, lw=2.0, zorder=5)
-    axes.add_patch(Rectangle((0.0, 0.0), grid.width_m, grid.height_m, fill=False, edgecolor=INK, zorder=4))
+    axes.add_patch(
+        Rectangle((0.0, 0.0), grid.size_east_m, grid.size_north_m, fill=False, edgecolor=INK, zorder=4)
+    )
 
 
 def _draw_lines(axes: Axes, grid: Grid, ends: list[Ends], **style: Any) -> None:
@@ -132,7 +134,7 @@ def draw_scales(axes: Axes, grid: Grid) -> None:
     axes.set_xlabel("metres east of the area's south-west corner", fontsize=8.5, color=QUIET)
     axes.set_ylabel("metres north", fontsize=8.5, color=QUIET)
     axes.tick_params(labelsize=8, colors=QUIET, length=3)
-    for axis, length_m in ((axes.xaxis, grid.width_m), (axes.yaxis, grid.height_m)):
+    for axis, length_m in ((axes.xaxis, grid.size_east_m), (axes.yaxis, grid.size_north_m)):
         ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length_m)
         axis.set_ticks([tick for tick in ticks if 0.0 <= tick <= length_m])
     for spine in axes.spines.values():

@@ -182,7 +182,7 @@ def _draw_map(sheet: Sheet, grid: Grid, panel: FrontPanel, top_in: float, high_i
         spine.set_color(GRID_LINE)
     draw_area(axes, picture, 72.0 * inch_per_m)
     finite = np.where(np.isfinite(panel.exposure), panel.exposure, 0.0)
-    extent = (0.0, grid.width_m, 0.0, grid.height_m)
+    extent = (0.0, grid.size_east_m, 0.0, grid.size_north_m)
     shades: dict[str, Any] = {"cmap": EXPOSED, "vmin": 0.0, "vmax": float(finite.max()) or 1.0}
     axes.imshow(
         finite, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1.2, **shades

@@ -69,11 +69,11 @@ def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
     grid = picture.grid
     planned = [p for t in picture.tracks for line in t.planned for p in line.points]
     around = [*planned, *(p for t in picture.tracks for p in (t.start, *t.flown))]
-    points = np.vstack([local_m(grid, around), [[0.0, 0.0], [grid.width_m, grid.height_m]]])
-    side = max(grid.width_m, grid.height_m)
+    points = np.vstack([local_m(grid, around), [[0.0, 0.0], [grid.size_east_m, grid.size_north_m]]])
+    side = max(grid.size_east_m, grid.size_north_m)
     reach, pad = 0.3 * side, 0.035 * side
     low = np.maximum(points.min(axis=0), -reach) - pad
-    high = np.minimum(points.max(axis=0), [grid.width_m + reach, grid.height_m + reach]) + pad
+    high = np.minimum(points.max(axis=0), [grid.size_east_m + reach, grid.size_north_m + reach]) + pad
     # A long narrow area gets more space, for the labels.
     spare = np.maximum((high - low).max() * 0.25 - (high - low), 0.0) / 2
     (west, south), (east, north) = low - spare, high + spare
