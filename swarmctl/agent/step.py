@@ -29,7 +29,7 @@ from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Pha
 from swarmctl.agent.touchdown import end_at_touchdown, may_be_armed, note_disarming
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
-from swarmctl.agent.traffic.landing_queue import land_unconfirmed, queue_for_landing
+from swarmctl.agent.traffic.landing_queue import land_after_unconfirmed_hold, queue_for_landing
 from swarmctl.agent.traffic.launching import cancel_launch, launch_if_possible, note_takeoff, postpone_launch
 from swarmctl.agent.traffic.neighbours import receive_neighbours
 from swarmctl.agent.traffic.returning import update_return
@@ -188,7 +188,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = _without_swap_trouble(state)
         # From now on the vehicle has priority over vehicles en route; its intent is due at once.
         state = replace(state, intent_sent_boot_s=-math.inf)
-    state, landed = land_unconfirmed(state)
+    state, landed = land_after_unconfirmed_hold(state)
     if landed:
         return state, [*demanded, *landed]
     if state.phase in IN_FLIGHT and now >= state.repeat_order_at_s and state.ordered is not None:

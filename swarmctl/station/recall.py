@@ -51,14 +51,14 @@ async def ask(
     )
     recalled = [v for v in held if v.outcome == "taken"]
     turns = schedule_for({v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)})
-    down_s = turns.down_s if len(turns.begins_s) == len(recalled) else math.inf
+    down_s = turns.all_landed_s if len(turns.begins_s) == len(recalled) else math.inf
     extra_delay_s = 0.0
     if any(v.outcome == "unconfirmed" for v in held) and down_s > FALLBACK_RETURN_S - (_now_s() - began_s):
         extra_delay_s = FALLBACK_RETURN_S + _longest_s(recalled)
 
     async def give_turn(vehicle: VehicleAnswer) -> VehicleAnswer:
         # Vehicles at unknown positions return after the landing of all other vehicles.
-        after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.down_s), MAX_AFTER_S)
+        after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.all_landed_s), MAX_AFTER_S)
         turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
         (answer,) = await _send_repeatedly(bus, station, turn, signing)
         if answer.outcome == "taken":
@@ -97,7 +97,7 @@ async def _send_repeatedly(
 
 def _longest_s(recalled: Sequence[VehicleAnswer]) -> float:
     """Return the duration of the longest return [s], among the vehicles at known positions."""
-    alone = [schedule_for({v.uav: v.place}).down_s for v in recalled if v.place is not None]
+    alone = [schedule_for({v.uav: v.place}).all_landed_s for v in recalled if v.place is not None]
     return max(alone, default=FALLBACK_RETURN_S)
 
 

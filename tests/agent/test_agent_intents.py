@@ -27,7 +27,7 @@ from swarmctl.agent.traffic.intents import (
     MAX_UNCERTAINTY_M,
     REPEAT_EVERY_S,
 )
-from swarmctl.agent.traffic.route_deconfliction import RETRY_S, clashes_of
+from swarmctl.agent.traffic.route_deconfliction import RETRY_S, clashes_with_known_intents
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
@@ -222,7 +222,7 @@ def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_o
         return Trajectory((begin_s, begin_s + 1.5, begin_s + 10.0), points)
 
     present = None if present_m is None else passing(present_m)
-    assert len(clashes_of(story.state, passing(7.0), present)) == clashes
+    assert len(clashes_with_known_intents(story.state, passing(7.0), present)) == clashes
 
 
 def test_an_old_intent_is_ignored() -> None:

@@ -37,7 +37,7 @@ def test_returns_to_one_home_start_one_after_the_other_nearest_first() -> None:
     begins = list(plan.begins_s.values())
     assert begins[0] == 0.0
     assert begins[0] < begins[1] < begins[2]
-    assert plan.down_s > begins[2]
+    assert plan.all_landed_s > begins[2]
 
 
 def test_crossing_returns_start_one_after_the_other() -> None:
@@ -103,7 +103,7 @@ def test_no_two_vehicles_conflict_at_any_speed(
     plan = schedule_returns(vehicles, **APART)
     excused = {frozenset(pair) for pair in plan.height_only}
     for (one, (*_, pace)), (other, (*_, others_pace)) in combinations(zip(vehicles, swarm, strict=True), 2):
-        for step in range(int(plan.down_s) + 1):
+        for step in range(int(plan.all_landed_s) + 1):
             a, does = flown(one, plan.begins_s[one.uav], step, pace)
             b, others = flown(other, plan.begins_s[other.uav], step, others_pace)
             if "down" in (does, others):
@@ -123,4 +123,6 @@ def test_twenty_vehicles_to_one_home_are_all_scheduled() -> None:
     ring = [vehicle(n, (30.0 * n, 7.0 * (n % 5)), (0.0, 0.0)) for n in range(1, 21)]
     plan = schedule_returns(ring, **APART)
     assert len(plan.begins_s) == 20
-    assert plan.down_s == pytest.approx(max(plan.begins_s.values()) + max(c.takes_s for c in ring), rel=0.5)
+    assert plan.all_landed_s == pytest.approx(
+        max(plan.begins_s.values()) + max(c.takes_s for c in ring), rel=0.5
+    )

@@ -3,16 +3,17 @@ way down is clear. Pure.
 
 Vehicles with the same goal arrive at different heights, and a landing descends through all heights below.
 
-| the other vehicle | priority |
+| the other vehicle | this vehicle |
 |---|---|
-| en route to the goal | this vehicle lands; the other vehicle gives way (`route_deconfliction`) |
-| over the goal, lower | the other vehicle lands; this vehicle waits |
-| over the goal, higher | this vehicle lands; the other vehicle waits |
-| over the goal, same height within 1 m | the lower system id lands; the higher system id waits |
+| higher | lands |
+| lower, cannot change its plan (lands or holds) | waits if the conflict is less than 15 s ahead |
+| lower, can change its plan (en route) | waits if the conflict is less than 6 s ahead |
+| at the same height (1 m), lower system id | as for a lower vehicle |
+| at the same height (1 m), higher system id | lands |
 
-By these rules no two vehicles wait for each other. Below 5 m no wait begins. An urgent failsafe prevents or
-ends a wait. While the link is lost, the queue does nothing. A fixed wing does not wait, because it cannot
-hover.
+A vehicle en route avoids all later conflicts (`route_deconfliction`). Below 5 m no wait begins. An urgent
+failsafe prevents or ends a wait. While the link is lost, the queue does nothing. A fixed wing does not wait,
+because it cannot hover.
 """
 
 from __future__ import annotations
@@ -49,19 +50,19 @@ from swarmctl.core.vehicle import Landed
 CHECK_EVERY_S = 0.2
 """Interval between checks of the descent [s]."""
 WAIT_WITHIN_S = 15.0
-"""Time within which a conflict causes a wait [s]; a later conflict may still change."""
+"""Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
 MIN_WAIT_S = 3.0
-"""Shortest wait [s], until the vehicle stands still and other vehicles have its intent."""
+"""Shortest wait [s]: time to stop, and to send the new intent to other vehicles."""
 CLEAR_FOR_S = 20.0
 """Time for which the descent has to be clear before the vehicle lands [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
 """Delays of the descent that are checked [s]: a vehicle takes some seconds to follow the order."""
-AT_PLACE_M = 1.0
+AT_SPOT_M = 1.0
 """Horizontal distance from the landing spot within which the vehicle lands where it is [m]."""
 MIN_HEIGHT_M = 5.0
 """Height above home below which a vehicle lands without waiting [m]."""
 HOLD_BEFORE_DESCENT_S = 3.0
-"""Time before the descent at which the hold is ordered [s]: near the landing spot, but still at height."""
+"""Longest time before the descent at which a conflict of the descent causes a hold [s]."""
 SAME_HEIGHT_M = 1.0
 """Difference in height below which the system id decides [m]."""
 REPORT_EVERY_S = 60.0
@@ -69,7 +70,7 @@ REPORT_EVERY_S = 60.0
 
 
 def queue_for_landing(state: AgentState) -> StepResult:
-    """Hold for a vehicle below, or land when the descent is clear. Called for each position over the goal."""
+    """Hold for another vehicle, or land when the descent is clear. Called for each telemetry message."""
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
     if state.interrupted_plan is not None and _is_urgent(state):
@@ -86,8 +87,8 @@ def queue_for_landing(state: AgentState) -> StepResult:
     return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
 
-def land_unconfirmed(state: AgentState) -> StepResult:
-    """Order the landing if the vehicle never confirmed the hold, and the hold has become useless.
+def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
+    """Order the landing if the vehicle has not confirmed the hold, and the hold has become useless.
 
     A hold is useless below the least height for waiting, or if the descent is clear.
     """
@@ -102,10 +103,10 @@ def land_unconfirmed(state: AgentState) -> StepResult:
     if here is None or up_m is None:
         return state, []
     is_low = up_m < MIN_HEIGHT_M
-    waits = state.vehicle.time_boot_s < state.resume_earliest_boot_s or bool(
-        _descent_conflicts(state, _below(state, here))
+    is_hold_needed = state.vehicle.time_boot_s < state.resume_earliest_boot_s or bool(
+        _descent_conflicts(state, _flights_waited_for(state, here))
     )
-    if waits and not is_low:
+    if is_hold_needed and not is_low:
         return state, []
     why = "it is too low to wait" if is_low else "its descent is clear"
     text = f"the vehicle did not confirm the hold above its landing spot, and {why}; it lands"
@@ -139,16 +140,16 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     flight, now_s = planned_flight(state), state.vehicle.time_boot_s
     if flight is None:
         return state, []
-    others = _others(state)
-    below = {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
-    lands_s = landing_start_s(flight)
+    others = _flights_of_others(state)
+    waited_for = {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
+    descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot.
-    until_s = lands_s if lands_s > now_s + HOLD_BEFORE_DESCENT_S else math.inf
+    until_s = descends_s if descends_s > now_s + HOLD_BEFORE_DESCENT_S else math.inf
     clashes = [
         clash
-        for clash in clashes_with(flight, below, state.task.separation.limits)
-        if clash.at_s < min(until_s, now_s + _conflict_horizon_s(below[clash.other]))
+        for clash in clashes_with(flight, waited_for, state.task.separation.limits)
+        if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
     if not clashes or _hold_would_block(state, here, others):
         return state, []
@@ -159,24 +160,26 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         ev.FlightOrder.HOLD,
         interrupted_plan=state.route,
         gave_way_to={
-            at.other: report for at in clashes if (report := state.neighbours.get(at.other)) is not None
+            clash.other: report
+            for clash in clashes
+            if (report := state.neighbours.get(clash.other)) is not None
         },
         holding_since_boot_s=now_s,
         resume_earliest_boot_s=now_s + MIN_WAIT_S,
     )
     state, published = publish_intent(state, planned_flight(state))
-    text = f"the descent would conflict with {describe_clashes(clashes, now_s)}"
-    text += "; the vehicle holds above its landing spot [landing-queue]"
+    text = f"the landing would conflict with {describe_clashes(clashes, now_s)}"
+    text += "; the vehicle holds until its descent is clear [landing-queue]"
     return state, [ev.NotifyOperator(text), *ordered, *published]
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
-    """Return the time within which a conflict counts [s]; the other vehicle can avoid a later conflict."""
+    """Return the time within which a conflict counts [s]: shorter if the other vehicle can avoid it later."""
     return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
 
 
-def _others(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the flights of all other vehicles: intents, extrapolated positions, or last positions."""
+def _flights_of_others(state: AgentState) -> dict[int, NeighbourIntent]:
+    """Return the known flights of other vehicles: intents, extrapolated positions, or last positions."""
     intents, vehicle = known_intents(state), state.vehicle
     home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
     paths = silent_neighbours(state)
@@ -190,8 +193,9 @@ def _others(state: AgentState) -> dict[int, NeighbourIntent]:
     return intents
 
 
-def _below(state: AgentState, here: LocalPoint) -> dict[int, NeighbourIntent]:
-    return {uav: intent for uav, intent in _others(state).items() if _waits_for(state, here, uav, intent)}
+def _flights_waited_for(state: AgentState, here: LocalPoint) -> dict[int, NeighbourIntent]:
+    others = _flights_of_others(state)
+    return {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
 
 
 def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
@@ -201,25 +205,26 @@ def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
 
 
 def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourIntent) -> bool:
-    """Return whether this vehicle is higher than another, or as high and has the higher system id."""
+    """Return whether this vehicle is higher, or at the same height with the higher system id."""
     above_m = here[2] - _height_now_m(state, intent)
     return above_m > SAME_HEIGHT_M or (above_m >= -SAME_HEIGHT_M and state.task.uav > uav)
 
 
 def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
-    """Return whether a hold would block a vehicle that cannot give way."""
+    """Return whether a hold would block a vehicle that cannot give way, or not in time."""
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
-    stands = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
-    # Vehicles above wait for this vehicle.
+    hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
+    # Vehicles well above wait for this vehicle, or give way.
     near = {
         uav: intent
         for uav, intent in others.items()
         if _height_now_m(state, intent) - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }
-    clashes = clashes_with(stands, near, limits)
-    return any(not near[at.other].may_change or at.at_s < now_s + SEPARATES_WITHIN_S for at in clashes)
+    clashes = clashes_with(hold, near, limits)
+    until_s = now_s + SEPARATES_WITHIN_S
+    return any(not near[clash.other].may_change or clash.at_s < until_s for clash in clashes)
 
 
 # --- end of the wait
@@ -227,15 +232,15 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
 
 def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     now_s = state.vehicle.time_boot_s
-    # The mission stays while the vehicle reports LANDING, which it may do for a while after a stop.
-    stands = state.order_followed and state.vehicle.landed is not Landed.LANDING
-    if not stands or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
+    # A stopped vehicle may still report LANDING for some seconds.
+    is_holding = state.order_followed and state.vehicle.landed is not Landed.LANDING
+    if not is_holding or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
         return state, []
     reports = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
-    # A landing vehicle that falls silent has landed.
+    # A silent vehicle with LANDING in its last report counts as landed.
     reports = {uav: report for uav, report in reports.items() if report.state.phase != Phase.LANDING}
     state = replace(state, gave_way_to=reports)
-    clashes = _descent_conflicts(state, _below(state, here))
+    clashes = _descent_conflicts(state, _flights_waited_for(state, here))
     if not clashes:
         state, ordered = _land(state)
         state, published = publish_intent(state, planned_flight(state))
@@ -243,44 +248,44 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
         return state, [ev.NotifyOperator(text), *ordered, *published]
     if now_s - state.holding_since_boot_s < REPORT_EVERY_S:
         return state, []
-    text = f"the vehicle has held above its landing spot for {REPORT_EVERY_S:.0f} s; the descent still "
-    text += f"conflicts with {describe_clashes(clashes, now_s)}; the vehicle continues to hold"
+    text = f"the vehicle has held before its landing for at least {REPORT_EVERY_S:.0f} s; the landing would "
+    text += f"still conflict with {describe_clashes(clashes, now_s)}; the vehicle continues to hold"
     return replace(state, holding_since_boot_s=now_s), [ev.NotifyOperator(f"{text} [landing-queue-long]")]
 
 
-def _descent_conflicts(state: AgentState, below: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
-    """Return the conflicts of a descent that starts now or a little later."""
-    place_here, flight = position_of(state), None
-    if place_here is not None:
-        place, up_m = _landing_place(state), place_here[2]
-        at_place = math.dist(place_here[:2], place) <= AT_PLACE_M
-        way = (
-            land_from([place_here], [0.0])
-            if at_place
-            else fly_along(place_here, up_m, [place], state.task.arrival.speed_m_s)
+def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
+    """Return the conflicts within CLEAR_FOR_S of a landing that starts now or a little later."""
+    here, flight = position_of(state), None
+    if here is not None:
+        spot, up_m = _landing_spot(state), here[2]
+        is_at_spot = math.dist(here[:2], spot) <= AT_SPOT_M
+        landing = (
+            land_from([here], [0.0])
+            if is_at_spot
+            else fly_along(here, up_m, [spot], state.task.arrival.speed_m_s)
         )
-        flight = to_shared_frame(state, way)
+        flight = to_shared_frame(state, landing)
     if flight is None:
         return ()
     limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_FOR_S
-    for starts_s in STARTS_AFTER_S:
-        clashes = clashes_with(flight.later(starts_s), below, limits)
+    for delay_s in STARTS_AFTER_S:
+        clashes = clashes_with(flight.later(delay_s), waited_for, limits)
         if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
             return soon
     return ()
 
 
-def _landing_place(state: AgentState) -> PlanarPoint:
+def _landing_spot(state: AgentState) -> PlanarPoint:
     assert state.interrupted_plan is not None
     return waypoints_of(state.task, state.interrupted_plan.plan)[-1]
 
 
 def _land(state: AgentState) -> StepResult:
-    """Order the landing at the landing spot; from another point, upload a mission to the spot."""
-    swap, here, place = state.interrupted_plan, position_of(state), _landing_place(state)
+    """Order the landing if the vehicle is at its landing spot; otherwise upload a mission to the spot."""
+    swap, here, spot = state.interrupted_plan, position_of(state), _landing_spot(state)
     assert swap is not None
     assert here is not None
-    if math.dist(here[:2], place) <= AT_PLACE_M:
+    if math.dist(here[:2], spot) <= AT_SPOT_M:
         return command(replace(end_give_way(state), route=swap), ev.FlightOrder.LAND)
     begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
     landing = replace(swap.plan.landing, alt_rel_m=here[2])

@@ -6,7 +6,7 @@ The first route is checked three times, because preflight checks between them ta
 |---|---|
 | when the launch is ordered | waits up to 180 s, then the launch is cancelled |
 | before arming | continues to wait, within the same 180 s |
-| before take-off | disarms; the launch is cancelled and needs a new order |
+| before take-off | disarms, and the launch is cancelled |
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
 
 
 def launch_if_possible(state: AgentState) -> StepResult:
-    """Launch, or wait for a clear route. Called for each launch order, plan and telemetry message."""
+    """Launch, or wait for a clear route. Called for each operator's order, plan and telemetry message."""
     if not (state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None):
         return state, []
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
@@ -45,7 +45,9 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
-        messages.append(ev.NotifyOperator("the first route is clear; the vehicle launches [launch-clear]"))
+        messages.append(
+            ev.NotifyOperator("the wait on the ground is over; the vehicle launches [launch-clear]")
+        )
     if state.launch_ignored and (ignored := _route_clashes(state, known_intents(state))):
         messages.append(
             ev.NotifyOperator(
@@ -57,7 +59,7 @@ def launch_if_possible(state: AgentState) -> StepResult:
 
 
 def launch_conflict(state: AgentState) -> str:
-    """Return the conflicts of the first route as text, right before arming or take-off; "" if it is clear.
+    """Return the conflicts of the first route as text, for the checks before arming and take-off; "": none.
 
     Other vehicles that are about to take off do not count. Otherwise two vehicles launched at the same time
     would wait for each other.
@@ -72,14 +74,14 @@ def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -
     if state.phase is not Phase.LAUNCHING or state.ordered is not ev.FlightOrder.LAUNCH:
         return state, []
     if event.was_armed:
-        return cancel_launch(state, f"{event.reason}; disarmed again")
+        return cancel_launch(state, f"{event.reason}; the vehicle was disarmed again")
     state, withdrawn = _stand_by(state)
     state, messages = _wait(state, event.reason, again=True)
     return state, [*withdrawn, *messages]
 
 
 def note_takeoff(state: AgentState) -> AgentState:
-    """Return the state in the air; its intent is sent at once."""
+    """Return the state after the take-off; the intent is due at once."""
     return replace(
         state,
         phase=Phase.FLYING,
@@ -130,23 +132,24 @@ def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
 
 
 def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
-    """Wait on the ground. Further attempts do not restart the waiting time of one launch."""
+    """Wait on the ground, or cancel the launch. Further attempts do not restart the waiting time."""
     now_s, since_s = state.vehicle.time_boot_s, state.launch_wait_since_boot_s
     begins = since_s is None or now_s < since_s
     since_s = now_s if since_s is None or begins else since_s
-    left_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
-    if left_s <= 0.0:
-        return cancel_launch(state, f"{why}, also after {MAX_LAUNCH_WAIT_S:.0f} s{_ignore_hint(state)}")
-    text = f"{why}; the vehicle waits on the ground for at most {left_s:.0f} s"
+    remaining_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
+    if remaining_s <= 0.0:
+        why += f", even after a wait of {MAX_LAUNCH_WAIT_S:.0f} s on the ground"
+        return cancel_launch(state, f"{why}{_ignore_hint(state)}")
+    text = f"{why}; the vehicle waits on the ground for at most {remaining_s:.0f} s"
     text += f"{_ignore_hint(state)} [launch-waits]"
     state = replace(state, launch_wait_since_boot_s=since_s, trouble=text)
     return state, [ev.NotifyOperator(text)] if begins or again else []
 
 
 def _ignore_hint(state: AgentState) -> str:
-    """Return the command to launch without waiting, if an operator ordered the launch; otherwise ""."""
+    """Return the command to launch despite the conflicts; "" without conflicts or an operator's order."""
     clashes = _route_clashes(state, _waited_for(state)) if state.launch_is_operators else ()
-    ignore = " ".join(
+    options = " ".join(
         f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in clashes)})
     )
-    return f" (launch without waiting: `order launch --uav {state.task.uav} {ignore}`)" if clashes else ""
+    return f" (launch without waiting: `order launch --uav {state.task.uav} {options}`)" if clashes else ""

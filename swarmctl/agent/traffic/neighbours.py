@@ -19,25 +19,24 @@ MARGIN_M_S = 5.0
 
 
 def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
-    """Return whether to receive a state: the vehicle is near or returns, or arrivals are simultaneous."""
-    is_returning = other.returns_to is not None or uav in state.returning_neighbours
-    return is_returning or state.task.arrival_group is not None or is_near(state, other)
+    """Return whether the agent uses a state: of a vehicle near or returning, or for simultaneous arrival."""
+    returns = other.returns_to is not None or uav in state.returning_neighbours
+    return returns or state.task.arrival_group is not None or is_near(state, other)
 
 
 def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> StepResult:
     """Store the states of nearby and returning vehicles, and the arrival times."""
     now_s = state.vehicle.time_boot_s
     reports = {uav: NeighbourReport(shared, now_s - shared.age_s) for uav, shared in event.states}
-    kept = {
-        uav: known for uav, known in state.neighbours.items() if 0.0 <= now_s - known.at_s <= MAX_REPORT_AGE_S
-    }
-    new = {uav: known for uav, known in reports.items() if is_near(state, known.state)}
+    known = state.neighbours.items()
+    kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
+    new = {uav: report for uav, report in reports.items() if is_near(state, report.state)}
     state = note_returning(note_arrival_times(state, event.states), reports)
     return replace(state, neighbours={**kept, **new}), []
 
 
 def is_near(state: AgentState, other: StateShared) -> bool:
-    """Return whether another vehicle may come too close within the look-ahead time."""
+    """Return whether another vehicle may soon come too close; False if the own position is unknown."""
     vehicle, rules = state.vehicle, state.task.separation
     if vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False

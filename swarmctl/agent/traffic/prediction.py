@@ -27,8 +27,8 @@ AIRBORNE_M = 1.0
 def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
     """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
 
-    The vehicle follows its plan at the present speed, or at cruise speed while it gives way. Without a plan
-    the vehicle flies straight on.
+    A flying vehicle follows its plan at the present speed, or its interrupted plan at cruise speed. In other
+    phases, and during a mission change, the vehicle flies straight on. The result is None without a position.
     """
     vehicle, rules = state.vehicle, state.task.separation
     here = position_of(state)
@@ -46,7 +46,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
-    """Return the vehicle's position; None without a position in the last telemetry."""
+    """Return this vehicle's position; None without a position in the last telemetry."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
@@ -54,7 +54,7 @@ def position_of(state: AgentState) -> LocalPoint | None:
 
 
 def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[LocalPoint]:
-    """Return the rest of a track ahead of a vehicle on it: from the end of the nearest leg."""
+    """Return the points of a track that are still ahead: from the end of the leg nearest to `here`."""
     best, nearest_m = 0, math.dist(track[0][:2], here[:2])
     for i in range(1, len(track)):
         away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
@@ -84,7 +84,7 @@ def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s:
 
 
 def hold_trajectory(state: AgentState) -> Trajectory | None:
-    """Return the trajectory of a hold from now on: standing at its stopping point."""
+    """Return the trajectory of a hold for the look-ahead time; None without a position."""
     here, rules = position_of(state), state.task.separation
     if here is None:
         return None

@@ -223,7 +223,10 @@ def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str
 
 
 def _first_free_step(
-    vehicle: ReturningVehicle, start_steps: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
+    vehicle: ReturningVehicle,
+    start_steps: Mapping[ReturningVehicle, int],
+    from_step: int,
+    horizontal_m: float,
 ) -> int:
     """Return the first start without a conflict [steps], not before `from_step`."""
     taken = set[int]()

@@ -53,7 +53,7 @@ NOT_WAITING: dict[str, Any] = {
 
 
 def return_target(state: AgentState) -> LatLon | None:
-    """Return the home of a vehicle that returns or waits to return, also after a release.
+    """Return the home of a vehicle that returns or waits to return, also after a release or a lost link.
 
     The result is None for any other vehicle, and if home is unknown.
     """
@@ -76,10 +76,10 @@ def _returns_on_lost_link(state: AgentState) -> bool:
     return any(isinstance(r.params, lost_link.Params) and r.params.does == "return" for r in state.task.rules)
 
 
-def note_returning(state: AgentState, states: Mapping[int, NeighbourReport]) -> AgentState:
+def note_returning(state: AgentState, reports: Mapping[int, NeighbourReport]) -> AgentState:
     """Store the last states of vehicles that return or wait to return."""
     now_s = state.vehicle.time_boot_s
-    known = {**state.returning_neighbours, **states}
+    known = {**state.returning_neighbours, **reports}
     kept = {
         uav: report
         for uav, report in known.items()
@@ -133,7 +133,7 @@ def update_return(state: AgentState) -> StepResult:
 def _wait_or_start(state: AgentState, return_turn_boot_s: float) -> StepResult:
     now_s = state.vehicle.time_boot_s
     most_s = MAX_RETURN_WAIT_S if state.returns_when_clear else MAX_AFTER_S
-    # After a reboot of the vehicle the start time no longer fits its clock.
+    # After a reboot of the vehicle the start time does not fit the vehicle's clock.
     if not 0.0 < return_turn_boot_s - now_s <= most_s:
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
     if not state.returns_when_clear or 0.0 <= now_s - state.return_checked_boot_s < CHECK_EVERY_S:
@@ -162,7 +162,7 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
 
 
 def _yield_to_simultaneous_start(state: AgentState, since_s: float) -> StepResult:
-    """Hold again if a vehicle with a lower system id started its return at the same time."""
+    """Hold again if the path is not clear of a vehicle with a lower system id."""
     now_s = state.vehicle.time_boot_s
     if not 0.0 <= now_s - since_s < SETTLING_S or now_s >= state.return_deadline_boot_s:
         return replace(state, return_started_boot_s=None), []
@@ -182,7 +182,7 @@ def _yield_to_simultaneous_start(state: AgentState, since_s: float) -> StepResul
 def is_return_path_clear(state: AgentState) -> bool:
     """Return whether the return path is clear of vehicles that return or have priority in the queue.
 
-    The result is True without a position: a vehicle of unknown position does not wait.
+    The result is True if position or home is unknown, because such a vehicle does not wait.
     """
     own, now_s = place_for_return(state), state.vehicle.time_boot_s
     if own is None:

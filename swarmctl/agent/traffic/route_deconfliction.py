@@ -1,17 +1,18 @@
-"""Route deconfliction: no two vehicles fly plans that conflict. Pure.
+"""Route deconfliction: new plans avoid the known intents of other vehicles. Pure.
 
-A new plan is compared with the intents of all other vehicles before it is uploaded.
+A new plan of a flying vehicle is compared with the recent intents of other vehicles before the upload.
 
 | the new plan | action |
 |---|---|
+| changes the height during a proximity alarm | is taken without a comparison |
 | conflicts with none | is taken |
 | conflicts, but another height is clear | is taken at the lowest clear height |
-| conflicts at every height | is deferred: the vehicle keeps its plan, or holds if a conflict is near |
+| conflicts at every height | is deferred: the vehicle keeps its plan, or holds if that plan conflicts soon |
 
 Two plans can still conflict if both were taken at the same time, or if times have shifted. Both vehicles
-compare the same two flights by the same rule, without a message. A vehicle that cannot change its plan has
-priority, otherwise the lower system id (`separation.watch.gives_way_to`). The vehicle without priority plans
-again, and compares its new plan with all intents as above.
+compare the same two intents by the same rule, without a further message. A vehicle that cannot change its
+plan has priority, otherwise the lower system id (`separation.watch.gives_way_to`). The vehicle without
+priority plans again, and compares its new plan with all intents as above.
 """
 
 from __future__ import annotations
@@ -48,23 +49,23 @@ RETRY_S = 5.0
 RETRY_SOON_S = 1.0
 """Time until a deferred plan is tried again [s], if the present plan has a conflict soon."""
 HOLDS_WITHIN_S = 20.0
-"""Time before a conflict at which a vehicle without a clear plan holds [s]."""
+"""Time before a conflict of the present plan at which a vehicle without a clear new plan holds [s]."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 BETTER_BY = 0.3
-"""Share of the limits by which a plan that comes too close has to be better than the present one."""
+"""Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
 MAX_HEIGHTS = 8
 """Greatest number of heights tried."""
 
 
-def clashes_of(
-    state: AgentState, flight: Trajectory | None, instead_of: Trajectory | None = None
+def clashes_with_known_intents(
+    state: AgentState, flight: Trajectory | None, present_flight: Trajectory | None = None
 ) -> tuple[Clash, ...]:
-    """Return the clashes of a flight with all known intents, soonest first.
+    """Return the clashes of a flight before its landing with the recent intents, soonest first.
 
-    `instead_of`: the flight of the present plan, for comparison.
+    A flight that separates two close vehicles does not clash. `present_flight`: flight of the present plan.
     """
-    return () if flight is None else _clashes_with_known(state, flight, known_intents(state), instead_of)
+    return () if flight is None else _unseparated_clashes(state, flight, known_intents(state), present_flight)
 
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
@@ -73,17 +74,17 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     return {uav: intent for uav, intent in state.intents.items() if 0.0 <= now_s - intent.sent_s <= MAX_AGE_S}
 
 
-def _clashes_with_known(
+def _unseparated_clashes(
     state: AgentState,
     flight: Trajectory,
     others: Mapping[int, NeighbourIntent],
-    instead_of: Trajectory | None,
+    present_flight: Trajectory | None,
 ) -> tuple[Clash, ...]:
     limits, flight = state.task.separation.limits, until_landing(flight)
-    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if instead_of is None else SEPARATES_WITHIN_S)
+    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present_flight is None else SEPARATES_WITHIN_S)
 
     def separates(intent: NeighbourIntent) -> bool:
-        return _separates(flight, instead_of, intent.flight, intent.limits(limits))
+        return _separates(flight, present_flight, intent.flight, intent.limits(limits))
 
     found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
@@ -95,22 +96,26 @@ def clashes_with(
     """Return the clashes of a flight with the intents of `others`, soonest first."""
     mine = Bounds.of(flight)
     near = {
-        uav: intent for uav, intent in others.items() if mine.is_within(intent.bounds, _reach(intent, limits))
+        uav: intent
+        for uav, intent in others.items()
+        if mine.is_within(intent.bounds, _search_margins(intent, limits))
     }
     wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.around_m)}
     return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
 
 
-def _reach(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
+def _search_margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
     kept = intent.limits(limits) if any(intent.around_m) else limits
     return TIME_TOLERANCE_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
 
 
-def _separates(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
-    """Return whether a plan separates two vehicles that are close now.
+def _separates(
+    flight: Trajectory, present_flight: Trajectory | None, other: Trajectory, limits: Limits
+) -> bool:
+    """Return whether a flight separates two vehicles that are close now.
 
-    The vehicles have to be apart after `SEPARATES_WITHIN_S`. Until then the plan has to keep their present
-    distance or the limits, or has to be clearly better than the present plan.
+    After SEPARATES_WITHIN_S the flight is clear. In addition, one of two conditions holds: the distance never
+    falls below its present value or the limits; or the flight is better than the present one by BETTER_BY.
     """
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + SEPARATES_WITHIN_S)
@@ -123,7 +128,7 @@ def _separates(flight: Trajectory, instead_of: Trajectory | None, other: Traject
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     if least >= min(now, 1.0) - 1e-6:
         return True
-    present_least = None if instead_of is None else least_share(instead_of, other, limits)
+    present_least = None if present_flight is None else least_share(present_flight, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY
 
 
@@ -155,24 +160,24 @@ def check_own_route(state: AgentState) -> StepResult:
         return state, []
     state = replace(state, dirty=True, must_change=True)
     text = f"the route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}"
-    text += "; this vehicle gives way [route-conflict]"
+    text += "; this vehicle gives way with a new plan [route-conflict]"
     return state, [ev.NotifyOperator(text)] if new else []
 
 
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
-    """Return the clashes of the own flight. Only intents that changed are compared again."""
-    before = {uav: at for uav, at in state.comparisons.items() if at.own is own}
+    """Compare the own flight with changed intents; return its clashes with all intents."""
+    before = {uav: compared for uav, compared in state.comparisons.items() if compared.own is own}
     intents = known_intents(state)
     new = {
         uav: intent for uav, intent in intents.items() if uav not in before or before[uav].other is not intent
     }
-    clashes = {clash.other: clash for clash in _clashes_with_known(state, own, new, None)} if new else {}
+    clashes = {clash.other: clash for clash in _unseparated_clashes(state, own, new, None)} if new else {}
     after = {
         uav: FlightComparison(own, intent, clashes.get(uav)) if uav in new else before[uav]
         for uav, intent in intents.items()
     }
     found = sorted(
-        (at.clash for at in after.values() if at.clash is not None),
+        (compared.clash for compared in after.values() if compared.clash is not None),
         key=lambda clash: (clash.at_s, clash.other),
     )
     return replace(state, comparisons=after), tuple(found)
@@ -187,7 +192,7 @@ def _gives_way(state: AgentState, other: int) -> bool:
 
 
 def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResult:
-    """Take, change or defer the new plan of a decision, by the table of the module.
+    """Take, change or defer the new plan of a decision in flight, by the table of the module.
 
     A plan that is taken is broadcast as the own intent and uploaded.
     """
@@ -200,7 +205,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     if before.alarms and _changes_height(before, swap.plan):
         return _take(state, swap, flight)  # an evasive climb comes first
     old = None if before.route is None else planned_flight(before)
-    clashes = clashes_of(state, flight, old)
+    clashes = clashes_with_known_intents(state, flight, old)
     new = [clash for clash in clashes if clash.other not in before.predicted_conflicts | before.deferred_for]
     counts = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
     state = replace(state, deconfliction=counts)
@@ -216,13 +221,14 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     for height_m in _heights_m(state, swap.plan):
         plan = _with_early_height(before, at_height(swap.plan, height_m))
         flight = flight_by_plan(before, plan)
-        if clashes_of(state, flight, old):
+        if clashes_with_known_intents(state, flight, old):
             continue
         resolved |= {clash.other for clash in clashes} - before.deferred_for
         state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
-        text = f"the new route would conflict with {others_text}; the vehicle flies it at {height_m:.0f} m"
+        text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
+        text += f"flies the route at {height_m:.0f} m above home"
         state, published = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
         return state, [ev.NotifyOperator(f"{text} [height-change]"), *published]
     return _defer(before, state, swap, clashes, now)
@@ -234,7 +240,7 @@ def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
 
 
 def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
-    """Return a plan that reaches its height early, if that height differs from the present plan's."""
+    """Return a plan with a new height in a form that reaches this height early; otherwise the plan itself."""
     here, route = position_of(before), before.route
     if here is None or before.task.wings is not None:
         return plan
@@ -260,7 +266,7 @@ def _take(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) ->
 def _defer(
     before: AgentState, state: AgentState, swap: ev.SwapMission, clashes: tuple[Clash, ...], now: float
 ) -> StepResult:
-    """Defer a plan: the vehicle keeps its present route, or holds."""
+    """Defer a plan: the vehicle keeps its present route, or holds; the plan is tried again soon."""
     others = frozenset(clash.other for clash in clashes)
     new = [clash for clash in clashes if clash.other not in before.deferred_for]
     state = replace(
@@ -272,12 +278,14 @@ def _defer(
         late_s=before.late_s,
         deferred_for=before.deferred_for | others,
     )
-    old = [clash for clash in clashes_of(state, planned_flight(before)) if _gives_way(before, clash.other)]
+    present_clashes = clashes_with_known_intents(state, planned_flight(before))
+    old = [clash for clash in present_clashes if _gives_way(before, clash.other)]
     near_s = old[0].at_s - state.vehicle.time_boot_s if old else HOLDS_WITHIN_S
     again_s = RETRY_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else RETRY_S
     state = replace(state, retry_at_s=now + again_s)
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
-    reaction = "holds [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
+    reaction = "continues to hold" if before.route is None else "holds"
+    reaction = f"{reaction} [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
     waits = others | (before.predicted_conflicts if holds else frozenset())
     if holds or not old:
         by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
@@ -285,7 +293,7 @@ def _defer(
     messages: list[ev.Effect] = []
     if new:
         others_text = describe_clashes(new, state.vehicle.time_boot_s)
-        text = f"the new route would conflict with {others_text} at every height; the vehicle {reaction}"
+        text = f"no height is clear for the new route (conflict with {others_text}); the vehicle {reaction}"
         messages.append(ev.NotifyOperator(text))
     if not holds:
         return state, messages
@@ -299,11 +307,12 @@ def _may_hold(state: AgentState) -> bool:
     if here is None or task.separation.action != "hold" or task.wings is not None or not may_give_way(state):
         return False
     stop = stopping_point(state, here)
-    return not clashes_of(state, Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop)))
+    hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
+    return not clashes_with_known_intents(state, hold)
 
 
 def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
-    """Hold as in collision avoidance, and try the plan again after RETRY_S."""
+    """Hold as in collision avoidance, for at least RETRY_S."""
     now_s = state.vehicle.time_boot_s
     state, ordered = command(
         state,
@@ -325,12 +334,12 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
 
 
 def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
-    """Return the heights above home to try [m], lowest first.
+    """Return the heights above home to try [m], lowest first; none if the vehicle's height is unknown.
 
-    The heights are the task's altitude, and heights just above the present plan and each other vehicle.
+    The heights are the task's altitude, and heights just above the new plan and each other vehicle's flight.
     """
     task, vehicle = state.task, state.vehicle
-    flown_m = plan.height_m
+    planned_m = plan.height_m
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return []
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
@@ -339,7 +348,7 @@ def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
         max(point[2] for point in intent.flight.points) + intent.around_m[1] - home_m
         for intent in state.intents.values()
     }
-    wanted = {task.altitude_m, flown_m + keeps_m, *(top_m + keeps_m for top_m in tops_m)}
+    candidates = {task.altitude_m, planned_m + keeps_m, *(top_m + keeps_m for top_m in tops_m)}
     most_m = ceiling_m(state)
-    allowed = sorted(h for h in wanted if task.altitude_m <= h <= most_m and abs(h - flown_m) > 0.1)
+    allowed = sorted(h for h in candidates if task.altitude_m <= h <= most_m and abs(h - planned_m) > 0.1)
     return allowed[:MAX_HEIGHTS]

@@ -11,13 +11,13 @@ from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment, Tr
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Separation limits: two vehicles closer than both limits are too close."""
+    """Separation limits: two vehicles are too close while both distances are below the limits."""
 
     horizontal_m: float
     vertical_m: float
 
     def share(self, horizontal_m: float, vertical_m: float) -> float:
-        """Return the share of the limits that a distance keeps; less than 1: too close."""
+        """Return the greater of the two distances as shares of their limits; below 1: too close."""
         return max(horizontal_m / self.horizontal_m, vertical_m / self.vertical_m)
 
 
@@ -36,7 +36,7 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class _Relative:
-    """Relative motion while both fly straight: from `begin_s` for `lasts_s`."""
+    """Motion of one vehicle relative to another while both fly straight; `at` and `velocity` in m and m/s."""
 
     begin_s: float
     lasts_s: float

@@ -44,7 +44,7 @@ class Clash:
 
 
 def describe_clashes(clashes: Sequence[Clash], now_s: float) -> str:
-    """Return the other vehicles and the times until the clashes as text."""
+    """Return as text the other vehicles, and the time until each clash."""
     texts = [f"vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in clashes]
     return " and ".join(texts)
 
@@ -112,7 +112,7 @@ def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) ->
     relative = [(apart(pair, 0), apart(pair, 1)) for pair in times]
     if _distance_m(relative) >= limits.horizontal_m:
         return None
-    # Times at which the position is within an octagon around the circle: early by at most 8 % of the radius.
+    # An octagon around the circle of the limit: at this time the distance is at most 8 % above the limit.
     for east, north in _DIRECTIONS:
         at = [limits.horizontal_m - east * apart(pair, 0) - north * apart(pair, 1) for pair in times]
         times = _clip(times, at) or times

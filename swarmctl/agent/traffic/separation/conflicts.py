@@ -23,10 +23,7 @@ class PairConflict:
 
 
 def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairConflict, ...]:
-    """Return all pairs in conflict at some time, soonest first.
-
-    A sweep over time and bounding boxes selects the pairs that are near at the same time.
-    """
+    """Return all pairs in conflict at some time, soonest first."""
     found = []
     for uav, other in sorted(_near_pairs(flights, limits)):
         times = intervals(flights[uav], flights[other], limits)
@@ -38,11 +35,11 @@ def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairCo
 
 @dataclass(frozen=True, slots=True)
 class CrossingCounts:
-    """Number of pairs of flights that cross over ground at the same time."""
+    """Number of pairs of flights that are closer than the horizontal limit at the same time."""
 
     predicted: int
     by_height: int
-    """pairs separated by height alone"""
+    """pairs that height separates"""
 
 
 def count_crossings(flights: Mapping[int, Trajectory], limits: Limits) -> CrossingCounts:

@@ -12,7 +12,7 @@ from swarmctl.agent.traffic.separation.approach import Approach, Limits, nearest
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 
 MAX_GAP_S = 3.0
-"""Greatest time between two samples that are connected [s]."""
+"""Greatest time between two positions that are joined to a segment [s]."""
 
 VehiclePair = tuple[int, int]
 """system ids, the lower first"""
@@ -30,7 +30,7 @@ class _Track:
 
 
 class FlownSeparation:
-    """Least distance so far (`nearest`) and its pair (`between`); flights are straight between samples."""
+    """Least distance so far (`nearest`) and its pair (`between`); flights are straight between positions."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -55,14 +55,14 @@ class FlownSeparation:
             self._reach_m = np.append(self._reach_m, 0.0)
         if t_s <= track.last_s:
             return False
-        before, self._here[track.row] = Segment(track.last_s, t_s, track.here, here), here
+        segment, self._here[track.row] = Segment(track.last_s, t_s, track.here, here), here
         track.last_s, track.here = t_s, here
-        if before.end_s - before.begin_s > MAX_GAP_S:
+        if segment.end_s - segment.begin_s > MAX_GAP_S:
             return False
-        length_m = math.dist(before.a, before.b)
-        self._keep(track, before, length_m)
-        found = [self._compare(uav, other, before) for other in self._within_reach(track.row, length_m)]
-        return any(found)
+        length_m = math.dist(segment.a, segment.b)
+        self._keep(track, segment, length_m)
+        is_nearer = [self._compare(uav, other, segment) for other in self._within_reach(track.row, length_m)]
+        return any(is_nearer)
 
     def _keep(self, track: _Track, segment: Segment, length_m: float) -> None:
         track.segments.append(segment)

@@ -51,7 +51,7 @@ class Trajectory:
             yield Segment(t0, t1, a, b)
 
     def at(self, t_s: float) -> LocalPoint | None:
-        """Return the position; None before and after the flight."""
+        """Return the position at `t_s`; None before and after the flight."""
         if not self.times_s or not self.times_s[0] <= t_s <= self.times_s[-1]:
             return None
         if t_s == self.times_s[-1]:
@@ -60,7 +60,7 @@ class Trajectory:
         return Segment(self.times_s[i - 1], self.times_s[i], self.points[i - 1], self.points[i]).at(t_s)
 
     def since(self, t_s: float) -> Trajectory | None:
-        """Return the part after `t_s`; None if the flight has ended before `t_s`."""
+        """Return the part from `t_s` on; None if the flight ends before `t_s`."""
         at = self.at(t_s)
         if at is None:
             return self if self.times_s and t_s < self.times_s[0] else None

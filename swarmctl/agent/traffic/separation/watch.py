@@ -13,11 +13,11 @@ from swarmctl.core.frames import StateShared
 AvoidanceAction = Literal["hold", "climb", "none"]
 
 CLEAR_FACTOR = 1.5
-"""Multiple of the limits outside of which an alarm can end."""
+"""Multiple of the limits that the prediction has to keep before an alarm ends."""
 CLEAR_FOR_S = 2.0
-"""Time outside that multiple after which the alarm ends [s]."""
+"""Time for which the prediction has to keep this multiple [s]."""
 HEIGHT_MARGIN = 1.2
-"""Multiple of the vertical limit kept by an evasive climb: heights are not held to the metre."""
+"""Multiple of the vertical limit kept by a change of height: heights are not held to the metre."""
 
 DEFAULT_LIMITS = Limits(10.0, 3.0)
 
@@ -40,7 +40,7 @@ class NeighbourReport:
 
     state: StateShared
     at_s: float
-    """time by the receiver's vehicle clock"""
+    """time of the state by the clock of the receiving vehicle [s]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class NeighbourIntent:
     """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
     bounds: Bounds
     may_change: bool
-    """True if the vehicle can give way"""
+    """True if the vehicle can take another plan"""
     sent_s: float
     around_m: tuple[float, float] = (0.0, 0.0)
     """uncertainty of the flight, horizontal and vertical [m]"""
@@ -66,13 +66,13 @@ class NeighbourIntent:
 
 @dataclass(frozen=True, slots=True)
 class ProximityAlarm:
-    """A vehicle predicted to be too close."""
+    """A prediction that another vehicle comes too close."""
 
     other: int
     approach: Approach
     """last prediction, by the vehicle's own clock"""
     clear_since_s: float | None = None
-    """time since which the conflict is no longer predicted [s]"""
+    """time since which the conflict is no longer predicted [s]; None while predicted"""
 
 
 def update_alarms(
@@ -82,7 +82,7 @@ def update_alarms(
     rules: SeparationRules,
     now_s: float,
 ) -> tuple[ProximityAlarm, ...]:
-    """Return the alarms from now on, in order of system id.
+    """Return the updated alarms, in order of system id.
 
     `others` are predicted trajectories of vehicles received recently. An alarm begins at once and ends with
     hysteresis, so that position errors do not toggle it.
