@@ -1,9 +1,9 @@
 """Operator service: receives commands from the bus and returns the agents' answers.
 
-A command from a network moves aircraft. So the service executes a command completely or refuses it, and
-counts and shows each refusal. The operator gets an answer for each vehicle. The rate limit fits commands
-typed by hand, and counts only commands with a valid signature. New weights cause a new plan. So an agent gets
-new weights only when it has handled the previous weights.
+A command from a network moves aircraft, so an invalid command changes nothing. The service counts each
+refusal. The operator gets an answer for each vehicle of an accepted command. The rate limit of a key fits
+commands typed by hand; only commands with a valid signature count. New weights cause a new plan. So an agent
+gets new weights only after it has handled the previous weights.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ from swarmctl.core.messages import (
 from swarmctl.core.operator_text import printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
-"""longest wait for the agents' answers; an agent in a long search may answer later"""
+"""longest wait for the agents' answers; an agent in a long search may answer too late"""
 MAX_REASON_CHARS = 400
 PER_S = 4.0
 BURST = 8
-"""limits on commands with a valid signature, accepted or refused: PER_S a second, BURST at once"""
+"""limits on commands with a valid signature under one key, also refused: PER_S a second, BURST at once"""
 CHECKED_PER_S = 200.0
-"""limit on signature checks of 0.1 to 0.3 ms each; further commands get neither a check nor an answer"""
+"""limit on signature checks of 0.1 to 0.3 ms under one key; further commands get no check and no answer"""
 CHECKED_BURST = 100
 SHOWN_PER_S, SHOWN_BURST = 0.1, 4
 """limits on messages about invalid signatures"""
 TOO_FAST = encode(
     OperatorAnswer(
-        refused=f"more than {PER_S:g} commands a second; nothing was changed, repeat the command later "
-        "[commands-too-fast]"
+        refused=f"operators send more than {PER_S:g} commands a second; this command changed nothing, repeat "
+        "it later [commands-too-fast]"
     )
 )
 KINDS: dict[type[Request], keys.RequestKind] = {SetWeights: "weights", GiveOrder: "order"}

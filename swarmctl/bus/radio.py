@@ -1,8 +1,8 @@
 """Radio model: range, loss, delay and bandwidth of messages between UAVs. No I/O.
 
 The model works above every transport, in simulated time. The sender calls `Radio.send`, and the receiver
-calls `Radio.distance_loss`. Each ordered pair of UAVs has its own random stream. So loss and jitter of a
-pair's n-th message depend only on the seed and n, not on the number of processes.
+calls `Radio.distance_loss`. Each ordered pair of UAVs has its own random stream. So the random loss and the
+jitter of a pair's n-th message do not depend on other pairs, nor on the number of processes.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
     p_enter = p_exit · loss / (1 − loss); p_stay = 1 − p_exit. Without `burst` both are `loss`: losses are
     independent, and bursts have 1 / (1 − loss) messages on average.
 
-    Raises ValueError for bursts shorter than loss / (1 − loss): at least one message is received between two
-    bursts, so shorter bursts cannot lose that share.
+    Raises ValueError for bursts shorter than 1 or than loss / (1 − loss): at least one message is received
+    between two bursts, so shorter bursts cannot lose that share. Raises ValueError for a loss of 1 or more.
     """
     if not 0.0 <= loss < 1.0:
         raise ValueError(f"loss of {loss:g}: expected a share from 0 to below 1")
@@ -101,14 +101,14 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
 class RadioSettings:
     """Settings of the radio model; UAVs are given by system id. The defaults deliver every message at once.
 
-    Raises ValueError if `loss` and `loss_burst` are incompatible.
+    Raises ValueError for a `loss` or `loss_burst` that `gilbert_probabilities` refuses.
     """
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
     loss: float = 0.0
     loss_burst: float | None = None
-    """mean number of messages lost in a row; None: losses are independent"""
+    """mean number of messages randomly lost in a row; None: losses are independent"""
     bandwidth_bytes_s: float = math.inf
     """bandwidth of each transmitter"""
     max_distance_m: float = math.inf
@@ -140,7 +140,7 @@ class Radio:
 
     def __init__(self, settings: RadioSettings, seed: int) -> None:
         self.is_transparent = settings == RadioSettings()
-        """True if every message arrives at once"""
+        """True for the default settings: every message arrives at once"""
         self._settings = settings
         self._seed = seed
         self._is_random = settings.loss > 0.0 or settings.jitter_s > 0.0
@@ -150,8 +150,8 @@ class Radio:
     def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | LossReason:
         """Return the time of arrival of a message sent now [s since the start], or the cause of its loss.
 
-        Partitions and radio silence count at the time of sending. A lost message also occupies the
-        transmitter.
+        Partitions and radio silence count at the time of sending. A message lost at random or by a partition
+        also occupies the transmitter.
         """
         settings = self._settings
         # The draw comes first, so that other causes of loss do not change the draws of later messages.
@@ -165,20 +165,20 @@ class Radio:
             return LossReason.PARTITION
         return LossReason.LOSS if is_lost else sent_s + settings.delay_s + jitter_s
 
-    def distance_loss(self, own: LatLon | None, other: LatLon | None) -> LossReason | None:
+    def distance_loss(self, receiver: LatLon | None, sender: LatLon | None) -> LossReason | None:
         """Return the cause of loss between UAVs at these positions; None within the limits.
 
-        Messages of a UAV with an unknown position are received: its first message may report the position.
+        With an unknown position (None) no message is lost: the sender's first message may report it.
         """
         settings = self._settings
         if settings.min_distance_m == 0.0 and settings.max_distance_m == math.inf:
             return None
-        if own is None or other is None:
+        if receiver is None or sender is None:
             return None
-        between_m = distance_m(own, other)
-        if between_m > settings.max_distance_m:
+        range_m = distance_m(receiver, sender)
+        if range_m > settings.max_distance_m:
             return LossReason.TOO_FAR
-        return LossReason.TOO_NEAR if between_m < settings.min_distance_m else None
+        return LossReason.TOO_NEAR if range_m < settings.min_distance_m else None
 
     def _fate(self, sender: int, to: int) -> tuple[bool, float]:
         fates = self._fates.get((sender, to))

@@ -11,7 +11,7 @@ A report is one observation with these fields:
 | `source` | text, optional | the payload's name, for logs; up to 32 printable characters |
 
 `occupied` is true if a hostile is in the cell, and false if the cell is clear; unobserved cells are left out.
-Points in one cell count once, and must agree. Fields of later versions are ignored.
+Points in one cell count once, and must agree. Unknown fields are ignored.
 
 Each report counts as a separate observation, with independent errors `sensor.p_miss` and
 `sensor.p_false_alarm`. So a payload reports a cell once per pass, not once per picture.
@@ -61,7 +61,7 @@ class RejectReason(StrEnum):
 
 
 class RejectedReport(ValueError):
-    """A refused report; the text has the reason, the found value and the expected value."""
+    """A refused report; the text begins with the reason."""
 
     def __init__(self, reason: RejectReason, text: str) -> None:
         super().__init__(f"{reason}: {text}")
@@ -83,8 +83,7 @@ class Report(msgspec.Struct, frozen=True, omit_defaults=True):
     """One observation of a payload."""
 
     version: Annotated[Literal[1], msgspec.Meta(description="version of this schema")]
-    cells: Annotated[tuple[tuple[int, int, bool], ...], _OneOrMore] | None = None
-    """(row, col, occupied)"""
+    cells: Annotated[ReportedCells, _OneOrMore] | None = None
     points: Annotated[tuple[ReportedPoint, ...], _OneOrMore] | None = None
     unix_s: float | None = None
     source: Annotated[str, msgspec.Meta(max_length=MAX_SOURCE_CHARS)] = ""
@@ -134,7 +133,7 @@ def decode_report(
 ) -> tuple[ReportedCells, str]:
     """Return the cells of a report, and its source.
 
-    Raises RejectedReport, and no other exception, for malformed bytes.
+    Raises RejectedReport, and no other exception, for an invalid report.
     """
     if len(data) > MAX_BYTES:
         raise RejectedReport(

@@ -15,5 +15,5 @@ def _no_thread_is_inside_zenoh_at_the_end() -> Iterator[None]:
     """Else the interpreter, which pytest ends in the usual way, may abort."""
     yield
     until_s = time.monotonic() + 2.0 * zenoh_config.OPENING_MS / 1e3
-    while process_exit.has_blocked_thread() and time.monotonic() < until_s:
+    while process_exit.has_live_thread() and time.monotonic() < until_s:
         time.sleep(0.05)

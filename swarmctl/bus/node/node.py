@@ -190,7 +190,7 @@ class Node:
         self._store_own(made, data)
         # With requests disabled, no checkpoint is sent: a checkpoint would deliver missed observations.
         is_worth_it = len(data) <= self._sent_since_bytes or made.upto >= self._last_sent_upto + COMPACT_AFTER
-        if is_worth_it and self._requests.are_enabled:
+        if is_worth_it and self._requests.is_enabled:
             self._last_sent_upto, self._sent_since_bytes = made.upto, 0
             self._deferred[made.source] = made
             self._send(output, Relayed((data,)), to, unix_s)
@@ -314,7 +314,7 @@ class Node:
         except MessageRefused:
             self._counters.flagged[item.observer] = max(self._counters.flagged[item.observer], 1)
             raise
-        if isinstance(item, Checkpoint) and item.upto <= was_upto and self._requests.are_enabled:
+        if isinstance(item, Checkpoint) and item.upto <= was_upto and self._requests.is_enabled:
             self._deferred[item.source] = item
             return True
         output.notices += self._contradictions.find(decoded)

@@ -1,7 +1,7 @@
-"""Replica of all observations at one UAV, by source: the signed frames themselves, and the gaps. No I/O.
+"""A UAV's replica of all observations, by source. No I/O.
 
-The replica keeps the bytes of each frame with the observer's signature, so any neighbour can pass the frame
-on. A checkpoint replaces the frames that it summarises.
+The replica keeps each frame's bytes with the observer's signature, so the UAV can pass the frame on. A
+checkpoint replaces the frames that it summarises.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
 from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
 
 COMPACT_AFTER = 256
-"""longest run of single observations in an answer; a checkpoint replaces a longer run"""
+"""lead over the receiver's checkpoint, in observations, from which a checkpoint is sent in any case"""
 MAX_BEYOND = 600
-"""largest number of observations beyond gaps in a digest, over all sources; others may be sent twice"""
+"""largest number of observations beyond gaps in a digest, over all sources; the rest may arrive twice"""
 MAX_AHEAD = 1024
-"""largest distance of a kept observation beyond a gap; farther observations are requested later"""
+"""largest lead of a stored observation over `upto`; farther observations are requested later"""
 MAX_INCARNATIONS = 8
 """greatest number of incarnations kept for one observer"""
 
 
 class DetachedColumn:
-    """The numbers of a source record that is not in the reception tables."""
+    """The values of one source record outside the reception tables."""
 
     __slots__ = ("in_order", "log_number", "upto")
 
@@ -39,18 +39,18 @@ class DetachedColumn:
 
 
 class SourceRecord(msgspec.Struct, gc=False):
-    """All frames of one source, without reference cycles, so the garbage collector can skip the record."""
+    """Held frames of one source, without reference cycles, so the garbage collector can skip the record."""
 
     source: Source
     log: ObservationLog
-    """the observations after `checkpoint`, up to `upto`"""
+    """shared log of the observations after `checkpoint`; this UAV holds those up to `upto`"""
     checkpoint: Checkpoint | None = None
     checkpoint_frame: DecodedFrame | None = None
     ahead: dict[int, DecodedFrame] = {}
     """observations beyond a gap, by sequence number"""
-    numbers: DetachedColumn | ReceptionColumn = msgspec.field(default_factory=DetachedColumn)
+    column: DetachedColumn | ReceptionColumn = msgspec.field(default_factory=DetachedColumn)
     place: int = 0
-    """index in `numbers`"""
+    """index in `column`"""
     _mark: int = 0
     """combined mark of all observations held up to `_marked_upto`, and of `ahead`"""
     _marked_upto: int = 0
@@ -58,7 +58,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     @property
     def upto(self) -> int:
         """Sequence number up to which every observation is held."""
-        return self.numbers.upto[self.place]
+        return self.column.upto[self.place]
 
     @property
     def mark(self) -> int:
@@ -69,19 +69,19 @@ class SourceRecord(msgspec.Struct, gc=False):
             self._marked_upto = self.upto
         return self._mark
 
-    def attach(self, numbers: DetachedColumn | ReceptionColumn, place: int = 0) -> None:
-        """Move the numbers to another column, shared with other objects."""
-        numbers.upto[place], self.numbers.in_order[self.place] = self.upto, False
-        self.numbers, self.place = numbers, place
+    def attach(self, column: DetachedColumn | ReceptionColumn, place: int = 0) -> None:
+        """Move this record's values to another column."""
+        column.upto[place], self.column.in_order[self.place] = self.upto, False
+        self.column, self.place = column, place
         self._update_column()
 
     def _update_column(self) -> None:
-        """Update the numbers with which the reception table appends to the log."""
-        self.numbers.log_number[self.place] = self.log.number
-        self.numbers.in_order[self.place] = not self.ahead
+        """Update the values with which the reception table appends to the log."""
+        self.column.log_number[self.place] = self.log.number
+        self.column.in_order[self.place] = not self.ahead
 
     @property
-    def covered(self) -> int:
+    def checkpoint_upto(self) -> int:
         return 0 if self.checkpoint is None else self.checkpoint.upto
 
     @property
@@ -89,25 +89,25 @@ class SourceRecord(msgspec.Struct, gc=False):
         return max(self.ahead) if self.ahead else self.upto
 
     def add(self, decoded: DecodedFrame) -> bool:
-        """Add an observation; return whether it is new.
+        """Add an observation; return False if it is held, or more than `MAX_AHEAD` ahead.
 
-        Raises MessageRefused if another observation with the same name is held.
+        Raises MessageRefused if a different observation with the same name is held.
         """
         seq, upto = decoded.seq, self.upto
-        if seq <= self.covered or seq > upto + MAX_AHEAD:
+        if seq <= self.checkpoint_upto or seq > upto + MAX_AHEAD:
             return False
-        known = self.ahead.get(seq) if seq > upto else self.log.between(seq - 1, seq)[0]
-        if known is not None:
-            seen = decoded.frame.content
-            if known.frame.content != seen and isinstance(seen, Observation):
-                raise MessageRefused(RefusalReason.TWO_CONTENTS, seen.two_contents)
+        held = self.ahead.get(seq) if seq > upto else self.log.between(seq - 1, seq)[0]
+        if held is not None:
+            content = decoded.frame.content
+            if held.frame.content != content and isinstance(content, Observation):
+                raise MessageRefused(RefusalReason.TWO_CONTENTS, content.two_contents)
             return False
         self._mark = self.mark ^ decoded.mark
         self.ahead[seq] = decoded
         if seq == upto + 1:
-            self._settle()
+            self._append_following()
         else:
-            self.numbers.in_order[self.place] = False
+            self.column.in_order[self.place] = False
         return True
 
     def is_next(self, decoded: DecodedFrame) -> bool:
@@ -119,31 +119,32 @@ class SourceRecord(msgspec.Struct, gc=False):
         if not self.log.accepts(decoded):
             self.log = self.log.fork(decoded)
             self._update_column()
-        self.numbers.upto[self.place] += 1
+        self.column.upto[self.place] += 1
 
-    def advance(self, to: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
+    def advance(self, checkpoint: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
         """Adopt a checkpoint that summarises more than the current checkpoint; return True if adopted.
 
-        Raises MessageRefused if the checkpoint contradicts held observations.
+        Raises MessageRefused if all summarised observations are held, with other contents.
         """
-        if to.upto <= self.covered:
+        upto = checkpoint.upto
+        if upto <= self.checkpoint_upto:
             return False
-        later = self.log.between(to.upto, self.upto)
-        mark = to.mark
-        for held in (*later, *(held for seq, held in self.ahead.items() if seq > to.upto)):
+        later = self.log.between(upto, self.upto)
+        mark = checkpoint.mark
+        for held in (*later, *(held for seq, held in self.ahead.items() if seq > upto)):
             mark ^= held.mark
-        if to.upto <= self.upto and mark != self.mark:
-            raise MessageRefused(RefusalReason.TWO_CONTENTS, to.two_contents)
+        if upto <= self.upto and mark != self.mark:
+            raise MessageRefused(RefusalReason.TWO_CONTENTS, checkpoint.two_contents)
         self._mark = mark
-        self.checkpoint, self.checkpoint_frame = to, decoded
-        self.log, self.numbers.upto[self.place] = logs.at(self.source, to.upto), to.upto
+        self.checkpoint, self.checkpoint_frame = checkpoint, decoded
+        self.log, self.column.upto[self.place] = logs.at(self.source, upto), upto
         self.ahead |= {held.seq: held for held in later}
-        for seq in [seq for seq in self.ahead if seq <= to.upto]:
+        for seq in [seq for seq in self.ahead if seq <= upto]:
             del self.ahead[seq]
-        self._settle()
+        self._append_following()
         return True
 
-    def _settle(self) -> None:
+    def _append_following(self) -> None:
         while (following := self.ahead.pop(self.upto + 1, None)) is not None:
             self.append(following)
         self._marked_upto = self.upto
@@ -151,23 +152,23 @@ class SourceRecord(msgspec.Struct, gc=False):
 
     def after(self, seq: int) -> Sequence[DecodedFrame]:
         """Return the observations after `seq` and after the checkpoint, in order."""
-        in_log = self.log.between(max(seq, self.covered), self.upto)
+        in_log = self.log.between(max(seq, self.checkpoint_upto), self.upto)
         if not self.ahead:
             return in_log
         return [*in_log, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
 
     def is_contradicted(self, other: HeldObservations) -> bool:
-        """Return whether another UAV holds other contents under the same names: a forged observation."""
-        is_same = other.upto == self.upto and other.beyond == tuple(sorted(self.ahead))
-        return is_same and other.mark != self.mark
+        """Return whether another UAV holds other contents under exactly the same observation numbers."""
+        has_same_numbers = other.upto == self.upto and other.beyond == tuple(sorted(self.ahead))
+        return has_same_numbers and other.mark != self.mark
 
-    def digest_entry(self, n_beyond: int) -> HeldObservations:
-        ahead = tuple(sorted(self.ahead)[:n_beyond])
-        return HeldObservations(*self.source, self.covered, self.upto, ahead, self.mark)
+    def digest_entry(self, max_beyond: int) -> HeldObservations:
+        beyond = tuple(sorted(self.ahead)[:max_beyond])
+        return HeldObservations(*self.source, self.checkpoint_upto, self.upto, beyond, self.mark)
 
 
 class Replica:
-    """The set of all known observations, which only grows."""
+    """All observations that one UAV holds; the set only grows."""
 
     def __init__(self, column: ReceptionColumn) -> None:
         self._column = column
@@ -185,25 +186,26 @@ class Replica:
             if self._incarnations[source[0]] == MAX_INCARNATIONS:
                 raise MessageRefused(
                     RefusalReason.TOO_FAST,
-                    f"vehicle {source[0]} was restarted {MAX_INCARNATIONS} times in this flight",
+                    f"the agent of vehicle {source[0]} was restarted {MAX_INCARNATIONS} times in this "
+                    "flight; observations after the last restart are ignored",
                 )
             self._incarnations[source[0]] += 1
             record = self._records[source] = SourceRecord(source, self._logs.at(source, 0))
         return record
 
     def take(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
-        """Add a frame to the record of its source; return whether it is new.
+        """Add an observation or checkpoint to the record of its source; return whether it was added.
 
-        Raises MessageRefused if another item with the same name is held.
+        Raises MessageRefused if it contradicts held observations.
         """
         before = record.mark
         if isinstance(item, Observation):
-            is_new = record.add(decoded)
+            is_added = record.add(decoded)
         else:
-            is_new = record.advance(item, decoded, self._logs)
+            is_added = record.advance(item, decoded, self._logs)
         if record.mark != before:
             self._column.toggle_mark(before ^ record.mark)
-        return is_new
+        return is_added
 
     def append(self, record: SourceRecord, decoded: DecodedFrame) -> None:
         """Add an observation that `is_next`; the fast path of `take`."""
@@ -217,34 +219,34 @@ class Replica:
                 yield record.checkpoint_frame
             yield from record.after(0)
 
-    def lacks(self, have: Iterable[HeldObservations]) -> bool:
+    def lacks(self, digest: Iterable[HeldObservations]) -> bool:
         """Return whether a digest lists an observation that is missing here."""
-        for other in have:
-            own = self._records.get((other.observer, other.incarnation))
-            upto, ahead = (0, {}) if own is None else (own.upto, own.ahead)
+        for other in digest:
+            record = self._records.get((other.observer, other.incarnation))
+            upto, ahead = (0, {}) if record is None else (record.upto, record.ahead)
             if other.upto > upto or any(seq > upto and seq not in ahead for seq in other.beyond):
                 return True
         return False
 
     def digest(self) -> tuple[HeldObservations, ...]:
-        """Return a digest of all held observations, limited to the size of a message."""
-        held = [(source, record) for source, record in sorted(self._records.items()) if record.latest]
-        gaps = sum(bool(record.ahead) for _, record in held)
-        return tuple(record.digest_entry(MAX_BEYOND // max(gaps, 1)) for _, record in held)
+        """Return a digest of all held observations, with at most `MAX_BEYOND` numbers beyond gaps."""
+        records = [record for _, record in sorted(self._records.items()) if record.latest]
+        n_with_gap = sum(bool(record.ahead) for record in records)
+        return tuple(record.digest_entry(MAX_BEYOND // max(n_with_gap, 1)) for record in records)
 
-    def missing(self, have: Iterable[HeldObservations]) -> Iterator[bytes]:
-        """Yield the frames missing in a digest; first a checkpoint, if the checkpoint saves frames."""
-        digest: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in have}
+    def missing(self, digest: Iterable[HeldObservations]) -> Iterator[bytes]:
+        """Yield the frames missing in a digest; for each source a checkpoint first, if it replaces frames."""
+        entries: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in digest}
         for source in sorted(self._records):
             record = self._records[source]
-            other = digest.get(source) or HeldObservations(*source, 0, 0)
-            upto = other.upto
+            other = entries.get(source) or HeldObservations(*source, 0, 0)
+            upto, checkpoint_upto = other.upto, record.checkpoint_upto
             if record.is_contradicted(other):
                 upto = other.checkpoint
-            is_better = record.covered > upto or record.covered >= other.checkpoint + COMPACT_AFTER
-            if record.checkpoint_frame is not None and is_better:
+            is_worth_sending = checkpoint_upto > upto or checkpoint_upto >= other.checkpoint + COMPACT_AFTER
+            if record.checkpoint_frame is not None and is_worth_sending:
                 yield record.checkpoint_frame.data
-                upto = max(upto, record.covered)
+                upto = max(upto, checkpoint_upto)
             if other.beyond and upto == other.upto:
                 beyond = set(other.beyond)
                 yield from (decoded.data for decoded in record.after(upto) if decoded.seq not in beyond)

@@ -21,22 +21,22 @@ class RequestSchedule:
         self._due: dict[int, float] = {}
         """peer -> earliest time of the next request to this peer [s]"""
         self._pending: tuple[int, float] | None = None
-        """receiver of the last request, and the time-out of the answer"""
+        """receiver of the unanswered request, and end of the wait for the answer [s]"""
         self._next_sync_s = math.inf
         if options.sync_every_s > 0.0:
             self._next_sync_s = options.sync_every_s * (0.5 + 0.5 * float(rng.random()))
 
     @property
-    def are_enabled(self) -> bool:
+    def is_enabled(self) -> bool:
         return self._options.sync_every_s > 0.0
 
     def schedule(self, peer: int, now_s: float, not_before_s: float) -> None:
-        """Schedule a request to a peer, late enough for messages that are still under way."""
-        if self.are_enabled:
+        """Schedule a request to a peer, unless one is scheduled; wait for messages that are under way."""
+        if self.is_enabled:
             self._due.setdefault(peer, max(now_s + self._options.round_trip_s / 2.0, not_before_s))
 
     def due(self, now_s: float) -> Iterator[int]:
-        """Yield the peers whose requests are due, until `asked`: the answer may make others needless."""
+        """Yield the due peers and remove them; stop after `asked`: its answer may replace other requests."""
         while self._due and not self._is_waiting():
             peer = next((peer for peer, at_s in self._due.items() if at_s <= now_s), None)
             if peer is None:

@@ -31,8 +31,8 @@ class Sender:
     def frame(self, content: Content, unix_s: float) -> bytes:
         """Return the next numbered and signed frame, which is not counted as sent."""
         self._n += 1
-        has_own_position = isinstance(content, StateShared)
-        lat_deg, lon_deg = (None, None) if has_own_position or self.position is None else self.position
+        has_position = isinstance(content, StateShared)
+        lat_deg, lon_deg = (None, None) if has_position or self.position is None else self.position
         frame = Frame(self._uav, self._incarnation, self._n, unix_s, content, lat_deg, lon_deg)
         return self._codec.encode(frame)
 

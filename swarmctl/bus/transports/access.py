@@ -1,8 +1,8 @@
 """Zenoh access control of the swarm's participants, from the swarm's name and system ids. No I/O.
 
 The rules only allow; everything else is denied. A deny rule would not stop a put on a wildcard key. For the
-same reason rules list each receiver: no rule includes a key such as `uav/*/inform/state/3`. A rule includes
-`uav/1/*/*/3`, but only UAV 1 receives such a put, and UAV 1 refuses wildcards.
+same reason a router's rules list each receiver, and include no key such as `uav/*/inform/state/3`. A rule
+includes `uav/1/*/*/3`, but only UAV 1 receives such a put, and UAV 1 refuses wildcards.
 
 A subject is a certificate's common name: `uav3` (a vehicle's companion and payloads), `operator` (ground
 station and operators' commands), or `router`. Without certificates every process has the rights of all
@@ -63,11 +63,11 @@ def router_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[st
 
 
 def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
-    """Return the rules of a mesh node: only the swarm's certificates and keys.
+    """Return the rules of a mesh node: only the swarm's keys and, if `certified`, its certificates.
 
     A neighbour relays messages, so a link does not authenticate a message's sender; the receiver checks the
-    message's signature. A payload's reports have no signature, so nodes do not relay reports. A report needs
-    the certificate of the vehicle or of an operator, and a link to the vehicle's own node.
+    message's signature. A payload's reports have no signature, so nodes do not relay reports. With
+    certificates, a report needs that of the vehicle or of an operator, and a link to the vehicle's own node.
     """
     root, all_reports = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
     from_uavs = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]

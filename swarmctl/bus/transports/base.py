@@ -8,7 +8,7 @@ from typing import Protocol
 Receive = Callable[[str, bytes], None]
 """(key, payload), called on the event loop's thread"""
 Reply = Callable[[bytes], None]
-"""answer to a query, to be called once on the event loop's thread; an unanswered query times out"""
+"""function that answers a query; called at most once, on the event loop's thread"""
 Serve = Callable[[str, bytes | None, Reply], None]
 """(key, payload, reply), called on the event loop's thread; payload None: above the size limit"""
 Failure = Callable[[str, Exception], None]
@@ -25,16 +25,16 @@ class BusError(Exception):
 
 
 class Transport(Protocol):
-    """Transport of bytes by key. `put` never waits: a message that cannot be sent now is dropped and counted.
+    """Transport of bytes by key. `put` does not wait: a message that cannot be sent now is dropped.
 
     An exception in a receiver is counted and reported; other receivers and the loop continue.
     """
 
     @property
     def dropped(self) -> int:
-        """Number of messages that could not be sent, and of messages and queries beyond queue sizes.
+        """Number of messages and queries dropped by this process: no link, full queue, or too long.
 
-        Sent and received messages above `MAX_MESSAGE_BYTES` count too.
+        Zenoh's own drops on a slow link are unknown, and do not count.
         """
 
     @property

@@ -1,7 +1,7 @@
 """Inbox from other threads to the event loop: bounded queues, delivered in batches.
 
-A batch of any size wakes the loop once. After an exception in a receiver the loop and other deliveries
-continue.
+Deliveries that arrive together wake the loop once. After an exception in a receiver the loop and other
+deliveries continue.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from swarmctl.bus.transports.base import Failure
 Delivery = Callable[[], None]
 
 TURN_S = 0.02
-"""longest work in one turn of the event loop, shared by the queues, so that links and timers are not late"""
+"""time for deliveries in one turn of the event loop, shared by the queues; links and timers come next"""
 
 
 class Inbox:
     """Queues by number, each with a size limit; queues with lower numbers are delivered first.
 
-    Each turn has a time slice and at least one delivery for each queue, so no queue blocks another.
+    In each turn each queue has a time slice and at least one delivery, so no queue blocks another.
     """
 
     def __init__(

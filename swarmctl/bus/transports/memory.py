@@ -1,4 +1,4 @@
-"""Bus inside one event loop, for virtual time and tests. Messages arrive in the order of sending."""
+"""Bus inside one event loop. Messages arrive in the order of sending."""
 
 from __future__ import annotations
 

@@ -19,7 +19,8 @@ def open_bus(
 ) -> Iterator[ZenohBus]:
     """Open a session at `listen` for operators' commands and payloads' reports of `swarm` only.
 
-    Registers the flight in the directory of running swarms. Raises BusError.
+    Registers the flight in the directory of running swarms. `listen` `none`: the bus serves this process
+    only. Raises BusError.
     """
     if listen == NO_ENDPOINT:
         with ZenohBus(on_failure=on_failure) as bus:

@@ -24,14 +24,14 @@ def start_thread(name: str, run: Callable[[], None]) -> threading.Thread:
     return thread
 
 
-def has_blocked_thread() -> bool:
-    """Return whether such a thread is alive."""
+def has_live_thread() -> bool:
+    """Return whether a thread of `start_thread` is alive."""
     return any(thread.is_alive() for thread in _started)
 
 
 def exit_process(code: int) -> NoReturn:
-    """End the process with `code`: normally, or at once if a thread is inside Zenoh."""
-    if not has_blocked_thread():
+    """End the process with `code`: normally, or at once if a thread of `start_thread` is alive."""
+    if not has_live_thread():
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

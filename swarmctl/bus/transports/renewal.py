@@ -24,9 +24,9 @@ MIN_ROUTE_WAIT_S, MAX_ROUTE_WAIT_S = 2.0, 4.0
 MAX_DOUBLINGS = 4
 """largest number of doublings of the wait; each renewal doubles the wait, so permanent faults disturb less"""
 RESET_AFTER_S = 10.0
-"""time without a missing route after which the wait is short again"""
+"""time with the routes to all neighbours after which the wait is short again"""
 MISSED = ""
-"""value in place of a node's id: another node has no routes to this node"""
+"""value in place of a neighbour's id: a neighbour has no routes to this node"""
 
 
 class LinkSet:
@@ -63,7 +63,7 @@ class LinkSet:
         self._missing_once = missing
 
     def are_lost(self, now_s: float) -> bool:
-        """Return whether no link existed for `LOST_AFTER_S`, counted from the first call without a link."""
+        """Return whether all calls in the last `LOST_AFTER_S` or longer found no link."""
         if self._known or self._alone_since_s is None:
             self._alone_since_s = now_s
         return now_s - self._alone_since_s >= LOST_AFTER_S

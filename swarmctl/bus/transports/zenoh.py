@@ -32,12 +32,12 @@ from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
 
 MAX_PENDING_QUERIES = 32
-"""largest number of pending queries; a flood of queries does not displace messages between UAVs"""
+"""largest number of queued queries; a flood of queries does not displace messages between UAVs"""
 QUERY_QUEUE, MESSAGE_QUEUE, OWN_QUEUE = range(3)
 """queues for queries, messages of other processes, and messages of this process to itself"""
 QUEUE_SIZES = (MAX_PENDING_QUERIES, 4096, 65_536)
 RETRY_S = 0.5
-"""pause between attempts to open a session, if an attempt fails at once"""
+"""pause after a failed attempt to open a session"""
 CHECK_EVERY_S = 0.2
 """period of the checks whether a session has to be replaced"""
 RENEWAL_PAUSE_S = 1.0
@@ -59,9 +59,9 @@ class ZenohBus:
     """Bus over Zenoh, a context manager: an unclosed session delays other processes until its lease ends.
 
     Opens the session of a `Configuration`. `listen`, `open_keys` and `put_keys` are short for `standalone`,
-    `connect` is short for `visitor`. A patient session opens in the background. Until then no messages
-    arrive, and messages to other processes are dropped and counted. The same is true during the renewal of a
-    mesh node's session (`renewal`). Raises BusError.
+    `connect` is short for `visitor`. A patient session opens in the background. Until then other processes
+    are not reached: messages to them are dropped and counted. The same is true while a session is replaced
+    (`renewal`). Raises BusError.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class ZenohBus:
         self._loop = asyncio.get_running_loop()
         self._routes = Subscriptions()
         self._inbox = Inbox(self._loop, QUEUE_SIZES, on_failure, self._loop.time)
-        self._unsent = 0
+        self._dropped = 0
         self._links = LinkSet()
         """links of the current session"""
         self._closed = threading.Event()
@@ -118,7 +118,7 @@ class ZenohBus:
 
     @property
     def dropped(self) -> int:
-        return self._inbox.dropped + self._unsent
+        return self._inbox.dropped + self._dropped
 
     @property
     def failed(self) -> int:
@@ -131,7 +131,7 @@ class ZenohBus:
 
     @property
     def connected(self) -> bool:
-        """True if the session has a link, or if the bus serves this process only."""
+        """True if the session has a link, or if no other process receives messages of this process."""
         return bool(self._links) or not self._configuration.has_others
 
     def put(self, key: str, payload: bytes) -> None:
@@ -140,7 +140,7 @@ class ZenohBus:
         Takes at most 1 ms. Zenoh drops messages on slow links without a report.
         """
         if len(payload) > MAX_MESSAGE_BYTES:
-            self._unsent += 1
+            self._dropped += 1
             return
         for receive in self._routes.reached_by(key):
             self._inbox.take(OWN_QUEUE, key, partial(receive, key, payload))
@@ -156,14 +156,14 @@ class ZenohBus:
                     allowed_destination=zenoh.Locality.REMOTE,
                 )
                 return
-        self._unsent += 1
+        self._dropped += 1
 
     def subscribe(self, key_expression: str, receive: Receive) -> None:
         def arrived(sample: zenoh.Sample) -> None:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
             if len(sample.payload) > MAX_MESSAGE_BYTES:
-                self._unsent += 1
+                self._dropped += 1
                 return
             key = str(sample.key_expr)
             self._inbox.take(MESSAGE_QUEUE, key, partial(receive, key, bytes(sample.payload)))
@@ -182,7 +182,7 @@ class ZenohBus:
                 self._replies.put(partial(_reply, query, key, payload))
 
             asked_key = str(query.key_expr)
-            delivery = partial(serve, asked_key, _question_payload(query.payload), reply)
+            delivery = partial(serve, asked_key, _query_payload(query.payload), reply)
             if not self._inbox.take(QUERY_QUEUE, asked_key, delivery):
                 # zenoh-python types drop() and close() as untyped.
                 query.drop()  # type: ignore[no-untyped-call]
@@ -374,7 +374,7 @@ def _start_closing(session: zenoh.Session) -> threading.Thread:
 
 
 def _subscribe_only(session: zenoh.Session, key: str) -> Callable[[], None]:
-    """Subscribe to a key without messages; return a function that ends the subscription."""
+    """Subscribe to a key and ignore its messages; return a function that ends the subscription."""
     ignore: Callback[zenoh.Sample] = Callback(lambda _sample: None, indirect=False)
     return partial(session.declare_subscriber(key, ignore).undeclare)
 
@@ -395,7 +395,7 @@ def _reply(query: zenoh.Query, key: str, payload: bytes) -> None:
         query.drop()  # type: ignore[no-untyped-call]
 
 
-def _question_payload(payload: zenoh.ZBytes | None) -> bytes | None:
+def _query_payload(payload: zenoh.ZBytes | None) -> bytes | None:
     """Return a query's payload; None above the size limit, without a copy."""
     if payload is None:
         return b""

@@ -8,8 +8,8 @@
 | `router` | router | for clients | – |
 | `mesh_node`: a companion in an ad-hoc mesh | router | for its neighbours | to its neighbours, now or later |
 
-All endpoints are explicit: no multicast scouting, no gossip, no shared memory. With credentials both sides of
-a link show a certificate, and all links use the protocol of the endpoints.
+All endpoints are explicit: no multicast scouting, no gossip, no shared memory. All links use the protocols of
+the endpoints. With credentials both sides of a link show a certificate.
 """
 
 from __future__ import annotations
@@ -89,7 +89,10 @@ class Configuration:
                 ("communication.listen: ", ", or `none`") if self.values["mode"] == "peer" else ("", "")
             )
             why = "the port is in use" if "in use" in error else short
-            advice = f"end the process that uses the port, or give another port (0: any free port){none}"
+            advice = (
+                "end the process that uses the port, or give another port (0: any free port) or another "
+                f"address of this machine{none}"
+            )
             return f"{where}cannot listen at {self.listen}: {why}; {advice}"
         if self.connect:
             keys = " and that its keys have the same authority" if self.connect[0].is_certified else ""
