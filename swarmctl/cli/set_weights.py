@@ -28,7 +28,10 @@ def set_weights(
     uav: UavsOption = None,
     all_vehicles: AllOption = False,
     w: Annotated[
-        float | None, typer.Option("--w", help="Distance anxiety: 0 shortest route, 1 least exposed route.")
+        float | None,
+        typer.Option(
+            "--w", help="Weight of exposure against length: 0 shortest route, 1 least exposed route."
+        ),
     ] = None,
     firing_strength: Annotated[
         str,
@@ -45,7 +48,7 @@ def set_weights(
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
 ) -> None:
-    """Change w and the firing strengths of vehicles in flight, from their next plans on."""
+    """Change w or the firing strengths of vehicles in flight, from their next plans on."""
 
     def command() -> SetWeights:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))

@@ -1,4 +1,4 @@
-"""`swarmctl watch`: the ground station of a swarm with agents on other machines."""
+"""`swarmctl watch`: the table of vehicles whose agents run on other machines."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ def show(
     except BusError as error:
         fail([str(error)], EXPECTED)
     except asyncio.CancelledError:
-        # Ctrl-C ends the live display as intended; with --once it interrupts the command.
+        # Ctrl-C is the normal end of the command; with --once it is an interruption.
         raise typer.Exit(INTERRUPTED if once else OK) from None
     if not board.has_any:
         fail(
             [
-                "no message of any vehicle was received; check that the agents run, and connect to the "
-                "same router or mesh [no-vehicle]"
+                "no valid state of a vehicle was received; check that the agents run, and that they connect "
+                "to the same router or mesh [no-vehicle]"
             ],
             EXPECTED,
         )
@@ -85,7 +85,7 @@ async def _watch(
     *,
     once: bool,
 ) -> None:
-    """Show the swarm. Raises CancelledError on Ctrl-C; a second Ctrl-C ends the process at once."""
+    """Show the swarm until a signal raises CancelledError; a second signal ends the process at once."""
     task = asyncio.current_task()
     assert task is not None
 

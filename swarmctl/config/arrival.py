@@ -1,4 +1,4 @@
-"""The section `arrival` of a configuration: arrival of all vehicles at one time, or one after the other."""
+"""The section `arrival` of a configuration: all vehicles arrive together, or one after the other."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class ArrivalSection(Section):
     """Arrival of all vehicles at their goals at one time, or in order. The slowest vehicle sets the time."""
 
     mode: Literal["simultaneous", "staggered"] = Field(
-        description="simultaneous: all arrive at one time. staggered: they arrive in the order of their "
-        "system ids, spacing_s apart."
+        description="simultaneous: all vehicles arrive at one time. staggered: the vehicles arrive in the "
+        "order of their system ids, spacing_s apart."
     )
     spacing_s: float | None = Field(
         None,
@@ -23,13 +23,13 @@ class ArrivalSection(Section):
         description="Time between two arrivals [s]. Required with staggered, refused with simultaneous.",
     )
     tolerance_s: float = Field(
-        3.0, gt=0.0, description="Greatest deviation of an arrival from the agreed time [s]."
+        3.0, gt=0.0, description="Greatest deviation from the agreed time that the report accepts [s]."
     )
     slowest_m_s: float = Field(
         0.0,
         ge=0.0,
-        description="Lowest commanded speed over ground, for vehicles that arrive too early "
-        "[m/s]. The speed is also at least 1 m/s and at least a fifth of the vehicle's full speed.",
+        description="Lowest commanded speed of a vehicle that would arrive too early [m/s]. The speed is "
+        "also at least 1 m/s and at least a fifth of the vehicle's full speed.",
     )
 
     def model_post_init(self, _context: object) -> None:

@@ -1,4 +1,4 @@
-"""Checks of arrival times: common arrivals (`arrival`) and time bounds (`arrive_within_s`, …). Pure."""
+"""Checks of common arrivals (`arrival`) and of time bounds (`arrive_within_s`, `arrive_after_s`). Pure."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from swarmctl.agent.replan.time_bound import arrives_s
 from swarmctl.agent.state import Task
 from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.vehicles import Simulate, Vehicle
-from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.planners import PLANNERS, BadProblem, Method, Problem, Route, method
 
 TWO_CELLS = ((0, 0), (0, 1))
 
 
 def check_arrival(config: Config) -> Iterator[ConfigProblem]:
-    """Yield vehicles without a speed, or with a time bound beside the common arrival."""
+    """Yield problems of a common arrival: vehicles without a speed, and time bounds beside `arrival`."""
     if config.arrival is None:
         return
     for i, vehicle in enumerate(config.vehicles):
@@ -39,7 +39,7 @@ def check_arrival(config: Config) -> Iterator[ConfigProblem]:
 
 
 def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
-    """Yield time bounds that contradict each other, need a speed, or are ignored by the planner."""
+    """Yield problems of time bounds: no speed, a contradiction, or a planner that ignores the bound."""
     bounded: list[tuple[KeyPath, Simulate | Vehicle]] = [
         (("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)
     ]
@@ -71,13 +71,13 @@ def _check_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool
 
 def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
     """Yield the problem of a bound that no route meets; `nearest` is the route nearest to the bound."""
-    arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
+    arrival, lead_in = task.arrival, before_takeoff(task.arrival, task.altitude_m)
     takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
-    climb_s, lead_s = task.altitude_m / CLIMB_M_S, underway.lead_m / arrival.speed_m_s
+    climb_s, lead_s = task.altitude_m / CLIMB_M_S, lead_in.lead_m / arrival.speed_m_s
     through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
     lost_s = takes_s - climb_s - lead_s - through_s
     parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
-    parts += f"{lost_s:.1f} s for acceleration and turns"
+    parts += f"{lost_s:.1f} s for lift-off, acceleration and turns"
     if takes_s > arrival.within_s:
         needed_s = math.ceil(10.0 * takes_s) / 10.0
         text = f"{arrival.within_s:g} s is too short for {task.name}: the fastest route found takes "

@@ -35,7 +35,7 @@ MIN_LANDING_DISTANCE_M = 3.0
 
 
 def check_config(config: Config) -> Iterator[ConfigProblem]:
-    """Yield problems across sections. Flights are checked only if the sections have no problem."""
+    """Yield problems across sections. Flights are checked only if the sections agree with each other."""
     grid = grid_of(config)
     if grid.n_cells > MAX_CELLS:
         text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; use larger cells"
@@ -90,7 +90,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 
 def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:
-    """Return the least maximum exposure with a route; None if no value gives a route."""
+    """Return the least greater value of `max_exposure` with a route; None if no value gives a route."""
     exposure = first_problem(task, scenario.prior).exposure
     levels = np.unique(exposure[np.isfinite(exposure) & (exposure > task.max_exposure)])
 
@@ -124,23 +124,23 @@ def _check_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) ->
         first_flight(task, first_problem(task, scenario.prior), route)
     except Unreachable as error:
         text = f"{task.name} cannot fly its first route: {error}"
-        cure = "use larger cells, or another entry or goal"
-        yield ConfigProblem(path, f"{text}; {cure}{', or widen preflight.fence' if task.wings else ''}")
+        advice = "use larger cells, or another entry or goal"
+        yield ConfigProblem(path, f"{text}; {advice}{', or widen preflight.fence' if task.wings else ''}")
 
 
 def _check_starts(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two vehicles with starts at one position."""
+    """Yield the problem of the first two vehicles that start at one position."""
     frame = scenario.grid.frame
     starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
     for (here, name), (there, other) in pairwise(starts):
         if math.dist(here, there) < MIN_START_DISTANCE_M:
-            text = f"{name} and {other} start at the same position; give each vehicle another start"
+            text = f"{name} and {other} start less than {MIN_START_DISTANCE_M:g} m apart; move one start"
             yield ConfigProblem(("vehicles",), text)
             break
 
 
 def _check_approach(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[ConfigProblem]:
-    """Yield cells that the straight flight from the start to the entry must not cross."""
+    """Yield the problem of a straight flight to the entry over no_fly, or across other cells of the area."""
     grid = scenario.grid
     (east_m, north_m), (to_east_m, to_north_m) = grid.frame.to_local(*spec.start), grid.centre_m(spec.entry)
     n = 1 + math.ceil(20 * math.hypot(to_east_m - east_m, to_north_m - north_m) / grid.cell_size_m)
@@ -171,7 +171,7 @@ def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Co
 
 
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:
-    """Yield given keys without effect. psi_per_cell always has an effect on the paper's routes in `plan`."""
+    """Yield problems of keys without effect. psi_per_cell affects at least the paper's routes in `plan`."""
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
@@ -293,7 +293,7 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
 
 
 def _check_identities(config: Config) -> Iterator[ConfigProblem]:
-    """Yield the second of two vehicles with one name or one system id."""
+    """Yield problems of vehicles with the name or system id of an earlier vehicle."""
     simulate = config.simulate
     url, count = (str(parse_url(simulate.url)), simulate.count) if simulate is not None else ("", 0)
     # sysid -> (name, link); the bus and the beliefs identify a UAV by its system id, on any link.
@@ -301,8 +301,8 @@ def _check_identities(config: Config) -> Iterator[ConfigProblem]:
     for i, vehicle in enumerate(config.vehicles):
         link = str(parse_url(vehicle.url))
         if vehicle.sysid in seen:
-            name, its_link = seen[vehicle.sysid]
-            where = f"on the same link {vehicle.url}" if its_link == link else "in the same swarm"
+            name, link_of_name = seen[vehicle.sysid]
+            where = f"on the same link {vehicle.url}" if link_of_name == link else "in the same swarm"
             text = f"{vehicle.sysid} belongs to {name} {where}; give each vehicle its own system id"
             yield ConfigProblem(("vehicles", i, "sysid"), text)
         if vehicle.name in {name for name, _ in seen.values()}:

@@ -26,7 +26,8 @@ def _connect_endpoint(text: str) -> str:
         raise ValueError(f"{text!r}: other machines connect to this endpoint; give it a port above 0")
     if endpoint.reachable != endpoint:
         raise ValueError(
-            f"{text!r}: other machines connect to this endpoint; give the machine's address or name"
+            f"{text!r}: {endpoint.host} stands for all addresses, so other machines cannot connect to it; "
+            "give the address or name of the listening machine"
         )
     return text
 
@@ -55,7 +56,7 @@ class PartitionSection(Section):
     """
 
     from_s: float = Field(
-        ge=0.0, description="Begin, in simulated seconds since the start, by the time of sending [s]."
+        ge=0.0, description="Begin, in simulated seconds since the start [s]. Sending times count."
     )
     until_s: float | None = Field(
         None,
@@ -100,8 +101,8 @@ class Communication(Section):
     )
     listen: Annotated[str, AfterValidator(_listen_endpoint)] = Field(
         "tcp/127.0.0.1:0",
-        description="Endpoint of a flight for operators and sensors, with bus zenoh: tcp/HOST:PORT, or none. "
-        "Port 0 takes any free port.",
+        description="Endpoint at which a flight listens for operators and sensors, with bus zenoh only: "
+        "tcp/HOST:PORT, or none. Port 0 takes any free port.",
     )
     router: Endpoint | None = Field(
         None,
@@ -125,8 +126,8 @@ class Communication(Section):
     )
     range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
         "all",
-        description="Number of UAVs that receive a UAV's messages: the nearest live UAVs by last known "
-        "position, or all.",
+        description="Number of UAVs that receive each message: the nearest by last known position, without "
+        "failed UAVs; or all.",
     )
     max_distance_m: float | None = Field(
         None,
@@ -136,8 +137,8 @@ class Communication(Section):
     min_distance_m: float = Field(
         0.0,
         ge=0.0,
-        description="Minimum distance for information exchange, from the paper [m]: UAVs nearer to each "
-        "other do not exchange messages.",
+        description="The paper's minimum distance for information exchange [m]. UAVs nearer to each other "
+        "do not exchange messages.",
     )
     delay_s: float = Field(
         0.0, ge=0.0, le=MAX_DELAY_S, description="Time from sending to receiving a message [s]."
@@ -148,7 +149,7 @@ class Communication(Section):
         le=MAX_DELAY_S,
         description="Greatest additional delay, drawn for each message [s]. Messages may change order.",
     )
-    loss: float = Field(0.0, ge=0.0, lt=1.0, description="Share of messages that are lost, 0 to 1.")
+    loss: float = Field(0.0, ge=0.0, lt=1.0, description="Share of messages that are lost, 0 to below 1.")
     loss_burst: float | None = Field(
         None,
         ge=1.0,
@@ -158,8 +159,8 @@ class Communication(Section):
     bandwidth_bytes_s: float | None = Field(
         None,
         gt=0.0,
-        description="Send rate of a UAV to each receiver [bytes/s]. A message that would wait longer than "
-        "2 s is dropped. Default: no limit.",
+        description="Send rate of a UAV [bytes/s]. A message is sent to one receiver after the other. A "
+        "message that would wait longer than 2 s is dropped. Default: no limit.",
     )
     partitions: tuple[PartitionSection, ...] = Field(
         (), description="Times at which the swarm splits into groups. Default: none."
@@ -169,19 +170,20 @@ class Communication(Section):
     )
     relay: bool = Field(
         False,
-        description="Each UAV forwards observations of other UAVs at once. Useful if some UAVs cannot reach "
-        "each other.",
+        description="Each UAV forwards received observations at once. Useful if some UAVs cannot reach each "
+        "other.",
     )
     sync_every_s: float = Field(
         3.0,
         ge=0.0,
-        description="Period at which a UAV compares its knowledge with a neighbour's and requests missing "
-        "observations [s]. 0: never, as in the paper; lost messages stay lost.",
+        description="Period at which a UAV compares its observations with a neighbour's and requests missing "
+        "ones [s]. 0: never, as in the paper; lost messages stay lost.",
     )
     penalty_per_m: float = Field(
         0.0,
         ge=0.0,
-        description="Communication cost of a metre flown [1/m]. The summary reports it; planning ignores it.",
+        description="Communication penalty per metre flown [1/m]. The summary multiplies it by the flown "
+        "distance; planning ignores it.",
     )
 
     def model_post_init(self, _context: object) -> None:
@@ -197,7 +199,7 @@ class Communication(Section):
 
 
 def vehicle_of(word: int | str, names: Mapping[int, str]) -> int:
-    """Return the system id of the vehicle that `word` names; `names` are the swarm's, by system id.
+    """Return the system id of the vehicle that `word` names; `names` has all vehicles, by system id.
 
     Raises ValueError if `word` matches no vehicle, or two.
     """

@@ -8,7 +8,7 @@ from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.radio import gilbert_probabilities
 from swarmctl.config.communication import Communication, VehicleRef, vehicle_of
 from swarmctl.config.model import Config, ConfigProblem
-from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.config.yaml_lines import KeyPath
 
 SECTION: KeyPath = ("communication",)
 MAX_LISTED = 10
@@ -16,7 +16,7 @@ MAX_LISTED = 10
 
 
 def check_communication(config: Config) -> Iterator[ConfigProblem]:
-    """Yield contradictions within the section, and names that match no vehicle."""
+    """Yield problems of the section: contradictions, and names that match no vehicle."""
     communication, names = config.communication, _names(config)
     yield from _check_radio(communication)
     yield from _check_transport(communication)
@@ -48,37 +48,37 @@ def _check_transport(c: Communication) -> Iterator[ConfigProblem]:
             if given:
                 text = "bus: memory stays within one process; write bus: zenoh, or remove this key"
                 yield ConfigProblem((*SECTION, key), text, depends_on=(*SECTION, "bus"))
-    between: dict[KeyPath, str] = {(*SECTION, "mesh", word): endpoint for word, endpoint in c.mesh.items()}
+    endpoints: dict[KeyPath, str] = {(*SECTION, "mesh", word): text for word, text in c.mesh.items()}
     if c.router is not None:
-        between[*SECTION, "router"] = c.router
+        endpoints[*SECTION, "router"] = c.router
     if _is_certified(c.listen):
         text = f"{c.listen}: a flight in one process listens over tcp/ only; give tcp/HOST:PORT, or none"
         yield ConfigProblem((*SECTION, "listen"), text)
     if c.keys is None:
-        for path, endpoint in between.items():
+        for path, endpoint in endpoints.items():
             if _is_certified(endpoint):
                 text = f"{endpoint} needs certificates; set communication.keys to the folder that "
                 yield ConfigProblem(
                     path, f"{text}`swarmctl keys` made, or write tcp/", depends_on=(*SECTION, "keys")
                 )
         return
-    for path, endpoint in between.items():
+    for path, endpoint in endpoints.items():
         if not _is_certified(endpoint):
             text = f"{endpoint} does not use communication.keys; write tls/ or quic/ instead of tcp/"
             yield ConfigProblem(path, f"{text}, or remove keys", depends_on=(*SECTION, "keys"))
-    if not between and c.listen != NO_ENDPOINT and not parse_endpoint(c.listen).is_loopback:
+    if not endpoints and c.listen != NO_ENDPOINT and not parse_endpoint(c.listen).is_loopback:
         text = f"other machines reach {c.listen}, and communication.keys does not protect this endpoint: "
         text += "without router or mesh the keys only sign the evidence; give tcp/127.0.0.1:0, or remove keys"
         yield ConfigProblem((*SECTION, "listen"), text, depends_on=(*SECTION, "keys"))
 
 
 def _is_certified(text: str) -> bool:
-    """Return whether both sides show certificates at this endpoint; False for `none`."""
+    """Return whether both sides of a connection need certificates; False for `none`."""
     return text != NO_ENDPOINT and parse_endpoint(text).is_certified
 
 
 def _check_times(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
-    """Yield names in partitions and quiet times that match no vehicle, or name a vehicle twice."""
+    """Yield problems of vehicles in partitions and quiet times: unknown, or named twice."""
     for i, partition in enumerate(c.partitions):
         here: KeyPath = (*SECTION, "partitions", i, "groups")
         words = {
@@ -96,7 +96,7 @@ def _check_times(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigP
 
 
 def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
-    """Yield names that match no vehicle, and vehicles without an own endpoint."""
+    """Yield problems of the mesh: unknown vehicles, and vehicles without exactly one separate endpoint."""
     if not c.mesh:
         return
     here: KeyPath = (*SECTION, "mesh")

@@ -35,10 +35,10 @@ def _folder() -> Path:
 def starter(file_name: str, n_vehicles: int, *, real: bool) -> str:
     """Return a commented configuration of `n_vehicles` vehicles: `real` vehicles by URL, else simulated.
 
-    The text passes the checks unchanged. Lines with places and URLs of real vehicles are marked EDIT.
+    The text passes the checks unchanged. EDIT marks the lines to adapt to real vehicles.
     """
-    n_cells = max(20, n_vehicles)
-    grid = Grid(n_cells, n_cells, 50.0, 45.9860, 14.4200)
+    cells_per_side = max(20, n_vehicles)
+    grid = Grid(cells_per_side, cells_per_side, 50.0, 45.9860, 14.4200)
     parts = [_head(file_name, n_vehicles, real=real), _area(grid, real=real)]
     parts += [_REAL_THREATS if real else _SIMULATED_THREATS, _COMMON]
     parts += [_REAL_PREFLIGHT, *_vehicles(grid, n_vehicles)] if real else [_simulate(n_vehicles)]
@@ -89,7 +89,7 @@ threats:
   count: 24                  # EDIT: number of hostiles that the agents expect
 
 sensor:
-  source: external           # no simulated sensor: `swarmctl observe` and payloads report what is seen
+  source: external           # no simulated sensor: `swarmctl observe` and payloads report observations
 """
 
 _COMMON = """
@@ -136,7 +136,7 @@ simulate:
 
 
 def _vehicles(grid: Grid, n_vehicles: int) -> Iterator[str]:
-    """Yield vehicles with starts west of the area and goals on its east side, each in a different row."""
+    """Yield lines for vehicles that start west of the area, each in another row, with goals in the east."""
     for i in range(n_vehicles):
         row = (2 * i + 1) * grid.rows // (2 * n_vehicles)
         _, north_m = grid.centre_m((row, 0))

@@ -22,14 +22,15 @@ class Rules(Section):
     )
     fence_ahead: FenceAhead | None = Field(
         FenceAhead(),
-        description="Fence ahead: a vehicle off its route holds before the fence. Outside the fence the "
-        "vehicle returns.",
+        description="Fence ahead: a copter off its route holds before the fence, a fixed wing returns. "
+        "Outside the fence every vehicle returns.",
     )
     not_following: NotFollowing | None = Field(
-        NotFollowing(), description="Not following: a vehicle in its mission mode does not fly the mission."
+        NotFollowing(),
+        description="Not following: a vehicle in its mission mode is off its route, or does not move.",
     )
     gps_loss: GpsLoss | None = Field(
-        GpsLoss(), description="Loss of the GPS fix: the program warns first, and lands the vehicle later."
+        GpsLoss(), description="Loss of the GPS fix or position: a warning, later a landing or a return."
     )
 
 

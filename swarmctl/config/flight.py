@@ -26,7 +26,7 @@ class FlightSection(Section):
     )
     any_angle_exposure: ExposureMeasure = Field(
         ExposureMeasure.ENTERED,
-        description="Exposure that any_angle keeps from growing: entered (ΣP_s over the cells entered, and "
+        description="Exposure that any_angle does not increase: entered (ΣP_s over the cells entered, and "
         "P_s along the track) or integral (P_s along the track alone). integral straightens more, but enters "
         "more cells, so ΣP_s may rise and the survival probability may fall.",
         strict=False,

@@ -25,11 +25,14 @@ class Swarm(Protocol):
 
 
 class NoNetwork(ValueError):
-    """A configuration without an endpoint or keys; the text names the missing part."""
+    """No network for this process; the text names the missing or wrong setting."""
 
 
 def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
-    """Return the keys of `uav3` or `operator`; None without communication.keys. Raises KeyringError."""
+    """Return the keys of `name`, such as `uav3` or `operator`; None if communication.keys is not set.
+
+    Raises KeyringError.
+    """
     folder = swarm.communication.keys
     return None if folder is None else load_keyring(Path(folder), name, now)
 
@@ -37,9 +40,9 @@ def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
 def as_agent(
     swarm: Swarm, uav: int, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """Return the network of the agent of vehicle `uav`; `names` are the swarm's vehicles, by system id.
+    """Return the network of the agent of vehicle `uav`; `names` has all vehicles, by system id.
 
-    `connect` replaces the configuration's router. Raises NoNetwork.
+    `connect` replaces `communication.router`. Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, credentials_for(router, keyring))
@@ -60,9 +63,9 @@ def as_agent(
 def as_station(
     swarm: Swarm, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """Return the network of a ground station; in a mesh, a node that only this machine reaches.
+    """Return the network of a ground station. In a mesh the station connects, and accepts no connections.
 
-    Raises NoNetwork.
+    `connect` replaces `communication.router`. Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, credentials_for(router, keyring))
@@ -74,10 +77,8 @@ def as_station(
 
 
 def connection_advice(network: Configuration) -> str:
-    """Return advice to the operator if no endpoint of a network answers.
-
-    Zenoh reports "Timeout!" both for an absent machine and for a refused certificate.
-    """
+    """Return advice to the operator if no endpoint of a network answers."""
+    # Zenoh reports "Timeout!" both for an absent machine and for a refused certificate.
     if not any(endpoint.is_certified for endpoint in network.connect):
         return "check that the program runs on that machine, and that no firewall blocks the port"
     return (
@@ -87,7 +88,7 @@ def connection_advice(network: Configuration) -> str:
 
 
 def credentials_for(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | None:
-    """Return the credentials for an endpoint; None for plain TCP. Raises NoNetwork without keys."""
+    """Return the credentials for an endpoint; None for tcp/. Raises NoNetwork if keys are missing."""
     if not endpoint.is_certified:
         return None
     if keyring is None:

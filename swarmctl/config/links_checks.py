@@ -11,7 +11,7 @@ from swarmctl.links.url import parse_url
 
 
 def check_links(config: Config) -> Iterator[ConfigProblem]:
-    """Yield unusable signing keys, and URLs to which forwarding is impossible or unsafe."""
+    """Yield problems of a signing key beside `simulate`, and of impossible or unsafe forwarding."""
     # The built-in simulator never has the key, because `scenario.json` in the run folder or a message on the
     # link would reveal the key. A simulator that the user starts with the key is a vehicle with a URL.
     if config.links.signing_key is not None and config.simulate is not None:

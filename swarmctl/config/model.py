@@ -1,7 +1,7 @@
 """The schema of a configuration, and the loader that reports all errors of a file at once.
 
 Keys carry their units. `load` reads a YAML file into a frozen `Config`; `ConfigError` lists each error with
-file, line and cure. `swarmctl.config.checks` checks values against each other, such as a goal against the
+file, line and advice. `swarmctl.config.checks` checks values against each other, such as a goal against the
 area; `load` reports these problems in the same form.
 """
 
@@ -53,11 +53,11 @@ class Area(Section):
 
 
 class Sensor(Section):
-    """Observations and their errors, which simulated sensors make, and for which beliefs account."""
+    """Observations and their errors. Simulated sensors make these errors, and beliefs account for them."""
 
     source: Literal["simulated", "external", "both"] = Field(
         "both",
-        description="Source of observations: simulated (the 3 × 3 cells below a vehicle), external (reports "
+        description="Source of observations: simulated (the 3 × 3 cells around a vehicle), external (reports "
         "of payloads over the bus, and of operators by `swarmctl observe`), or both.",
     )
     p_miss: float = Field(
@@ -94,7 +94,7 @@ class Config(Section):
         PreflightSection(), description="Checks of every vehicle before arming."
     )
     separation: SeparationSection = Field(
-        SeparationSection(), description="The least distance between two vehicles."
+        SeparationSection(), description="The least distances between vehicles, and collision avoidance."
     )
     arrival: ArrivalSection | None = Field(
         None, description="Arrival of all vehicles at one time, or in order. Default: independent arrivals."
@@ -106,16 +106,16 @@ class Config(Section):
 
 @dataclass(frozen=True, slots=True)
 class ConfigProblem:
-    """One error of a configuration: the place in the file, and the error with its cure."""
+    """One error of a configuration: the place in the file, and the error with advice."""
 
-    path: yaml_lines.Path
+    path: yaml_lines.KeyPath
     text: str
-    depends_on: yaml_lines.Path = ()
+    depends_on: yaml_lines.KeyPath = ()
     """path of another value that causes the problem; if that value is wrong, this problem is not reported"""
 
 
 class ConfigError(Exception):
-    """All errors of a configuration; `lines` has one for each: `file:line: key: error; cure`."""
+    """All errors of a configuration; `lines` has a line for each, such as `file:line: key: error; advice`."""
 
     def __init__(self, lines: list[str]) -> None:
         super().__init__("\n".join(lines))
@@ -158,8 +158,8 @@ def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProble
     return config, list(check(config))
 
 
-def _check_rest(data: Any, wrong: list[yaml_lines.Path], check: Check) -> Iterator[ConfigProblem]:
-    """Yield problems of the values that are not wrong, so that one run reports all problems."""
+def _check_rest(data: Any, wrong: list[yaml_lines.KeyPath], check: Check) -> Iterator[ConfigProblem]:
+    """Yield problems between the other values, so that one run reports as many problems as possible."""
     if not isinstance(data, dict):
         return
     vehicles = data.get("vehicles")
@@ -183,7 +183,7 @@ def _check_rest(data: Any, wrong: list[yaml_lines.Path], check: Check) -> Iterat
 
 def _merged(problems: Iterable[ConfigProblem]) -> list[ConfigProblem]:
     """Return one problem for each key: pydantic reports a wrong value once for each member of a union."""
-    texts: dict[yaml_lines.Path, list[str]] = {}
+    texts: dict[yaml_lines.KeyPath, list[str]] = {}
     for problem in problems:
         texts.setdefault(problem.path, []).append(problem.text)
     return [ConfigProblem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
@@ -205,8 +205,8 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
     return ConfigProblem(path, text[:1].lower() + text[1:])
 
 
-def _in_file(path: yaml_lines.Path, data: Any, *, keep_last: bool) -> yaml_lines.Path:
-    """Return the path without parts that the file lacks: pydantic inserts names of union members."""
+def _in_file(path: yaml_lines.KeyPath, data: Any, *, keep_last: bool) -> yaml_lines.KeyPath:
+    """Return the path without names of union members, which pydantic inserts; `keep_last`: a missing key."""
     kept: list[str | int] = []
     for i, part in enumerate(path):
         if isinstance(data, dict):
@@ -222,7 +222,7 @@ def _in_file(path: yaml_lines.Path, data: Any, *, keep_last: bool) -> yaml_lines
     return tuple(kept)
 
 
-def _unknown_key(path: yaml_lines.Path) -> str:
+def _unknown_key(path: yaml_lines.KeyPath) -> str:
     models: list[type[BaseModel]] = [Config]
     for part in path[:-1]:
         fields = models[0].model_fields if models else {}
@@ -250,18 +250,18 @@ def _tupled(data: Any) -> Any:
     return tuple(map(_tupled, data)) if isinstance(data, list) else data
 
 
-def _without(data: Any, paths: list[yaml_lines.Path], here: yaml_lines.Path = ()) -> Any:
+def _without(data: Any, paths: list[yaml_lines.KeyPath], here: yaml_lines.KeyPath = ()) -> Any:
     if isinstance(data, dict):
         return {k: _without(v, paths, (*here, k)) for k, v in data.items() if (*here, str(k)) not in paths}
     return data
 
 
-def _touches(path: yaml_lines.Path, other: yaml_lines.Path) -> bool:
+def _touches(path: yaml_lines.KeyPath, other: yaml_lines.KeyPath) -> bool:
     shorter = min(len(path), len(other))
     return path[:shorter] == other[:shorter]
 
 
-def _dotted(path: yaml_lines.Path) -> str:
+def _dotted(path: yaml_lines.KeyPath) -> str:
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part

@@ -29,7 +29,7 @@ class PlannerSection(Section):
         None, gt=0.0, description="Greatest exposure P_s of a cell on a route. Default: no limit."
     )
     options: dict[str, Any] = Field(
-        {}, description="Further options of the planner, by name. Default: those of the planner."
+        {}, description="Further options of the planner, by name. Default: the planner's own values."
     )
 
     @field_validator("options")

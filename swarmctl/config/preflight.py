@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class Policy(Section):
-    """Declared reactions of each vehicle's autopilot. A vehicle with other parameters is not armed."""
+    """Declared reactions of each vehicle's autopilot. A vehicle with other parameters fails preflight."""
 
     lost_link: Literal["return", "land", "hold", "continue"] = Field(
         "continue",
@@ -44,7 +44,8 @@ class FenceSection(Section):
         50.0,
         gt=0.0,
         le=5000.0,
-        description="Distance of the fence from the area and the starts [m]. No effect with polygon.",
+        description="Distance of the default polygon from the area and the starts, and of the default "
+        "ceiling from the highest altitude [m].",
     )
     max_altitude_m: float | None = Field(
         None,
@@ -56,7 +57,8 @@ class FenceSection(Section):
         None,
         min_length=3,
         max_length=60,
-        description="Corners of the fence, in order. Default: around the area and the starts, by margin_m.",
+        description="Corners of the fence, in order. Default: around the area and the starts, and around "
+        "the landings of fixed wings, at a distance of margin_m.",
     )
 
 
@@ -82,6 +84,5 @@ class PreflightSection(Section):
     fence: FenceSection = Field(FenceSection(), description="The fence around all vehicles.")
     set_parameters: bool = Field(
         False,
-        description="Write the parameters of the policy to the vehicles, where they stay. false: only "
-        "compare them.",
+        description="Write the required parameters to the vehicles, permanently. false: only compare them.",
     )

@@ -1,16 +1,16 @@
-"""Checks of the section `preflight`: the fence's polygon, and the time of a lost link. Pure."""
+"""Checks of the section `preflight`: the fence's polygon, and the time until a lost link. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from swarmctl.config.model import Config, ConfigProblem
-from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.planar import crossing_sides
 
 SECTION: KeyPath = ("preflight",)
-MAX_LOST_HEARTBEATS = 3
-"""number of heartbeats that may be lost without a lost link; one is sent each second of real time"""
+MIN_LOST_LINK_HEARTBEATS = 3
+"""least time until a lost link [heartbeats]; the ground station sends one each second of real time"""
 
 
 def check_preflight(config: Config) -> Iterator[ConfigProblem]:
@@ -20,7 +20,7 @@ def check_preflight(config: Config) -> Iterator[ConfigProblem]:
 
 
 def _check_fence(config: Config) -> Iterator[ConfigProblem]:
-    """Yield crossing sides of the polygon: autopilots accept such a polygon, but its inside is undefined."""
+    """Yield the problem of crossing sides: autopilots accept such a polygon, but its inside is undefined."""
     corners = config.preflight.fence.polygon
     if corners is None:
         return
@@ -32,15 +32,16 @@ def _check_fence(config: Config) -> Iterator[ConfigProblem]:
 
 
 def _check_lost_link(config: Config) -> Iterator[ConfigProblem]:
-    """Yield a timeout shorter than MAX_LOST_HEARTBEATS heartbeats, by the simulated vehicles' clocks."""
+    """Yield the problem of a timeout that is too short for the simulated vehicles' clocks."""
     simulate, policy = config.simulate, config.preflight.policy
     if simulate is None or policy.lost_link == "continue":
         return
-    least_s = MAX_LOST_HEARTBEATS * simulate.speedup
+    least_s = MIN_LOST_LINK_HEARTBEATS * simulate.speedup
     if policy.lost_link_after_s < least_s:
         text = (
-            f"{policy.lost_link_after_s} s is less than {MAX_LOST_HEARTBEATS} heartbeats at simulate.speedup "
-            f"= {simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or lost_link: continue"
+            f"{policy.lost_link_after_s} s is less than {MIN_LOST_LINK_HEARTBEATS} heartbeats at "
+            f"simulate.speedup = {simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or "
+            "lost_link: continue"
         )
         yield ConfigProblem(
             (*SECTION, "policy", "lost_link_after_s"), text, depends_on=("simulate", "speedup")

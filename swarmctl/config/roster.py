@@ -1,4 +1,4 @@
-"""The roster of a swarm: its vehicles and its network, the part of a configuration that orders need.
+"""The roster of a swarm: its vehicles, area and network, the part of a configuration that orders need.
 
 An order to a vehicle in flight loads no planner and plans no route. Errors in other sections do not stop the
 order. A flight checks the whole configuration (`swarmctl.config.checks`).
@@ -33,7 +33,7 @@ class Roster:
 
 
 class RosterError(Exception):
-    """All errors of a configuration; `lines` has one for each: `file:line: key: error; cure`."""
+    """All errors of a configuration; `lines` as in `ConfigError`."""
 
     def __init__(self, lines: list[str]) -> None:
         super().__init__("\n".join(lines))
@@ -43,7 +43,7 @@ class RosterError(Exception):
 def load_roster(path: Path) -> Roster:
     """Return the roster of a configuration file.
 
-    If the roster's part has an error, the whole configuration is checked. Raises RosterError with all errors.
+    After an error in the roster's part, the whole configuration is checked. Raises RosterError.
     """
     try:
         return _read(path.read_text(encoding="utf-8"))

@@ -38,7 +38,7 @@ PAPER_PLANNER = PLANNERS["dijkstra"]
 
 
 class RandomStream(IntEnum):
-    """Purposes of random numbers, each with a separate stream."""
+    """Purposes of random numbers; each purpose and vehicle has a separate stream."""
 
     SENSOR = 1
     CHANCE = 2
@@ -91,7 +91,7 @@ class Scenario:
         return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
 
     def generator(self, purpose: RandomStream, uav: int) -> np.random.Generator:
-        """Return a new random generator of a vehicle. Equal seeds and arguments give equal generators."""
+        """Return a new random generator. Equal seeds and arguments give equal numbers."""
         return np.random.default_rng(np.random.SeedSequence(self.config.seed, spawn_key=(purpose, uav)))
 
     def survival_probability(

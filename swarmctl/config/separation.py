@@ -1,4 +1,4 @@
-"""The section `separation` of a configuration: the distance that vehicles keep from each other."""
+"""The section `separation` of a configuration: least distances, and the reaction to conflicts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SeparationSection(Section):
     )
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
-        description="Reaction of the vehicle with the higher system id to a predicted conflict. hold: a hold "
-        "until the way is clear, or a climb if a hold would block the other vehicle. climb: a climb. none: "
-        "only the alarm.",
+        description="Reaction of the vehicle that gives way in a predicted conflict, usually the vehicle "
+        "with the higher system id. hold: a hold until the way is clear, or a climb for a fixed wing or if "
+        "a hold is too close. climb: a climb. none: only the alarm.",
     )

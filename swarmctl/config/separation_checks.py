@@ -1,4 +1,4 @@
-"""Checks of the section `separation`: altitudes and first routes keep the vehicles apart. Pure."""
+"""Checks of the section `separation`: altitudes and first routes that come too close. Pure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from swarmctl.planners import Route, Unreachable
 
 
 def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[ConfigProblem]:
-    """Yield the first two vehicles in conflict; `routes` are the first routes, by system id.
+    """Yield the problem of the first two vehicles in conflict; `routes`: first routes by system id.
 
     Two vehicles share an altitude band if their altitudes differ by less than `separation.vertical_m`. A
     fixed wing shares every band. First routes in a shared band must not meet. Altitudes of different bands
@@ -56,20 +56,20 @@ def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
 
 
 def _check_height_margin(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two vehicles with altitudes that differ by `separation.vertical_m` or slightly more.
+    """Yield the problem of two altitudes that differ by `separation.vertical_m` or slightly more.
 
     For planning such altitudes are separate, but height errors would raise an alarm at every crossing.
     """
     vertical_m = scenario.config.separation.vertical_m
-    wanted_m = HEIGHT_MARGIN * vertical_m
+    needed_m = HEIGHT_MARGIN * vertical_m
     for one, other in combinations(scenario.specs, 2):
         apart_m = abs(one.altitude_m - other.altitude_m)
-        if vertical_m - 1e-9 <= apart_m < wanted_m - 1e-9:
+        if vertical_m - 1e-9 <= apart_m < needed_m - 1e-9:
             text = (
                 f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, "
                 f"{apart_m:g} m apart, too little above separation.vertical_m = {vertical_m:g} m. Vehicles "
                 f"do not hold their height to the metre, so each crossing would raise an alarm; give them "
-                f"altitudes that differ by {wanted_m:g} m or more, or set separation.vertical_m to "
+                f"altitudes that differ by {needed_m:g} m or more, or set separation.vertical_m to "
                 f"{math.floor(100.0 * apart_m / HEIGHT_MARGIN) / 100.0:g} m or less"
             )
             yield ConfigProblem(("flight", "altitude_step_m"), text)
@@ -77,7 +77,7 @@ def _check_height_margin(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 
 def _flights(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[tuple[int, Trajectory]]:
-    """Yield each vehicle's first flight; times count from the first launch [s]."""
+    """Yield the first flight of each vehicle in `routes`; times count from a launch without delay [s]."""
     for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
         route = routes.get(spec.sysid)
         if route is None:
@@ -95,16 +95,16 @@ def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Traject
 
 def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigProblem:
     limits = scenario.config.separation
-    bands = f"less than separation.vertical_m = {limits.vertical_m:g} m apart"
+    reason = f"less than separation.vertical_m = {limits.vertical_m:g} m apart"
     if "plane" in (one.airframe, other.airframe):
-        bands = "and a fixed wing climbs and descends on its route"
+        reason = "and a fixed wing climbs and descends on its route"
     text = (
-        f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, {bands}, "
-        f"and their first routes come too close: {near}; {_cure(one, other)}"
+        f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, {reason}, "
+        f"and their first routes come too close: {near}; {_advice(one, other)}"
     )
     return ConfigProblem(("flight", "altitude_step_m"), text)
 
 
-def _cure(one: Spec, other: Spec) -> str:
+def _advice(one: Spec, other: Spec) -> str:
     delay = "simulate.delay_step_s" if one.simulated and other.simulated else "delay_s of one of them"
     return f"give them altitudes that differ by more, or raise {delay} until the routes stay apart"

@@ -17,12 +17,12 @@ PLANE_AUTOPILOTS = frozenset({"arduplane", "px4plane"})
 """the simulator's autopilots of fixed wings"""
 
 DEFAULT_SPEED_M_S = 10.0
-"""assumed speed of a vehicle without `speed_m_s`: ArduCopter's default of WPNAV_SPEED"""
+"""assumed speed of a copter without `speed_m_s`: ArduCopter's default of WPNAV_SPEED"""
 
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """One vehicle: its link, its start, its goals and its speed."""
+    """One vehicle: its link, its start, its goals and its performance."""
 
     name: str
     sysid: int
@@ -37,7 +37,7 @@ class Spec:
     speed_m_s: float = DEFAULT_SPEED_M_S
     arrive_after_s: float = 0.0
     arrive_within_s: float = math.inf
-    """infinite without a time bound"""
+    """infinite without a latest arrival"""
     turn_radius_m: float = 0.0
     airframe: Airframe = "copter"
 
@@ -61,7 +61,7 @@ def on_border(grid: Grid, cell: Cell) -> bool:
 def entry_of(config: Config, grid: Grid, start: LatLon) -> Cell | None:
     """Return the entry cell for a start: the start's own cell, or the nearest border cell outside no_fly.
 
-    None if no border cell is free.
+    None for a start outside the area if no border cell is free.
     """
     inside = grid.cell_at(*start)
     if inside is not None:
@@ -70,8 +70,8 @@ def entry_of(config: Config, grid: Grid, start: LatLon) -> Cell | None:
     no_fly = set(config.area.no_fly)
     if nearest not in no_fly:
         return nearest
-    rim = ((r, c) for r in range(grid.rows) for c in range(grid.cols) if on_border(grid, (r, c)))
-    free = [cell for cell in rim if cell not in no_fly]
+    border = ((r, c) for r in range(grid.rows) for c in range(grid.cols) if on_border(grid, (r, c)))
+    free = [cell for cell in border if cell not in no_fly]
     return min(free, key=lambda cell: (distance_m(start, grid.centre(cell)), cell), default=None)
 
 
@@ -105,18 +105,18 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
 
 
 def simulated_autopilot(config: Config, index: int) -> Autopilot:
-    """Return the autopilot of the simulated vehicle `index`."""
+    """Return the autopilot of the simulated vehicle `index`, from 0."""
     simulate = config.simulate
     assert simulate is not None
     chosen = simulate.autopilot
     if isinstance(chosen, str) and chosen != "mixed":
         return chosen
-    turns: tuple[Autopilot, ...] = ("ardupilot", "px4") if chosen == "mixed" else chosen
-    return turns[index % len(turns)]
+    autopilots: tuple[Autopilot, ...] = ("ardupilot", "px4") if chosen == "mixed" else chosen
+    return autopilots[index % len(autopilots)]
 
 
 def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
-    """Return the goal cells of the simulated vehicle `index`."""
+    """Return the goal cells of the simulated vehicle `index`, from 0."""
     simulate = config.simulate
     assert simulate is not None
     share = (index + 0.5) / simulate.count

@@ -23,7 +23,7 @@ class Binomial(Section):
 
     distribution: Literal["binomial"] = Field(description="binomial")
     trials: int = Field(ge=1, description="Greatest number of hostiles.")
-    p: float = Field(ge=0.0, le=1.0, description="Probability of each hostile.")
+    p: float = Field(ge=0.0, le=1.0, description="Probability that a hostile is present.")
 
 
 class Uniform(Section):
@@ -39,7 +39,7 @@ class Uniform(Section):
 
 
 class Weights(Section):
-    """A distribution by weights of single numbers."""
+    """A distribution by a weight for each number of hostiles."""
 
     distribution: Literal["weights"] = Field(description="weights")
     weights: dict[Annotated[int, Field(ge=0)], Annotated[float, Field(ge=0.0)]] = Field(
@@ -97,7 +97,7 @@ class Threats(Section):
     """The hostiles in the area. Agents never read `hostiles`, the true cells."""
 
     count: Count = Field(
-        description="Announced number of hostiles (n_HA): a number, or a distribution of it as prior."
+        description="Announced number of hostiles (n_HA): a number, or its prior distribution."
     )
     firing_strength: Strength = Field(
         Strength(direct=0.6, first_neighbour=0.3, second_neighbour=0.1),
@@ -105,5 +105,5 @@ class Threats(Section):
     )
     hostiles: Literal["random"] | tuple[Cell, ...] = Field(
         "random",
-        description="True cells [row, col] of the hostiles, or random: `count` cells drawn with the seed.",
+        description="True cells [row, col] of the hostiles, or random: drawn with the seed, by `count`.",
     )

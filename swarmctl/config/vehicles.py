@@ -28,8 +28,8 @@ Side = Literal["north", "east", "south", "west"]
 LinkName = Annotated[str, NameIn(LINKS)]
 Autopilot = Literal["ardupilot", "px4", "arduplane", "px4plane"]
 
-ARRIVE_WITHIN = "Time bound: latest arrival over the goal, from the vehicle's take-off [s]. Default: none."
-ARRIVE_AFTER = "Arrival window: earliest arrival over the goal, from the vehicle's take-off [s]."
+ARRIVE_WITHIN = "Latest arrival over the goal cell, after the vehicle's take-off [s]. Default: no bound."
+ARRIVE_AFTER = "Earliest arrival over the goal cell, after the vehicle's take-off [s]."
 
 
 class Simulate(Section):
@@ -61,7 +61,7 @@ class Simulate(Section):
     speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="Cruise speed of copters over ground [m/s].")
     start_side: Side = Field("west", description="Side of the area along which the vehicles start.")
     start_distance_m: float = Field(60.0, gt=0.0, description="Distance of the starts from the area [m].")
-    goal_side: Side = Field("east", description="Side of the area with the goals, a cell for each vehicle.")
+    goal_side: Side = Field("east", description="Side of the area along which the goals are spread.")
     goal: Cells | None = Field(
         None,
         description="Goal of all vehicles: a cell [row, col], or a list of cells (a target zone). Default: "
@@ -86,7 +86,7 @@ class Vehicle(Section):
 
     name: str = Field(
         pattern=r"^[A-Za-z0-9_.-]{1,32}$",
-        description="Name of the vehicle in commands and reports: letters, digits and `_.-`.",
+        description="Name of the vehicle in commands and reports: up to 32 letters, digits and `_.-`.",
     )
     url: MavlinkUrl = Field(
         description="MAVLink URL of the vehicle: udpin://HOST:PORT, udpout://HOST:PORT, tcpin://HOST:PORT, "
@@ -97,7 +97,9 @@ class Vehicle(Section):
     start: Start = Field(description="Position before take-off, usually outside the area.")
     goal: Cells = Field(description="Goal: a cell [row, col], or a list of cells (a target zone).")
     entry: Cell | None = Field(
-        None, description="Border cell [row, col] through which the vehicle enters. Default: the nearest."
+        None,
+        description="Border cell [row, col] through which the vehicle enters. Default: the nearest outside "
+        "no_fly.",
     )
     altitude_m: float | None = Field(
         None,
@@ -112,7 +114,7 @@ class Vehicle(Section):
     turn_radius_m: float = Field(
         0.0,
         ge=0.0,
-        description="Turn radius, with flight.any_angle [m]. 0: a copter turns on the spot, a plane by "
+        description="Turn radius, with flight.any_angle [m]. 0: a copter turns on the spot, and a plane has "
         "wings.turn_radius_m.",
     )
     speed_m_s: float | None = Field(

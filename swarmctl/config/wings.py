@@ -8,24 +8,27 @@ from swarmctl.core.section import Section
 
 
 class WingsSection(Section):
-    """Performance of all fixed wings. A vehicle's `speed_m_s` and `turn_radius_m` replace these values."""
+    """Performance of all fixed wings. A vehicle's own `speed_m_s` and `turn_radius_m` have precedence."""
 
     speed_m_s: float = Field(
-        15.0, gt=5.0, le=35.0, description="Cruise airspeed of simulated fixed wings [m/s]."
+        15.0,
+        gt=5.0,
+        le=35.0,
+        description="Cruise airspeed of fixed wings without a speed of their own [m/s].",
     )
     min_speed_m_s: float = Field(
         11.0,
         gt=3.0,
         le=35.0,
-        description="Lowest commanded speed of a fixed wing, for arrivals at one time [m/s].",
+        description="Lowest commanded airspeed of a fixed wing that slows down for `arrival` [m/s].",
     )
     turn_radius_m: float = Field(40.0, gt=0.0, le=1000.0, description="Radius of turns on the route [m].")
     loiter_radius_m: float = Field(
         60.0,
         gt=0.0,
         le=1000.0,
-        description="Radius of the circles in which fixed wings hold and descend, as set in their "
-        "parameters [m].",
+        description="Radius of the circles in which fixed wings hold and descend [m]. Radii in the "
+        "vehicles' parameters may be smaller.",
     )
     takeoff_height_m: float = Field(
         20.0,
@@ -45,8 +48,8 @@ class WingsSection(Section):
         ge=0.0,
         lt=360.0,
         description="Heading of all landings, clockwise from north [deg], such as into the wind. Default: "
-        "for each landing the heading over the fewest cells of the area; among equals, the heading nearest "
-        "to the course.",
+        "for each landing the heading with the fewest cells of the area below; among equals, the heading "
+        "nearest to the line from the start to the goal, or at home to the entry.",
     )
 
     def model_post_init(self, _context: object) -> None:

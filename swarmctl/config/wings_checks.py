@@ -1,4 +1,4 @@
-"""Checks of fixed wings: room for take-off and landing, and impossible options. Pure."""
+"""Checks of fixed wings: room for take-off and landing, and unsuitable settings. Pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swarmctl.agent.state import Task
 from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
-from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
 from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.planners import Unreachable
@@ -23,17 +23,17 @@ CLIMB_SLOPE = 0.25
 
 
 def check_wings(config: Config) -> Iterator[ConfigProblem]:
-    """Yield settings that are impossible for fixed wings, and `wings` without a fixed wing."""
-    planes = list(_planes(config))
-    if not planes:
+    """Yield problems of settings that fixed wings exclude, and of `wings` without a fixed wing."""
+    paths = list(_plane_paths(config))
+    if not paths:
         if "wings" in config.model_fields_set:
             text = "no vehicle is a fixed wing; remove this section, or set `airframe: plane` on a vehicle"
             yield ConfigProblem(("wings",), text)
         return
     if not config.flight.any_angle:
         text = "fixed wings need straightened routes, with room for their turns; set it to true"
-        yield ConfigProblem(("flight", "any_angle"), text, depends_on=planes[0])
-    for here in planes:
+        yield ConfigProblem(("flight", "any_angle"), text, depends_on=paths[0])
+    for here in paths:
         section = config.vehicles[here[1]] if here[0] == "vehicles" else config.simulate  # type: ignore[index]
         assert section is not None
         if section.arrive_within_s is not None or section.arrive_after_s > 0.0:
@@ -44,7 +44,7 @@ def check_wings(config: Config) -> Iterator[ConfigProblem]:
             yield ConfigProblem((*here, "link"), "fixed wings need the link `direct`; set link: direct")
 
 
-def _planes(config: Config) -> Iterator[KeyPath]:
+def _plane_paths(config: Config) -> Iterator[KeyPath]:
     simulate = config.simulate
     if simulate is not None and any(
         simulated_autopilot(config, i) in PLANE_AUTOPILOTS for i in range(simulate.count)
@@ -88,23 +88,23 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
 
 
 def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the first two fixed wings with landings that meet. The times of landings are unknown."""
+    """Yield the problem of the first two fixed wings with landings that meet, at any times."""
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
-    apart_m = scenario.config.separation.horizontal_m
-    known = [(spec, list(_outlines(task))) for spec, task in planes]
-    for (one, ones), (other, others) in combinations(known, 2):
+    limit_m = scenario.config.separation.horizontal_m
+    landings = [(spec, list(_outlines(task))) for spec, task in planes]
+    for (one, outlines), (other, other_outlines) in combinations(landings, 2):
         near = [
             (where, metres)
-            for where, a in ones
-            for what, b in others
-            if where == what and (metres := _nearest_m(a, b)) < apart_m
+            for where, a in outlines
+            for other_where, b in other_outlines
+            if where == other_where and (metres := _nearest_m(a, b)) < limit_m
         ]
         if near:
             where, metres = near[0]
             places = "starts" if where == "at home" else "goals"
             text = (
                 f"the landings of {one.name} and {other.name} {where} come within {metres:.0f} m, less than "
-                f"separation.horizontal_m = {apart_m:g} m; move their {places} apart, or give "
+                f"separation.horizontal_m = {limit_m:g} m; move their {places} apart, or give "
                 "wings.landing_heading_deg"
             )
             yield ConfigProblem(("separation", "horizontal_m"), text)

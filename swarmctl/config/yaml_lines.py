@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 
 class YamlError(ValueError):
@@ -24,10 +24,10 @@ class Document:
     """The data of a file, and the line of each path."""
 
     data: Any
-    lines: dict[Path, int]
+    lines: dict[KeyPath, int]
 
-    def line_of(self, path: Path) -> int:
-        """Return the line of the deepest part of `path` that the file has."""
+    def line_of(self, path: KeyPath) -> int:
+        """Return the line of the deepest part of `path` that the file has; 1 if there is none."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.lines:
                 return self.lines[path[:length]]
@@ -42,7 +42,7 @@ def parse(text: str) -> Document:
         node = loader.get_single_node()
         if node is None:
             raise YamlError(1, "the file is empty; `swarmctl init FILE` writes a starter configuration")
-        lines: dict[Path, int] = {}
+        lines: dict[KeyPath, int] = {}
         _walk(node, (), lines)
         return Document(loader.construct_document(node), lines)
     except yaml.MarkedYAMLError as error:
@@ -56,13 +56,15 @@ def parse(text: str) -> Document:
             loader.dispose()
 
 
-def _walk(node: yaml.Node, path: Path, lines: dict[Path, int]) -> None:
+def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
     if isinstance(node, yaml.MappingNode):
         for key_node, value_node in node.value:
             here = (*path, str(key_node.value))
             line = key_node.start_mark.line + 1
             if here in lines:
-                raise YamlError(line, f"key {here[-1]!r} is given twice, first on line {lines[here]}")
+                raise YamlError(
+                    line, f"key {here[-1]!r} is given twice, first on line {lines[here]}; remove one"
+                )
             lines[here] = line
             _walk(value_node, here, lines)
     elif isinstance(node, yaml.SequenceNode):
