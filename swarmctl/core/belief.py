@@ -33,8 +33,8 @@ ADD, SUBTRACT = np.int32(1), np.int32(-1)
 class ObservationLog:
     """Observations in merge order, each name once. The log only grows.
 
-    A belief and its successors share one log, so a merge copies nothing. Exception: a merge into an older
-    belief copies the log, because the log has newer entries.
+    A belief and its successors share one log, so most merges copy nothing. A merge into an older belief
+    copies the log, because the log has newer entries.
     """
 
     __slots__ = ("index_of", "items", "n_covered")
@@ -46,7 +46,7 @@ class ObservationLog:
         self.n_covered = 0
         """approximate number of observations replaced by checkpoints; above one half a new log omits them"""
 
-    def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
+    def indices(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
         if upto - after < n:
             found = [self.index_of.get((*source, seq), n) for seq in range(after + 1, upto + 1)]
@@ -60,7 +60,10 @@ class ObservationLog:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookCounts:
-    """For each cell the number of looks, and of looks that showed a hostile; both (rows, cols)."""
+    """The looks at each cell, and the looks that showed a hostile; both (rows, cols).
+
+    A look is one cell of one observation.
+    """
 
     looks: NDArray[np.int32]
     hits: NDArray[np.int32]
@@ -69,14 +72,14 @@ class LookCounts:
         """Return a writeable copy."""
         return LookCounts(self.looks.copy(), self.hits.copy())
 
-    def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ADD) -> None:
+    def add_observations(self, seen: Sequence[IndexedObservation], sign: np.int32 = ADD) -> None:
         """Add observations, or subtract them with `sign` −1; a cell may occur several times."""
         if seen:
             # `add.at` takes forty times as long with a plain int or another type.
             np.add.at(self.looks.ravel(), _joined(item.cells[0] for item in seen), sign)
             np.add.at(self.hits.ravel(), _joined(item.cells[1] for item in seen), sign)
 
-    def change(self, counts: CellCounts, sign: int) -> None:
+    def add_counts(self, counts: CellCounts, sign: int) -> None:
         """Add the counts of a checkpoint, or subtract them with `sign` −1."""
         self.looks.ravel()[counts.cells] += sign * counts.looks
         self.hits.ravel()[counts.cells] += sign * counts.hits
@@ -143,8 +146,8 @@ class Belief:
     def merge(self, new: Iterable[BeliefItem]) -> Belief:
         """Return the union with `new`; `self` if `new` adds nothing.
 
-        Raises ValueError for a cell outside the area, and for one name (observer, incarnation, seq) with two
-        contents. The belief then stays unchanged.
+        Raises ValueError for a cell outside the area, for a malformed checkpoint, and for one name (observer,
+        incarnation, seq) with two contents. The belief then stays unchanged.
         """
         new = tuple(new)
         for item in new:
@@ -198,12 +201,12 @@ class Belief:
             if before is not None and checkpoint.upto <= before.upto:
                 continue
             after = 0 if before is None else before.upto
-            covered = self._log.of(checkpoint.source, after, checkpoint.upto, self._n)
+            covered = self._log.indices(checkpoint.source, after, checkpoint.upto, self._n)
             n_covered += len(covered)
-            counts.change(checkpoint.counts(size), 1)
-            counts.count([self._log.items[index] for index in covered], SUBTRACT)
+            counts.add_counts(checkpoint.counts(size), 1)
+            counts.add_observations([self._log.items[index] for index in covered], SUBTRACT)
             if before is not None:
-                counts.change(before.counts(size), -1)
+                counts.add_counts(before.counts(size), -1)
             checkpoints[checkpoint.source] = checkpoint
         if checkpoints == self._checkpoints:
             return self
@@ -235,7 +238,7 @@ class Belief:
             counts = self._base
             if self._counted < self._n:
                 counts = counts.copy()
-                counts.count(self._log.items[self._counted : self._n])
+                counts.add_observations(self._log.items[self._counted : self._n])
             self._counts_cache = counts.sealed()
         return self._counts_cache
 

@@ -34,7 +34,7 @@ class FlightOrder(StrEnum):
 
 
 PlanAfterFailure = Literal["old", "hold", "theirs", "unknown"]
-"""The plan of a vehicle after a failed swap: the old plan, a hold, another station's plan, or unknown."""
+"""The vehicle's state after a failed swap: its old plan, a hold, another station's plan, or unknown."""
 
 
 class _Record(msgspec.Struct, frozen=True, tag=True):
@@ -60,7 +60,7 @@ class TelemetryReceived(_Record, frozen=True):
 
 
 class Observed(_Record, frozen=True):
-    """The vehicle's own sensor looked: (row, col, occupied) of each cell in its footprint."""
+    """An observation by the vehicle's sensor, a payload or an operator: (row, col, occupied) of each cell."""
 
     cells: tuple[tuple[int, int, bool], ...]
 
@@ -72,13 +72,13 @@ class ObservationsReceived(_Record, frozen=True, tag="Heard"):
 
 
 class Neighbours(_Record, frozen=True):
-    """States that neighbours have sent since the last such event: (UAV, its state)."""
+    """New states of other UAVs that matter to this agent: (UAV, its state)."""
 
     states: tuple[tuple[int, StateShared], ...]
 
 
 class Intents(_Record, frozen=True):
-    """Intents of other UAVs: (UAV, age of the message [s], intent)."""
+    """The latest intents of all other UAVs, after a change: (UAV, age of the message [s], intent)."""
 
     intents: tuple[tuple[int, float, IntentShared], ...] = msgspec.field(name="told")
 
@@ -218,11 +218,11 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """True for an order that an operator has just given. Such an order is sent even without telemetry"""
+    """True for an order that an operator has just given. The order does not wait for a heartbeat"""
 
 
 class SetSpeed(_Record, frozen=True):
-    """Set the ground speed of the mission."""
+    """Set the mission speed over ground; for a fixed wing the airspeed."""
 
     speed_m_s: float
 

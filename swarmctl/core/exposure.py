@@ -19,7 +19,7 @@ RouteCells = Sequence[Cell] | NDArray[np.int64]
 def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArray[np.float64]:
     """Return P_s of every cell, shape (rows, cols): Eq. 3, and Eq. 2 if p_O is 0 or 1 everywhere.
 
-    Cells on the border have fewer neighbours and a lower P_s, because the area contains all threats.
+    Cells on the border have fewer neighbours, so at equal p_O a lower P_s: the area contains all threats.
 
     ERRATUM: the paper calls P_s a probability. It is a sum over threats and may exceed 1: nine occupied
     cells at 0.9/0.5/0.3 give 4.1.
@@ -31,7 +31,7 @@ def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArr
 def prior_inner_exposure(rows: int, cols: int, n_hostiles: float, strength: FiringStrength) -> float:
     """Return P_s of a cell away from the border before the first observation.
 
-    This is the default ψ per cell, at which a cell of length costs as much as a cell of unknown threat.
+    This is the default ψ per cell: for w = 0.5 a cell of length costs as much as a cell of unknown threat.
     """
     return n_hostiles / (rows * cols) * float(strength.kernel.sum())
 

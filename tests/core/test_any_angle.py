@@ -12,10 +12,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from swarmctl.core.any_angle.corners import ExposureMeasure, Unflyable, Weights
+from swarmctl.core.any_angle.corners import CostWeights, ExposureMeasure, Unflyable
 from swarmctl.core.any_angle.pull import Track, may_join, pull_straight, route_index_at, still_holds
 from swarmctl.core.any_angle.track import WALL_MARGIN, ThreatMap, centre, crossed_cells, is_clear
-from swarmctl.core.any_angle.turns import rounded, tangent
+from swarmctl.core.any_angle.turns import rounded, tangent_length
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell
 from swarmctl.core.route import ends_and_turns
@@ -215,7 +215,7 @@ def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
 ) -> None:
     try:
         track = pull_straight(
-            case.threat, case.route, measure, radius_cells=radius, weights=Weights(0.5, 0.1)
+            case.threat, case.route, measure, radius_cells=radius, weights=CostWeights(0.5, 0.1)
         )
     except Unflyable:
         return
@@ -317,13 +317,13 @@ def test_turns_are_as_wide_as_asked_and_clear_of_walls(
 ) -> None:
     try:
         track = pull_straight(
-            case.threat, case.route, measure, radius_cells=radius, weights=Weights(case.w, 0.13)
+            case.threat, case.route, measure, radius_cells=radius, weights=CostWeights(case.w, 0.13)
         )
     except Unflyable:
         return
     corners = [centre(corner) for corner in track.corners]
     for before, corner, after in turns(track):
-        away = tangent(before, corner, after, radius)
+        away = tangent_length(before, corner, after, radius)
         assert away <= math.dist(before, corner) * (1.0 if before == corners[0] else 0.5) + 1e-9
         assert away <= math.dist(corner, after) * (1.0 if after == corners[-1] else 0.5) + 1e-9
     flown, _ = rounded(corners, radius)
@@ -350,7 +350,9 @@ def test_an_unflyable_zigzag_becomes_straight_even_at_a_loss() -> None:
         p_s[cell] = 0.1
     threat = ThreatMap.of(p_s)
     assert len(pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=0.2).corners) == 9
-    wide = pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=3.0, weights=Weights(1.0, 0.1))
+    wide = pull_straight(
+        threat, route, ExposureMeasure.ENTERED, radius_cells=3.0, weights=CostWeights(1.0, 0.1)
+    )
     assert len(wide.corners) < 9
     assert wide.exposure_sum > exposure_sum(p_s, route)
 
@@ -379,6 +381,6 @@ def test_an_arc_over_an_exposed_cell_is_avoided() -> None:
     sharp = pull_straight(ThreatMap.of(p_s), route, ExposureMeasure.ENTERED, radius_cells=0.5)
     assert sharp.exposure_sum == pytest.approx(1.2)
     wide = pull_straight(
-        ThreatMap.of(p_s), route, ExposureMeasure.ENTERED, radius_cells=5.0, weights=Weights(1.0, 0.1)
+        ThreatMap.of(p_s), route, ExposureMeasure.ENTERED, radius_cells=5.0, weights=CostWeights(1.0, 0.1)
     )
     assert wide.exposure_sum > 1.2  # the only flyable track, and its measured exposure

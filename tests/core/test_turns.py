@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from swarmctl.core.any_angle.track import GridPoint
-from swarmctl.core.any_angle.turns import ARC_ERROR, arc, rounded, tangent
+from swarmctl.core.any_angle.turns import ARC_ERROR, arc, rounded, tangent_length
 
 QUICK = settings(max_examples=examples(150), deadline=None, derandomize=True)
 POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
@@ -28,7 +28,7 @@ POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
     ],
 )
 def test_an_arc_begins_where_geometry_says(after: GridPoint, away: float) -> None:
-    assert tangent((0.0, 0.0), (1.0, 0.0), after, 3.0) == pytest.approx(away)
+    assert tangent_length((0.0, 0.0), (1.0, 0.0), after, 3.0) == pytest.approx(away)
 
 
 @QUICK
@@ -37,7 +37,7 @@ def test_an_arc_has_the_radius_and_touches_both_legs(
     before: GridPoint, corner: GridPoint, after: GridPoint, radius: float
 ) -> None:
     assume(math.dist(before, corner) > 0.5 and math.dist(corner, after) > 0.5)
-    away = tangent(before, corner, after, radius)
+    away = tangent_length(before, corner, after, radius)
     assume(1e-3 < away < 40.0)
     points = arc(before, corner, after, radius)
     for end, towards in ((points[0], before), (points[-1], after)):

@@ -17,10 +17,10 @@ from swarmctl.agent.replan.splice import CHANGE_S, Splice
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle import pull
-from swarmctl.core.any_angle.corners import Unflyable, Weights
+from swarmctl.core.any_angle.corners import CostWeights, Unflyable
 from swarmctl.core.any_angle.pull import Track, pull_straight
 from swarmctl.core.any_angle.track import GridPoint, ThreatMap
-from swarmctl.core.any_angle.turns import tangent
+from swarmctl.core.any_angle.turns import tangent_length
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
@@ -85,7 +85,7 @@ def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     radius_cells = task.turn_radius_m / task.grid.cell_size_m
     threat = ThreatMap.of(problem.exposure, problem.max_exposure)
     uses_w = task.method.planner.USES_W
-    weights = Weights(problem.w, problem.psi_per_cell) if uses_w else Weights(1.0, 0.0)
+    weights = CostWeights(problem.w, problem.psi_per_cell) if uses_w else CostWeights(1.0, 0.0)
     try:
         track = pull_straight(threat, route.cells, task.any_angle, radius_cells=radius_cells, weights=weights)
     except Unflyable as error:
@@ -202,7 +202,7 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
     first = 0
     while first + 1 < len(corners):
         corner, after = grid.centre_m(corners[first]), grid.centre_m(corners[first + 1])
-        turns_m = min(tangent(here, corner, after, task.turn_radius_m), 2.0 * task.turn_radius_m)
+        turns_m = min(tangent_length(here, corner, after, task.turn_radius_m), 2.0 * task.turn_radius_m)
         is_passed = first == 0 and over is not None
         if not is_passed and math.dist(here, corner) > turns_m + soon_m:
             break

@@ -13,8 +13,8 @@ from swarmctl.core.any_angle.track import CrossedCells, Floats, ThreatMap, centr
 from swarmctl.core.any_angle.turns import arc
 
 MAX_FIRST_SPAN = 32
-"""Longest leg of the first search [steps of the route]. Later searches try longer legs between the corners
-found so far. For a route of at most this many steps the number of legs is minimal."""
+"""Longest leg of the first search [steps of the route]. Later searches join legs at the corners found so far.
+For a route of at most this many steps the number of legs is minimal."""
 
 TIE_TOLERANCE = 1e-9
 """relative difference below which sums count as equal, because of rounding"""
@@ -29,7 +29,7 @@ class ExposureMeasure(StrEnum):
     ENTERED = "entered"
     """ΣP_s and ∏(1 − P_s) over the cells entered, and ∫P_s ds and ∫−ln(1 − P_s) ds along the leg. Strikes are
     drawn at each entry into a cell, and a skew leg enters more cells than diagonal steps. So this measure
-    adds no strikes, but straightens little before the first observations"""
+    does not raise the expected strikes, but straightens little before the first observations"""
     INTEGRAL = "integral"
     """∫P_s ds and ∫−ln(1 − P_s) ds alone. This measure straightens most; tracks enter 25 % more cells"""
 
@@ -47,15 +47,15 @@ class ExposureMeasure(StrEnum):
 
 
 TurnIndices = tuple[int, int, int]
-"""indices of the cells before, at and after a turn"""
+"""indices, in the route, of three consecutive corners; the turn is at the second corner"""
 
 
 class Unflyable(ValueError):
-    """No track over the cells of a route has turns as wide as the vehicle needs."""
+    """No track was found over the cells of a route with turns as wide as the vehicle needs."""
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class CostWeights:
     """Weights of Eq. 5, for the choice between tracks that are all worse than the route."""
 
     w: float
@@ -63,18 +63,18 @@ class Weights:
 
 
 def choose_corners(
-    threat: ThreatMap, route: Ints, measure: ExposureMeasure, radius_cells: float, weights: Weights
+    threat: ThreatMap, route: Ints, measure: ExposureMeasure, radius_cells: float, weights: CostWeights
 ) -> tuple[int, ...]:
     """Return the corners of a track, both ends included, as indices into `route`.
 
     `route` is (n, 2) rows and columns of neighbouring cells. The result has the fewest corners with legs and
-    arcs no worse than the route. If turns need room and no such corners exist, the result has the least cost
-    by `weights`. Raises Unflyable.
+    arcs no worse than the route (long routes: see MAX_FIRST_SPAN). If turns need room and no such corners are
+    found, the result has the least cost by `weights`. Raises Unflyable.
     """
     search = _Search(threat, route, measure, radius_cells)
     corners = search.no_worse()
     if corners is None:
-        corners = search.least_bad(weights)
+        corners = search.least_cost(weights)
     if corners is None:
         begin, end = (tuple(cell) for cell in route[[0, -1]].tolist())
         raise Unflyable(
@@ -99,8 +99,8 @@ class _Search:
         # On a long route the search skips some legs, so the lattice route may have fewer corners.
         return min(corners, self._turns(), key=len)
 
-    def least_bad(self, weights: Weights) -> tuple[int, ...] | None:
-        """Return the corners with the least cost of the legs by Eq. 5, which may exceed the route's."""
+    def least_cost(self, weights: CostWeights) -> tuple[int, ...] | None:
+        """Return the corners with the least cost of the legs by Eq. 5, or None."""
         self._forbidden.clear()
         return self._with_good_arcs(weights)
 
@@ -109,7 +109,7 @@ class _Search:
         turns = 1 + np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1))
         return (0, *turns.tolist(), len(self._route) - 1)
 
-    def _with_good_arcs(self, weights: Weights | None) -> tuple[int, ...] | None:
+    def _with_good_arcs(self, weights: CostWeights | None) -> tuple[int, ...] | None:
         for _ in range(MAX_SEARCHES):
             corners = self._corners(weights)
             if corners is None or self._radius == 0.0:
@@ -132,7 +132,7 @@ class _Search:
             return True
         return bool(_no_worse(self._measure.of(self._threat, inside), self._measure.of(self._threat, around)))
 
-    def _corners(self, weights: Weights | None) -> tuple[int, ...] | None:
+    def _corners(self, weights: CostWeights | None) -> tuple[int, ...] | None:
         nodes = np.arange(len(self._route))
         while True:
             chosen = self._best(nodes, self._costs(nodes, weights))
@@ -142,7 +142,7 @@ class _Search:
                 return tuple(chosen.tolist())
             nodes = chosen
 
-    def _costs(self, nodes: Ints, weights: Weights | None) -> Floats:
+    def _costs(self, nodes: Ints, weights: CostWeights | None) -> Floats:
         """Return (nodes, span) costs of the legs from each node to the next nodes; infinite: forbidden."""
         n = len(nodes)
         span = min(MAX_FIRST_SPAN, n - 1)
@@ -154,7 +154,7 @@ class _Search:
         costs[begins[exists], ahead[exists]] = self._cost(first, last, weights)
         return costs
 
-    def _cost(self, first: Ints, last: Ints, weights: Weights | None) -> Floats:
+    def _cost(self, first: Ints, last: Ints, weights: CostWeights | None) -> Floats:
         legs = measure_legs(self._threat, self._route[first], self._route[last])
         length = legs.measures[0]
         replaced = self._so_far[:, last] - self._so_far[:, first]

@@ -34,7 +34,7 @@ class LegMeasures:
 
 
 def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
-    """Return the measures of straight legs; `begins` ≠ `ends` are (n, 2) rows and columns of cells."""
+    """Return the measures of n straight legs from `begins` to `ends`, (n, 2) rows and columns of cells."""
     delta = ends - begins
     order = np.argsort(-np.abs(delta).max(axis=1), kind="stable")
     walk = _Walk(begins[order], delta[order])
@@ -71,7 +71,7 @@ class _Walk:
         self.major, self.minor = steps.max(axis=1), steps.min(axis=1)
         self.length: Floats = np.hypot(self.major, self.minor)
         self._begins, self._sign = begins, np.sign(delta)
-        self._by_row = steps[:, 0] >= steps[:, 1]
+        self._is_row_major = steps[:, 0] >= steps[:, 1]
 
     def strip(self, k: int, m: int) -> tuple[Floats, Floats, Ints, Ints]:
         """Return start and end of strip k [steps] and the entry and exit cells, for the first m legs.
@@ -88,9 +88,9 @@ class _Walk:
 
     def cells(self, k: int, aside: Ints, legs: Ints) -> tuple[Ints, Ints]:
         """Return rows and columns of `legs` after k steps and `aside` cells to the side."""
-        begins, sign, along_row = self._begins[legs], self._sign[legs], self._by_row[legs]
-        rows = begins[:, 0] + sign[:, 0] * np.where(along_row, k, aside)
-        cols = begins[:, 1] + sign[:, 1] * np.where(along_row, aside, k)
+        begins, sign, is_row_major = self._begins[legs], self._sign[legs], self._is_row_major[legs]
+        rows = begins[:, 0] + sign[:, 0] * np.where(is_row_major, k, aside)
+        cols = begins[:, 1] + sign[:, 1] * np.where(is_row_major, aside, k)
         return rows, cols
 
 

@@ -1,8 +1,8 @@
 """Straightening of lattice routes, with turns as wide as the vehicle needs.
 
 A lattice route turns in steps of 45°. A straight leg may replace a part of the route if the leg is neither
-longer nor more exposed. So the track is at least as good as the lattice route in each measure of
-`ExposureMeasure`. `swarmctl.core.any_angle.track` explains the measures.
+longer nor more exposed. Only a track with turn radii may be worse than its route, if no other track is found.
+`swarmctl.core.any_angle.track` explains the measures of exposure.
 
 The turn of a fixed wing onto its first leg is not planned. `swarmctl.agent.replan.landing_pattern` plans the
 landing.
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarmctl.core.any_angle.corners import TIE_TOLERANCE, ExposureMeasure, Weights, choose_corners
+from swarmctl.core.any_angle.corners import TIE_TOLERANCE, CostWeights, ExposureMeasure, choose_corners
 from swarmctl.core.any_angle.track import CrossedCells, GridPoint, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.grid import Cell
@@ -24,7 +24,7 @@ from swarmctl.core.route import CORNER_TOLERANCE
 
 TOLERATED_EXCESS = 0.05
 """Tolerated excess of exposure of the rest of a track over the rest of its route [share]. A smaller excess
-does not justify a stop of the vehicle."""
+does not justify a swap of the mission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,19 +50,18 @@ def pull_straight(
     measure: ExposureMeasure,
     *,
     radius_cells: float = 0.0,
-    weights: Weights | None = None,
+    weights: CostWeights | None = None,
 ) -> Track:
     """Return the track of fewest straight legs for a route over neighbouring cells; the shortest of equals.
 
     With a turn radius of `radius_cells` [cells] each turn is an arc inside its corner. The arc takes at most
-    half of a leg between two turns. If all tracks with this room are worse than the route, the result has the
-    least cost by `weights` (Eq. 5), or the least exposure without `weights`. The track always keeps clear of
-    walls. Raises Unflyable.
+    half of a leg between two turns. If all tracks found with this room are worse than the route, the result
+    has the least cost by `weights` (Eq. 5), or the least exposure without `weights`. Raises Unflyable.
     """
     if len(cells) < 3:
         return track(threat, cells, tuple(range(len(cells))), radius_cells)
     route = np.array(cells, dtype=np.int64)
-    corners = choose_corners(threat, route, measure, radius_cells, weights or Weights(1.0, 0.0))
+    corners = choose_corners(threat, route, measure, radius_cells, weights or CostWeights(1.0, 0.0))
     return track(threat, cells, corners, radius_cells)
 
 
@@ -86,7 +85,7 @@ def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radi
 def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
     """Return the index of the route's cell nearest to a cell under the track; None for a cell off the track.
 
-    If the track passes the cell more than once, the result is the first index at or after `since`.
+    The result is the first such index at or after `since`, or else the last such index.
     """
     found = [k for over, k in zip(track.over, track.abreast, strict=True) if over == cell]
     return next((k for k in found if k >= since), found[-1] if found else None)
@@ -107,7 +106,7 @@ def still_holds(
 
     The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
     the threat by which the track was last found good. By `before`, the rest of the track may already be more
-    exposed than the rest of the route. Only an increase of this difference counts.
+    exposed than the rest of the route. This difference and TOLERATED_EXCESS are allowed; a new wall is not.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)

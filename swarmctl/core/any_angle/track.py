@@ -3,7 +3,7 @@
 Points are (x, y) in cells from the south-west corner of cell (0, 0). The centre of cell (row, col) is
 (col + 0.5, row + 0.5).
 
-Two measures of exposure, because Eq. 5 has none for a track between cells:
+Eq. 5 has no measure of exposure for a track between cells. There are two:
 
 entered
     ΣP_s over the cells that a track enters, as in Eq. 5 and as strikes are drawn. A cell counts once for each
@@ -40,7 +40,7 @@ WALL_MARGIN = 0.1
 Between the centres of neighbouring cells a track comes near a wall only at a corner."""
 
 MIN_SURVIVAL = 1e-12
-"""Value for 1 − P_s of a cell with a certain hit, so that its logarithm is finite."""
+"""Least value of 1 − P_s, so that its logarithm is finite; P_s may reach or exceed 1."""
 
 
 def centre(cell: Cell) -> GridPoint:
@@ -58,7 +58,7 @@ class CrossedCells:
 
 
 def crossed_cells(points: Sequence[GridPoint]) -> CrossedCells:
-    """Return the cells that straight legs cross. A point on a grid line belongs to the north or east cell."""
+    """Return the cells that straight legs cross. A leg along a grid line is in the north or east cells."""
     cells: list[Cell] = []
     lengths: list[float] = []
     legs: list[int] = []
@@ -137,7 +137,7 @@ def _indices(cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64
 def is_clear(threat: ThreatMap, points: Sequence[GridPoint], margin: float = WALL_MARGIN) -> bool:
     """Return whether a track enters no wall and keeps `margin` [cells] from the corners of walls.
 
-    The first cell is no wall, so that a vehicle may leave a wall.
+    The first cell does not count as a wall, so that a vehicle may leave a wall.
     """
     rows, cols = threat.blocked.shape
     begin = crossed_cells(points).cells[0]

@@ -15,10 +15,10 @@ ARC_ERROR = 0.005
 """greatest distance between an arc and its straight pieces [cells]"""
 
 
-def tangent(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> float:
+def tangent_length(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> float:
     """Return the distance between a corner and the ends of its arc, in the unit of points and `radius`.
 
-    The distance is infinite for a turn by 180°.
+    The distance is 0 for `radius` 0, and otherwise infinite for a turn by 180°.
     """
     (ix, iy), (ox, oy) = _vector(before, corner), _vector(corner, after)
     cross, dot = ix * oy - iy * ox, ix * ox + iy * oy
@@ -32,15 +32,15 @@ def tangent(before: GridPoint, corner: GridPoint, after: GridPoint, radius: floa
 def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> list[GridPoint]:
     """Return points on the arc of a corner, from its end on the first leg to its end on the next.
 
-    `radius` is in the unit of the points. A corner without a turn stays one point.
+    `radius` is in the unit of the points. A corner without a turn, or with `radius` 0, stays one point.
     """
-    away = tangent(before, corner, after, radius)
+    away = tangent_length(before, corner, after, radius)
     if away == 0.0:
         return [corner]
     (ix, iy), (ox, oy) = _unit(before, corner), _unit(corner, after)
-    left = math.copysign(1.0, ix * oy - iy * ox)
+    side = math.copysign(1.0, ix * oy - iy * ox)  # 1: left, -1: right
     begin_x, begin_y = corner[0] - away * ix, corner[1] - away * iy
-    centre_x, centre_y = begin_x - left * radius * iy, begin_y + left * radius * ix
+    centre_x, centre_y = begin_x - side * radius * iy, begin_y + side * radius * ix
     turn = math.atan2(ix * oy - iy * ox, ix * ox + iy * oy)
     # The middle of a chord over the angle δ is r (1 − cos δ/2) from its arc.
     n = max(1, math.ceil(abs(turn) / (2.0 * math.acos(max(1.0 - ARC_ERROR / radius, 0.0)))))

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.any_angle.turns import tangent
+from swarmctl.core.any_angle.turns import tangent_length
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem
 from swarmctl.mavlink.dialects.ardupilot import HOME, RELATIVE, ArduPilot, modes
@@ -83,7 +83,7 @@ def _waypoints(plan: FlightPlan) -> Iterator[MissionItem]:
     for i, waypoint in enumerate(plan.track):
         turn_m = MIN_TURN_M
         if 0 < i < last:
-            turn_m = tangent(points[i - 1], points[i], points[i + 1], plan.turn_radius_m)
+            turn_m = tangent_length(points[i - 1], points[i], points[i + 1], plan.turn_radius_m)
         elif i < last:
             turn_m = FIRST_TURN_TANGENT * plan.turn_radius_m
         item = item_at(WAYPOINT, RELATIVE, waypoint, waypoint.alt_rel_m)
