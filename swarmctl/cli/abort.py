@@ -22,7 +22,7 @@ from swarmctl.cli.operator_command import (
     SendCommand,
     SwarmOption,
     UavsOption,
-    send_and_exit,
+    send_or_exit,
 )
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.core.operator_text import resolve_vehicles
@@ -38,7 +38,7 @@ class Manoeuvre(StrEnum):
 
 
 def _print_running() -> None:
-    """Print the flights found on this machine, with their ages; stale records are ignored."""
+    """Print this user's flights on this machine, with their ages."""
     with contextlib.suppress(BusError):  # reported by the search for the flight
         for flight in directory.running_swarms():
             err.print(f"found {client.describe(flight)}", highlight=False, markup=False, soft_wrap=True)
@@ -64,7 +64,7 @@ def abort(
     """
     if swarm is None and config is None and connect is None:
         _print_running()
-    send_and_exit(
+    send_or_exit(
         lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), how.value),
         swarm,
         config,
@@ -76,44 +76,43 @@ def abort(
 
 async def send_to_valid_names(
     send: SendCommand,
-    station: Station,
+    flight: Station,
     command: Request,
     credentials: Credentials | None,
     signing: CommandSigning,
 ) -> OperatorAnswer:
     """Send a command to all vehicles with valid names; unknown names become refused answers.
 
-    A misspelt name must not keep the other vehicles in the air. Raises the errors of `send`.
+    A misspelt name must not keep the other vehicles in the air. Without a valid name the whole command is
+    refused. Raises the errors of `send`.
     """
     words = tuple(map(str, command.uavs or ()))
-    if station.agents:  # each agent answers for one vehicle, and the configuration has all names
-        wrong = {word: why for word in words if (why := _name_problem(word, station.agents))}
-        good = tuple(word for word in words if word not in wrong)
-        if not wrong or not good:
-            return await send(station, command, credentials, signing)
-        answer = await send(station, _addressed(command, good), credentials, signing)
-        return _with_refused(answer, wrong)
-    answer = await send(station, command, credentials, signing)
+    if flight.agents:  # each agent answers for one vehicle, and the configuration has all names
+        problems = {word: why for word in words if (why := _name_problem(word, flight.agents))}
+        valid = tuple(word for word in words if word not in problems)
+        if not problems or not valid:
+            return await send(flight, command, credentials, signing)
+        answer = await send(flight, _addressed(command, valid), credentials, signing)
+        return _with_refused(answer, problems)
+    answer = await send(flight, command, credentials, signing)
     if not answer.refused or len(words) < 2:
         return answer
-    answers = {
-        word: await send(station, _addressed(command, (word,)), credentials, signing) for word in words
-    }
+    answers = {word: await send(flight, _addressed(command, (word,)), credentials, signing) for word in words}
     vehicles = tuple(vehicle for each in answers.values() for vehicle in each.vehicles)
-    wrong = {
+    problems = {
         word: each.refused.removeprefix("nothing was changed: ")
         for word, each in answers.items()
         if each.refused
     }
-    return _with_refused(OperatorAnswer(vehicles), wrong) if vehicles else answer
+    return _with_refused(OperatorAnswer(vehicles), problems) if vehicles else answer
 
 
 def _addressed(command: Request, words: tuple[str, ...]) -> Request:
     return msgspec.structs.replace(command, uavs=words)
 
 
-def _with_refused(answer: OperatorAnswer, wrong: dict[str, str]) -> OperatorAnswer:
-    refused = (VehicleAnswer(0, word, "refused", note=why) for word, why in wrong.items())
+def _with_refused(answer: OperatorAnswer, problems: dict[str, str]) -> OperatorAnswer:
+    refused = (VehicleAnswer(0, word, "refused", note=why) for word, why in problems.items())
     return msgspec.structs.replace(answer, vehicles=(*answer.vehicles, *refused))
 
 

@@ -73,12 +73,12 @@ def agent(
     launch: Annotated[
         Launch,
         typer.Option(
-            help="ordered: on `swarmctl order launch`; when-ready: without an order, after its delay_s."
+            help="ordered: on `swarmctl order launch`; when-ready: the vehicle's delay_s after the checks."
         ),
     ] = Launch.ORDERED,
     connect: Annotated[
         str | None,
-        typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
+        typer.Option(metavar="tcp/HOST:PORT", help="The router's endpoint, instead of communication.router."),
     ] = None,
     real: RealOption = False,
     confirm: ConfirmOption = "",
@@ -92,8 +92,8 @@ def agent(
     The agent uploads the mission and, by default, waits for the order to launch. Without the network the
     agent continues the flight with its own knowledge, and synchronises after the network returns.
     """
-    whole = load_scenario_or_exit(config)
-    scenario = with_forwarding(companion.scenario_for(whole, _vehicle(whole, uav), _url(url)), forward or [])
+    swarm = load_scenario_or_exit(config)
+    scenario = with_forwarding(companion.scenario_for(swarm, _vehicle(swarm, uav), _url(url)), forward or [])
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     keyring = _keyring(config, scenario)
     network = _network(scenario, connect, launch, keyring)
@@ -172,7 +172,7 @@ def _network(
     (spec,) = scenario.specs
     is_isolated = scenario.config.communication.router is None and not scenario.config.communication.mesh
     if connect is None and is_isolated and launch is Launch.WHEN_READY:
-        say(f"`communication` has neither router nor mesh: {spec.name} flies alone [no-network]")
+        say(f"{spec.name} flies without a network: `communication` has neither router nor mesh [no-network]")
         return None
     try:
         names = {other.sysid: other.name for other in scenario.swarm}

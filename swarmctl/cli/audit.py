@@ -20,9 +20,9 @@ from swarmctl.security.evidence_keys import is_key_of, is_valid_signature
 from swarmctl.security.files import KeyringError
 
 UNSIGNED = (
-    "the evidence is not signed. The chain shows that no line was changed, added or removed since the "
-    "final hash was noted elsewhere. A program that can write the file can make a new chain, so note the "
-    "final hash now, or fly with `communication.keys` [evidence-not-signed]"
+    "the evidence is not signed. A program that can write the file can make a new chain with another final "
+    "hash. So note the final hash elsewhere and compare it later, or fly with `communication.keys` "
+    "[evidence-not-signed]"
 )
 
 _FIRST = (
@@ -42,12 +42,12 @@ def audit(
         Path | None,
         typer.Option(metavar="FOLDER", help="The swarm's keys; the evidence must be signed by one of them."),
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="Show every entry besides the summary.")] = False,
+    shows_all: Annotated[bool, typer.Option("--all", help="Show every entry besides the summary.")] = False,
 ) -> None:
     """Check the evidence of a run line by line, and summarise it.
 
     The evidence is a chain: each line has the hash of the line before, and the last line has the number of
-    lines.
+    the lines before it.
     """
     if keys is not None and not keys.is_dir():
         fail(
@@ -56,7 +56,7 @@ def audit(
     path = run / FILE_NAME if run.is_dir() else run
     checked = _checked(path)
     if checked.entries:
-        _show(checked, every=every)
+        _show(checked, shows_all=shows_all)
     troubles = [printable(text) for text in _troubles(path, checked, keys)]
     if troubles:
         fail(troubles, EXPECTED)
@@ -78,7 +78,7 @@ def _troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[
     if checked.fault is not None:
         fault = checked.fault
         yield (
-            f"{path}:{fault.line}: the chain of hashes breaks in this line: found {fault.found}, expected "
+            f"{path}:{fault.line}: the chain breaks at this line: found {fault.found}, expected "
             f"{fault.expected}; only the {len(checked.entries)} lines before it are unchanged [chain-broken]"
         )
     elif not checked.entries:
@@ -113,7 +113,7 @@ def _signature_troubles(
     try:
         if keys is not None and not is_key_of(keys, by, key):
             yield (
-                f"{path}: signed by {by} with the key {key}; {keys} has another key of {by} "
+                f"{path}: signed by {by} with the key {key}; {keys} has no such key of {by} "
                 "[signed-with-other-key]"
             )
     except KeyringError as error:
@@ -130,12 +130,12 @@ def _signed_by(checked: CheckedChain, keys: Path | None) -> str:
     return f"{signer}, as {keys} lists it; only the owner of that key could have rewritten the chain"
 
 
-def _show(checked: CheckedChain, *, every: bool) -> None:
+def _show(checked: CheckedChain, *, shows_all: bool) -> None:
     opened = checked.opened
     began = _time(checked.entries[0])
     say(printable(f"{opened.get('run')}, flown by {opened.get('program')}, began {began}"))
     say(printable(f"configuration SHA-256 {opened.get('configuration_sha256')}"))
-    if every:
+    if shows_all:
         for entry in checked.entries:
             say(_line(entry))
     summary = digest(checked.entries)

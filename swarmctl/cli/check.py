@@ -27,21 +27,19 @@ def register(cli: typer.Typer) -> None:
 def check(
     config: ConfigOrExampleOption = None, example: ExampleOption = None, out_folder: OutOption = Path("runs")
 ) -> None:
-    """Check a configuration and this machine, and list every problem, without a flight."""
+    """Check a configuration and this machine, and list the problems, without a flight."""
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
     require_flyable(config, scenario, out_folder, keys_problem_lines(config, _key_problems(scenario)))
     out.print(f"{config}: no problems. {describe(scenario)}", highlight=False, soft_wrap=True)
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:
-        text = f"preflight.endurance_s is not set, so the check `battery` will fail for {', '.join(real)}"
-        out.print(
-            f"{text}; set the key, unless these vehicles are simulated", highlight=False, soft_wrap=True
-        )
+        text = f"set preflight.endurance_s: without it the check `battery` fails for {', '.join(real)}"
+        out.print(f"{text}, unless the built-in simulator flies them", highlight=False, soft_wrap=True)
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:
-    """Yield the problems of the keys for a swarm on many machines."""
+    """Yield the problems of all participants' keys in `communication.keys`; nothing without this key."""
     communication = scenario.config.communication
     if communication.keys is None:
         return

@@ -43,21 +43,21 @@ def load_scenario_or_exit(path: Path) -> Scenario:
     from swarmctl.config.scenario import build  # noqa: PLC0415
 
     try:
-        return build(load(path, _checked))
+        return build(load(path, _problems))
     except ConfigError as error:
         fail(error.lines, USAGE)
 
 
 def describe(scenario: Scenario) -> str:
-    """Return one line about a scenario: vehicles, area, announced hostiles."""
+    """Return one line about a scenario: vehicles, area, announced number of hostiles."""
     n, grid = len(scenario.specs), scenario.grid
     return (
         f"{n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of {grid.cell_size_m:g} m, "
-        f"{scenario.prior.count} hostiles announced"
+        f"{scenario.prior.count} hostiles expected"
     )
 
 
-def _checked(config: Config) -> Iterable[ConfigProblem]:
+def _problems(config: Config) -> Iterable[ConfigProblem]:
     """Return the problems across the sections; for a large area, compile the planners first."""
     from swarmctl.cli import machine_code  # noqa: PLC0415
     from swarmctl.config.checks import check_config  # noqa: PLC0415
@@ -69,23 +69,23 @@ def _checked(config: Config) -> Iterable[ConfigProblem]:
 def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
     """Exit with all problems that prevent a flight of this configuration on this machine now.
 
-    The text of a problem begins with the file and line of its key, if the key is known. `more` are problems
-    that the caller has found.
+    A problem of one vehicle or of a key begins with the file and line. `runs` is the parent of the run
+    folders. `more` are problems that the caller has found.
     """
     from swarmctl.config.model import problem_lines  # noqa: PLC0415
     from swarmctl.preflight import host  # noqa: PLC0415
 
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))
-    wrong_key = problem_lines(path, document, _signing_key_problems(scenario))
+    key_problems = problem_lines(path, document, _signing_key_problems(scenario))
     lines = {
         vehicle.name: document.line_of(("vehicles", i)) for i, vehicle in enumerate(scenario.config.vehicles)
     }
-    found = [*wrong_key]
+    found = [*key_problems]
     for text in (*host.troubles(scenario, runs), *more):
         line = lines.get(text.split(":")[0])
         found.append(text if line is None else f"{path}:{line}: {text}")
     if found:
-        fail(found, USAGE if wrong_key else EXPECTED)
+        fail(found, USAGE if key_problems else EXPECTED)
 
 
 def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:

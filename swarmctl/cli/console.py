@@ -50,7 +50,7 @@ VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all m
 
 
 def say(text: str) -> None:
-    """Print a text without markup, highlighting or line breaks."""
+    """Print a text without markup, highlighting or added line breaks."""
     out.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -65,14 +65,14 @@ def log(text: str) -> None:
 
 
 def fail(lines: Sequence[str], code: int) -> NoReturn:
-    """Print errors and exit with `code`."""
+    """Print errors to the standard error output, and exit with `code`."""
     for text in lines:
         err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(code)
 
 
 def run_folder(parent: Path, name: str) -> Path:
-    """Create a new folder for the files of a run, and return its path."""
+    """Create a new folder for the files of a run, and return its path; exit if this is impossible."""
     stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
         folder = parent / f"{stamp}-{name}{suffix}"

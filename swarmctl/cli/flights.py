@@ -33,7 +33,7 @@ RealOption = Annotated[
 ]
 ConfirmOption = Annotated[
     str,
-    typer.Option(metavar="NAME,NAME", help="With --real, in scripts: the vehicles that may be armed."),
+    typer.Option(metavar="NAME,NAME", help="With --real, in scripts: the names of all real vehicles."),
 ]
 ForwardOption = Annotated[
     list[str] | None,
@@ -83,7 +83,7 @@ class _TimedTable(LiveTable):
 
 
 def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
-    """Return the display; with `with_time`, each permanent line begins with the wall clock's time."""
+    """Return the display; with `with_time`, each line except the live table begins with the time of day."""
     if out.is_terminal:
         return (_TimedTable if with_time else LiveTable)(out, verbose=verbose)
     return (_TimedLines if with_time else PlainLines)(out, verbose=verbose)
@@ -104,7 +104,10 @@ def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
 
 
 def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
-    """Write a run's files, print the results, and exit with the run's exit code."""
+    """Write a run's files and print the results; exit unless the whole run succeeded.
+
+    Raises typer.Exit with the exit code, and a bug of the run.
+    """
     problem = _write_files(folder, scenario, report)
     _print_results(report, folder)
     if problem:
@@ -119,7 +122,7 @@ def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
 
 
 def _late(report: Report) -> list[str]:
-    """Return the vehicles that missed their time bounds, without vehicles that the operator recalled."""
+    """Return the vehicles that missed their time bounds, unless they followed an operator's order."""
     return [name for name in missed_bounds(report.summary) if name not in companion.ended_by_operator(report)]
 
 
@@ -140,11 +143,11 @@ def _print_results(report: Report, folder: Path) -> None:
         for text in report.final_states:
             out.print(text, highlight=False, markup=False, soft_wrap=True)
     if report.ended == "failed":
-        out.print("no flight was completed; see the reasons above", highlight=False)
+        out.print("no flight was completed; the lines above give the reasons", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
-        if recalled := companion.ended_by_operator(report):
-            out.print(f"ended by the operator: {', '.join(recalled)}", highlight=False, soft_wrap=True)
+        if ordered := companion.ended_by_operator(report):
+            out.print(f"ended by the operator: {', '.join(ordered)}", highlight=False, soft_wrap=True)
         if late := _late(report):
             text = f"missed their time bounds: {', '.join(late)} [time-bound-missed]"
             err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
@@ -162,7 +165,10 @@ def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
 
 
 def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permission:
-    """Return a function that refuses to arm unconfirmed real vehicles; exit if the confirmation fails."""
+    """Return a function that raises PreflightFailed for unconfirmed vehicles outside the built-in simulator.
+
+    Exits if the operator does not confirm the real vehicles (`_confirmed`).
+    """
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
     def permit(external: Sequence[Member]) -> None:
@@ -174,7 +180,7 @@ def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permis
 
 
 def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
-    """Return the names of all real vehicles; exit unless the operator types exactly these names."""
+    """Return the names of all real vehicles; exit unless the operator gives or types exactly these names."""
     names = [spec.name for spec in scenario.specs if not spec.simulated]
     if not names:
         fail(["--real: every vehicle of this configuration is simulated; remove --real"], USAGE)
@@ -197,8 +203,8 @@ def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
     if sorted(typed) != sorted(names):
         fail(
             [
-                f"--confirm: expected {','.join(names)}, found {','.join(typed)}; no flight was started "
-                "[not-confirmed]"
+                f"confirmation of real vehicles: expected {','.join(names)}, found {','.join(typed)}; no "
+                "flight was started [not-confirmed]"
             ],
             USAGE,
         )
@@ -214,9 +220,9 @@ def _refusal(member: Member) -> str:
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """An event loop that sets `on_late_signal` when the flight removes a signal handler.
+    """An event loop that installs `on_late_signal` in place of each signal handler that the flight removes.
 
-    asyncio would restore a handler that ends the process at once.
+    Plain asyncio would install the default handler, which ends the process.
     """
 
     def __init__(self, on_late_signal: Callable[[int, FrameType | None], None]) -> None:
@@ -233,8 +239,8 @@ class _Loop(asyncio.SelectorEventLoop):
 def uninterrupted() -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
     """Yield a function that runs a flight; protect the writing of its files from interruption.
 
-    After the flight has removed its signal handlers, the first signal prints a warning only, until the
-    context ends. The second signal ends the process.
+    Between the end of the flight and the end of the context, the first signal only prints a warning. The
+    second signal ends the process.
     """
     before = {number: signal.getsignal(number) for number in SIGNALS}
     is_warned = False

@@ -29,14 +29,14 @@ def keys(
     out_folder: Annotated[
         Path, typer.Option("--out", help="Folder for the keys; existing keys are kept.")
     ] = Path("keys"),
-    days: Annotated[int, typer.Option(min=1, max=3650, help="Validity of the certificates.")] = 365,
+    days: Annotated[int, typer.Option(min=1, max=3650, help="Validity of new certificates [days].")] = 365,
     host: Annotated[
         list[str] | None,
         typer.Option(
             "--host",
             metavar="NAME=HOST",
-            help="A further host name or address of a participant (the router, or a vehicle of a mesh), in "
-            "addition to the endpoints of the configuration; repeatable.",
+            help="A further host name or address of a participant (the router, or a vehicle of a mesh); "
+            "repeatable.",
         ),
     ] = None,
 ) -> None:
@@ -58,14 +58,16 @@ def keys(
 
 
 def _what_to_copy(made: list[ParticipantFolder]) -> str:
-    new = [str(participant.folder) for participant in made if participant.is_new or participant.is_changed]
-    if not new:
+    to_copy = [
+        str(participant.folder) for participant in made if participant.is_new or participant.is_changed
+    ]
+    if not to_copy:
         return "No folder has changed; the machines need no new copies."
     where = "to the participant's machine, as the folder of communication.keys"
     if all(participant.is_new for participant in made):
         return f"Copy each folder {where}."
     refusing = "A machine with an old copy refuses the messages of participants with new keys."
-    return f"Copy these folders again, each {where}: {', '.join(new)}. {refusing}"
+    return f"Copy these folders again, each {where}: {', '.join(to_copy)}. {refusing}"
 
 
 def _hosts(swarm: Roster, names: list[str], given: list[str]) -> dict[str, list[str]]:
@@ -90,7 +92,7 @@ def _configured(swarm: Roster) -> Iterator[tuple[str, str]]:
 
 def _table(made: list[ParticipantFolder], participants: dict[str, str]) -> Table:
     table = Table(title="keys", title_justify="left")
-    for heading in ("folder", "for", "", "valid until (UTC)", "names"):
+    for heading in ("folder", "for", "", "valid until (UTC)", "hosts"):
         table.add_column(heading)
     for found in made:
         owner = participants.get(found.name, "the ground station" if found.name == OPERATOR else "the router")

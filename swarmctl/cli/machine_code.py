@@ -46,8 +46,8 @@ def prepare(n_cells: int, console: Console) -> None:
 
 def is_ready() -> bool:
     """Return whether the machine code is stored for this machine and this version of the planners."""
-    mark = _mark()
-    return mark is not None and mark.exists()
+    file = _ready_file()
+    return file is not None and file.exists()
 
 
 def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
@@ -63,12 +63,12 @@ def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
         raise CompilerError(
             f"the compiling process ended with exit code {process.returncode}; see the messages above"
         )
-    if (mark := _mark()) is not None:
-        mark.touch()
+    if (file := _ready_file()) is not None:
+        file.touch()
     return time.monotonic() - began_s
 
 
-def _mark() -> Path | None:
+def _ready_file() -> Path | None:
     """Return the file that exists once all machine code is stored; None if no folder is writable."""
     if (stored := cache()) is None:
         return None

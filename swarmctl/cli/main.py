@@ -57,8 +57,8 @@ cli = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_given: bool) -> None:
+    if is_given:
         out.print(f"swarmctl {__version__}", highlight=False)
         raise typer.Exit
 

@@ -24,7 +24,7 @@ from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
-from swarmctl.cli.operator_command import ConnectOption, FlyingConfigOption, SwarmOption, find_station
+from swarmctl.cli.operator_command import ConnectOption, FlyingConfigOption, SwarmOption, find_flight
 from swarmctl.config import joining
 from swarmctl.config.communication import mesh_endpoints, vehicle_of
 from swarmctl.config.roster import Roster
@@ -35,7 +35,7 @@ from swarmctl.station import client
 from swarmctl.station.client import NoAnswer, Station, Unclear
 
 MAX_INDEX = 2**31
-"""beyond the rows and columns of any area"""
+"""a number greater than the rows and columns of any area"""
 
 
 def register(cli: typer.Typer) -> None:
@@ -82,11 +82,11 @@ def observe(
     if show_schema:
         out.print_json(json.dumps(report_schema()))
         return
-    known = None if config is None else load_roster_or_exit(config)
+    roster = None if config is None else load_roster_or_exit(config)
     try:
         report = make_report(cell or [], at or [], occupied)
-        receiver = _vehicle(uav, known)
-        station, credentials = _station(swarm, known, connect, receiver)
+        receiver = _vehicle(uav, roster)
+        flight, credentials = _find_flight(swarm, roster, connect, receiver)
     except KeyringError as error:
         fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
     except BusError as error:
@@ -94,13 +94,14 @@ def observe(
     except ValueError as error:
         fail([str(error)], USAGE)
     try:
-        answer = asyncio.run(_report(station, credentials, receiver, report))
+        answer = asyncio.run(_report(flight, credentials, receiver, report))
     except (BusError, NoAnswer) as error:
         fail([str(error)], EXPECTED)
     if not answer.taken:
-        fail([f"vehicle {uav} of {station.swarm} refused the report: {answer.why}"], EXPECTED)
-    cells = ", ".join(f"({row}, {col}) {'occupied' if held else 'clear'}" for row, col, held in answer.cells)
-    say(f"vehicle {uav} of {station.swarm} accepted: {cells}")
+        fail([f"vehicle {uav} of {flight.swarm} refused the report: {answer.why}"], EXPECTED)
+    states = ((row, col, "occupied" if is_occupied else "clear") for row, col, is_occupied in answer.cells)
+    cells = ", ".join(f"({row}, {col}) {state}" for row, col, state in states)
+    say(f"vehicle {uav} of {flight.swarm} accepted: {cells}")
 
 
 def make_report(cells: list[str], positions: list[str], occupied: bool | None) -> Report:
@@ -136,59 +137,57 @@ def _point(word: str, occupied: bool) -> ReportedPoint:
     return ReportedPoint(lat_deg, lon_deg, occupied)
 
 
-def _vehicle(word: str, known: Roster | None) -> int:
+def _vehicle(word: str, roster: Roster | None) -> int:
     """Return the vehicle's system id. Raises ValueError."""
     if not word:
         raise Unclear("give --uav with the vehicle's system id, or its name with --config [which-vehicle]")
-    if known is not None:
-        return vehicle_of(word, known.names)
+    if roster is not None:
+        return vehicle_of(word, roster.names)
     if word.isascii() and word.isdigit() and 1 <= int(word) <= MAX_SYSTEM_ID:
         return int(word)
     raise Unclear(f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names need --config")
 
 
-def _station(
-    swarm: str | None, known: Roster | None, connect: str | None, receiver: int
+def _find_flight(
+    swarm: str | None, roster: Roster | None, connect: str | None, receiver: int
 ) -> tuple[Station, Credentials | None]:
     """Return the flight and the credentials for it. Raises BusError, KeyringError and ValueError."""
-    station = find_station(swarm, known, connect)
-    if known is None:
-        return station, joining.credentials_for(station.endpoint, None)
-    own = mesh_endpoints(known.communication.mesh, known.names).get(receiver)
-    if own is not None and connect is None and station.agents:
+    flight = find_flight(swarm, roster, connect)
+    if roster is None:
+        return flight, joining.credentials_for(flight.endpoint, None)
+    endpoint = mesh_endpoints(roster.communication.mesh, roster.names).get(receiver)
+    if endpoint is not None and connect is None and flight.agents:
         # Mesh nodes do not relay reports.
-        station = replace(station, endpoint=own, others=())
-    certified = station.endpoint.is_certified
-    keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC)) if certified else None
-    return station, joining.credentials_for(station.endpoint, keyring)
+        flight = replace(flight, endpoint=endpoint, others=())
+    is_certified = flight.endpoint.is_certified
+    keyring = joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC)) if is_certified else None
+    return flight, joining.credentials_for(flight.endpoint, keyring)
 
 
-async def _report(
-    station: Station, credentials: Credentials | None, uav: int, report: Report
-) -> ReportAnswer:
+async def _report(flight: Station, credentials: Credentials | None, uav: int, report: Report) -> ReportAnswer:
     """Connect, send a report and return the answer. Raises BusError and NoAnswer."""
-    with client.connected(station, credentials) as bus:
-        return await send_report(bus, station, uav, report)
+    with client.connected(flight, credentials) as bus:
+        return await send_report(bus, flight, uav, report)
 
 
-async def send_report(bus: Transport, station: Station, uav: int, report: Report) -> ReportAnswer:
+async def send_report(bus: Transport, flight: Station, uav: int, report: Report) -> ReportAnswer:
     """Send a report over an open bus and return the answer. Raises NoAnswer."""
     try:
-        answer = await external_observations.send_report(bus, station.swarm, uav, report)
+        answer = await external_observations.send_report(bus, flight.swarm, uav, report)
     except TimeoutError:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} did not answer within "
+            f"{flight.swarm} at {flight.endpoint} did not answer within "
             f"{external_observations.TIMEOUT_S:g} s; the vehicle may have accepted the report [no-answer]"
         ) from None
     except ValueError as error:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint}: {error}; the flight may run another "
+            f"{flight.swarm} at {flight.endpoint}: {error}; the flight may run another "
             "version of this program"
         ) from None
     if answer is None:
         raise NoAnswer(
-            f"vehicle {uav} of {station.swarm} accepts no reports at {station.endpoint}: "
-            f"{client.ended_text(station.swarm, uav) or 'its flight may have ended'}, or the vehicle is not "
+            f"vehicle {uav} of {flight.swarm} accepts no reports at {flight.endpoint}: "
+            f"{client.ended_text(flight.swarm, uav) or 'its flight may have ended'}, or the vehicle is not "
             "of this swarm, or its configuration lacks `sensor: {source: external}` or `both` "
             "[no-report-receiver]"
         )

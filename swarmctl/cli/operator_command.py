@@ -42,7 +42,7 @@ FlyingConfigOption = Annotated[
     typer.Option(
         "--config",
         "-c",
-        help="The swarm's configuration, instead of its name. With communication.router or mesh the command "
+        help="The swarm's configuration, instead of --swarm. With communication.router or mesh the command "
         "goes to each vehicle's own agent.",
     ),
 ]
@@ -57,28 +57,32 @@ SendCommand = Callable[
 ]
 
 
-def send_and_exit(
-    command: Callable[[], Request],
+def send_or_exit(
+    make_request: Callable[[], Request],
     swarm: str | None,
     config: Path | None,
     connect: str | None,
     line_of: Callable[[VehicleAnswer], str],
     send: SendCommand = client.send,
 ) -> None:
-    """Send a command and print the answers; a failure, or a ValueError of `command`, ends the program."""
+    """Send a command and print the answers.
+
+    Exits with USAGE for a ValueError (wrong options), and with EXPECTED for faults of keys or bus, or if a
+    vehicle did not take the command.
+    """
     try:
-        request = command()
-        station, keyring = _find_station(swarm, config, connect)
-        credentials = joining.credentials_for(station.endpoint, keyring)
-        signing = client.UNSIGNED if keyring is None else KeyringSigning(station.swarm, keyring)
-        answer = asyncio.run(send(station, request, credentials, signing))
+        request = make_request()
+        flight, keyring = _find_flight_and_keys(swarm, config, connect)
+        credentials = joining.credentials_for(flight.endpoint, keyring)
+        signing = client.UNSIGNED if keyring is None else KeyringSigning(flight.swarm, keyring)
+        answer = asyncio.run(send(flight, request, credentials, signing))
     except KeyringError as error:
         fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
     except (BusError, client.NoAnswer) as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
         fail([str(error)], USAGE)
-    _print_answer(request, answer, station, line_of)
+    _print_answer(request, answer, flight, line_of)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,18 +95,19 @@ class KeyringSigning:
     def sign_command(self, key: str, command: bytes) -> bytes:
         return requests.sign_command(self.swarm, key, command, time.time(), self.keyring.signer.sign)
 
-    def verify_answer(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
-        return requests.verify_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
+    def verify_answer(self, uav: int, key: str, command_payload: bytes, data: bytes) -> bytes:
+        verify = partial(self.keyring.verify, uav)
+        return requests.verify_answer(self.swarm, key, command_payload, data, verify)
 
 
-def find_station(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:
+def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:
     """Return the flight that the options select (see `client.find`). Raises Unclear and BusError."""
     if roster is None:
         return client.find(swarm, None, connect)
     return client.find(swarm, roster, connect, roster.names)
 
 
-def _find_station(
+def _find_flight_and_keys(
     swarm: str | None, config: Path | None, connect: str | None
 ) -> tuple[Station, Keyring | None]:
     """Return the flight, and the operator's keys if the flight needs keys.
@@ -110,18 +115,18 @@ def _find_station(
     Raises BusError, KeyringError and ValueError.
     """
     roster = None if config is None else load_roster_or_exit(config)
-    station = find_station(swarm, roster, connect)
-    # A process that flies all vehicles on this machine requires no signature.
-    if roster is None or not station.agents:
-        return station, None
-    return station, joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC))
+    flight = find_flight(swarm, roster, connect)
+    # A process that flies all vehicles requires no signature.
+    if roster is None or not flight.agents:
+        return flight, None
+    return flight, joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC))
 
 
 def _print_answer(
-    request: Request, answer: OperatorAnswer, station: Station, line_of: Callable[[VehicleAnswer], str]
+    request: Request, answer: OperatorAnswer, flight: Station, line_of: Callable[[VehicleAnswer], str]
 ) -> None:
     if answer.refused:
-        fail([f"{station.swarm} refused the command: {answer.refused}"], EXPECTED)
+        fail([f"{flight.swarm} refused the command: {answer.refused}"], EXPECTED)
     for vehicle in answer.vehicles:
         console = out if vehicle.outcome == "taken" else err
         console.print(line_of(vehicle), highlight=False, markup=False, soft_wrap=True)

@@ -13,7 +13,7 @@ from swarmctl.cli.operator_command import (
     FlyingConfigOption,
     SwarmOption,
     UavsOption,
-    send_and_exit,
+    send_or_exit,
 )
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder
@@ -43,7 +43,7 @@ def order(
     connect: ConnectOption = None,
     swarm: SwarmOption = None,
 ) -> None:
-    """Order vehicles in flight to launch, hold, return or land.
+    """Order vehicles of a running flight to launch, hold, return or land.
 
     The order reaches the vehicles of `swarmctl agent` and of `swarmctl fly`. `fly` refuses an order to launch
     real vehicles. On the ground, hold, return and land prevent a take-off until an order to launch.
@@ -51,7 +51,7 @@ def order(
     3 min at most while another vehicle conflicts with the route. After 3 min the order expires; give the
     order again.
     """
-    send_and_exit(
+    send_or_exit(
         lambda: GiveOrder(
             client.chosen_vehicles(uav or [], all_vehicles), what.value, ignore=tuple(ignore or ())
         ),

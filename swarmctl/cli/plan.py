@@ -93,10 +93,10 @@ def _with_prior(scenario: Scenario, run: Path) -> Scenario:
 def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int) -> None:
     names = {spec.sysid: spec.name for spec in scenario.specs}
     try:
-        wanted = resolve_vehicles([uav], names) if uav else list(names)
+        selected = resolve_vehicles([uav], names) if uav else list(names)
     except ValueError as error:
         fail([f"--uav {uav}: {error}"], USAGE)
-    found = front.fronts(scenario, [names[sysid] for sysid in wanted], max_labels)
+    found = front.fronts(scenario, [names[sysid] for sysid in selected], max_labels)
     folder = run_folder(out_folder, f"{scenario.config.name}-front")
     front.write_fronts(folder, scenario, found)
     out.print(front.front_table(found))

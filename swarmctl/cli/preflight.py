@@ -88,4 +88,4 @@ def _conclude(checks: Report, scenario: Scenario) -> None:
         raise typer.Exit(INTERRUPTED)
     if checks.trouble or len(checks.checked) < len(scenario.specs):
         raise typer.Exit(EXPECTED)
-    out.print("all checks passed; no vehicle was armed", highlight=False)
+    out.print("no check prevents the launch; no vehicle was armed", highlight=False)

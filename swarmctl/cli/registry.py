@@ -16,7 +16,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "init": ("init", "Write a starter configuration with comments, for simulated or real vehicles."),
     "check": (
         "check",
-        "Check a configuration and this machine, and list every problem, without a flight.",
+        "Check a configuration and this machine, and list the problems, without a flight.",
     ),
     "preflight": (
         "preflight",
@@ -38,7 +38,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "watch",
         "Show the positions and states of a swarm on many machines, until Ctrl-C.",
     ),
-    "order": ("order", "Order vehicles in flight to launch, hold, return or land."),
+    "order": ("order", "Order vehicles of a running flight to launch, hold, return or land."),
     "abort": (
         "abort",
         "End the flight of vehicles: hold in place, return, or land in place.",

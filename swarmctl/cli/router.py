@@ -39,7 +39,7 @@ def route(
         Path | None,
         typer.Option(metavar="DIR", help="Folder of `swarmctl keys`, instead of communication.keys."),
     ] = None,
-    print_it: Annotated[
+    prints_only: Annotated[
         bool,
         typer.Option("--print", help="Print the configuration for `zenohd --config` as JSON5, and exit."),
     ] = False,
@@ -50,7 +50,7 @@ def route(
     endpoint = _endpoint(communication, listen)
     credentials = _credentials(config, communication, endpoint, keys)
     configuration = zenoh_config.router(endpoint, swarm.name, [*swarm.names], credentials)
-    if print_it:
+    if prints_only:
         say(configuration.as_json5())
         return
     if credentials is None and not endpoint.is_loopback:
@@ -79,8 +79,8 @@ def _credentials(
         return None
     folder = keys if keys is not None else None if communication.keys is None else Path(communication.keys)
     if folder is None:
-        text = f"{endpoint} needs certificates: give --keys with a folder of `swarmctl keys`"
-        fail([f"{text} [no-certificates]"], USAGE)
+        text = f"{endpoint} needs certificates: make keys with `swarmctl keys`, and give their folder"
+        fail([f"{text} with --keys or as communication.keys [no-certificates]"], USAGE)
     try:
         return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:

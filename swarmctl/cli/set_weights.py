@@ -12,7 +12,7 @@ from swarmctl.cli.operator_command import (
     FlyingConfigOption,
     SwarmOption,
     UavsOption,
-    send_and_exit,
+    send_or_exit,
 )
 from swarmctl.core.messages import SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
@@ -62,4 +62,4 @@ def set_weights(
         # A new plan is not certain: the vehicle may keep its route, or arrive first.
         return f"{text}; plan {answer.from_plan} follows if another route is better"
 
-    send_and_exit(command, swarm, config, connect, line)
+    send_or_exit(command, swarm, config, connect, line)

@@ -37,7 +37,7 @@ def open_bus(
         configuration = standalone(endpoint, (*requests, reports), (reports,))
         bus = stack.enter_context(ZenohBus(configuration, on_failure=on_failure))
         assert bus.endpoint is not None
-        address = bus.endpoint.reachable
+        address = bus.endpoint.client_endpoint
         try:
             stack.enter_context(directory.registered(swarm, address))
         except BusError as error:
@@ -47,6 +47,7 @@ def open_bus(
         if not endpoint.is_loopback:
             say(
                 f"{bus.endpoint} is open to other machines without authentication: other machines can change "
-                "this swarm's weights, command it and report for its sensors [open-endpoint]"
+                "this swarm's weights, order simulated vehicles and report for sensors; set "
+                "communication.listen to tcp/127.0.0.1:PORT to prevent this [open-endpoint]"
             )
         yield bus
