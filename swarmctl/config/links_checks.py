@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from swarmctl.config.links import Links
 from swarmctl.config.model import Config, ConfigProblem
-from swarmctl.links.forwarding import open_to_strangers
+from swarmctl.links.forwarding import stranger_warning
 from swarmctl.links.url import parse_url
 
 
@@ -35,4 +35,4 @@ def forwarding_problem(links: Links, url: str) -> str:
     Forwarding is unsafe if other machines could command vehicles through this URL.
     """
     signed = links.signing_key is not None
-    return open_to_strangers(parse_url(url), signed=signed) if links.forward_commands else ""
+    return stranger_warning(parse_url(url), signed=signed) if links.forward_commands else ""

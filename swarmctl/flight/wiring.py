@@ -41,14 +41,14 @@ from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
 Clock = Literal["real", "virtual"]
 VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
-"""start time of virtual runs [ns], the beginning of 2026: equal runs leave equal files"""
+"""wall time of virtual runs at loop time 0 [ns since 1970], 2026-01-01: equal runs leave equal files"""
 OFFLOAD_CELLS = 100_000
-"""number of cells above which an area is searched in a thread, while the loop serves the links"""
+"""number of cells above which, in real time, a thread searches the area while the loop serves the links"""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightResources:
-    """The open resources on which the members of a flight are built."""
+    """Open resources that all members of a flight share."""
 
     front_end: FrontEnd
     transport: Transport
@@ -67,7 +67,7 @@ async def open_resources(
     say: Callable[[str], None],
     evidence: Evidence,
 ) -> AsyncIterator[FlightResources]:
-    """Open the resources of a flight, and close them at its end. `bus`: an open transport, used if given."""
+    """Open the resources of a flight; close them at the end, except `bus`, an already open bus."""
     wire, began_ns = MemoryWire(), epoch_ns(clock)
     loop = asyncio.get_running_loop()
 
@@ -100,13 +100,13 @@ async def open_resources(
 
                 simulator_task = await stack.enter_async_context(fleet_on(wire, scenario, address_of))
             else:
-                # The port is open before the simulator sends, and a port in use is reported first.
+                # The front end opens the port first, so a port in use is reported at once.
                 endpoint = parse_url(_simulated_url(scenario))
                 await front_end.open(endpoint)
-                url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
+                url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_connect_address(endpoint)}"
                 simulator_task = await stack.enter_async_context(simulator.running(scenario, url, folder))
         if not is_small(scenario.grid.n_cells):
-            # Loading the planner's machine code takes a second, so this comes before the first heartbeat.
+            # Loading the planner's machine code takes at least a second, too long for a pause in flight.
             if clock == "real":
                 await asyncio.to_thread(warm_up)
             else:
@@ -120,8 +120,8 @@ async def open_resources(
 
 
 def _report_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
-    if front_end.refused:
-        _report(evidence, say, front_end.refused)
+    if front_end.refusal_summary:
+        _report(evidence, say, front_end.refusal_summary)
 
 
 def _report(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
@@ -130,9 +130,9 @@ def _report(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
 
 
 def _signing(links: Links, pool: Executor | None) -> Signing | None:
-    """Return the MAVLink signing of the links, or None. `pool` does the disk writes.
+    """Return the MAVLink signing of the links; None without a key. `pool` writes the timestamps to the disk.
 
-    Raises LinkError if the key or its time stamps cannot be used.
+    Raises LinkError if the key or its timestamps cannot be used.
     """
     if links.signing_key is None:
         return None
@@ -153,11 +153,11 @@ def build_members(
     clock: Clock,
     run_clock: RunClock,
     say: Callable[[str], None],
-    reports: dict[int, external_observations.ReportCounts],
+    report_counts: dict[int, external_observations.ReportCounts],
 ) -> Iterator[Member]:
-    """Build the vehicles of this process, each with its link, its sensor and its agent.
+    """Build the members of this process, each with its link, its sensor and its agent.
 
-    `reports` receives the counters of each receiver of payload reports, by system id.
+    `report_counts` is filled with each vehicle's counters of payload reports, by system id.
     """
     source = SOURCES[scenario.config.sensor.source]
     links = scenario.config.links
@@ -190,25 +190,25 @@ def build_members(
         )
         relay.runner = runner
         if source.external:
-            on_observed = partial(_observed, resources.evidence, runner)
-            reports[spec.sysid] = external_observations.ReportReceiver(
+            on_observed = partial(_on_observed, resources.evidence, runner)
+            report_counts[spec.sysid] = external_observations.ReportReceiver(
                 resources.transport,
                 scenario.config.name,
                 spec.sysid,
                 scenario.grid,
                 run_clock.unix_s,
                 on_observed,
-                partial(_say_of, say, spec.name),
+                partial(_say_about, say, spec.name),
                 tolerance_s=scenario.config.communication.clock_tolerance_s,
             ).counts
         yield Member(spec, runner)
 
 
-def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
+def _say_about(say: Callable[[str], None], name: str, text: str) -> None:
     say(f"{name}: {text}")
 
 
-def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: str) -> None:
+def _on_observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: str) -> None:
     text = f"{source or 'a payload'} reports {'1 cell' if len(cells) == 1 else f'{len(cells)} cells'}"
     runner.note(text)
     if source == MANUAL_SOURCE:
@@ -219,7 +219,7 @@ def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: 
 
 
 class _EventRelay:
-    """The event handler of a link, for a link that is built before its runner."""
+    """Event handler of a link that is built before its runner."""
 
     runner: Runner
 
@@ -234,13 +234,13 @@ def epoch_ns(clock: Clock) -> int:
     return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
 
 
-def _reachable(endpoint: Endpoint) -> str:
+def _connect_address(endpoint: Endpoint) -> str:
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(endpoint.host, endpoint.host)
     return f"[{host}]:{endpoint.port}" if ":" in host else f"{host}:{endpoint.port}"
 
 
 def with_free_port(scenario: Scenario) -> Scenario:
-    """Return the scenario with a free port in place of port 0, because the simulator has to know the port."""
+    """Return the scenario with a free port in place of port 0 of simulated vehicles."""
     if not any(spec.simulated for spec in scenario.specs):
         return scenario
     endpoint = parse_url(_simulated_url(scenario))

@@ -1,11 +1,11 @@
-"""Links: the I/O between agents and vehicles, and the only sockets of the ground station.
+"""Links: the I/O between agents and vehicles over MAVLink.
 
 | module | contents |
 |---|---|
 | `base` | interface of a link, its events and its errors |
 | `frontend`, `line` | owner of the transports; one endpoint with its vehicles |
-| `direct` | one vehicle by this program's own conversations |
-| `mavsdk`, `mavsdk_conversations` | one vehicle, with commands and missions by MAVSDK |
+| `direct` | link by this program's own conversations |
+| `mavsdk`, `mavsdk_conversations` | link with commands and missions by MAVSDK |
 | `signing`, `forwarding`, `tlog` | MAVLink 2 signatures, copies for other stations, logs |
 | `url`, `transports` | forms of a URL; UDP, TCP, serial, memory |
 
@@ -23,7 +23,7 @@ from swarmctl.links.direct import DirectLink
 
 
 def _mavsdk_link(*args: Any, **kwargs: Any) -> Link:
-    """Return a `MavsdkLink`. Importing its module loads a native library, so the first use imports it."""
+    """Return a `MavsdkLink`. Its module loads a native library, so only the first use imports the module."""
     link: Link = import_module("swarmctl.links.mavsdk").MavsdkLink(*args, **kwargs)
     return link
 

@@ -1,9 +1,9 @@
-"""`Link`: the interface of one vehicle, with its events and errors.
+"""`Link`: the interface to one vehicle, with its events and errors.
 
-All waits have time-outs; cancelling a call cancels its conversation on the wire. Only one of
-connect/identify/prepare/upload/launch/swap/hold/return_home/land runs at a time. `hold`, `return_home` and
-`land` interrupt the running call, because an operator needs these commands in an emergency. Any other second
-call raises `Busy`.
+Cancelling a call cancels its conversation on the wire. One call runs at a time; a second call raises `Busy`,
+except:
+- `hold`, `return_home` and `land` interrupt the running call, as an operator needs them in an emergency.
+- `upload` and the calls from `read_parameters` to `read_instruments` wait for each other.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class AddressChanged:
-    """A new address of the vehicle, as after a reboot over UDP; the link sends there from now on."""
+    """New address of the vehicle, to which the link now sends. A vehicle on UDP may change it by a reboot."""
 
     address: str
 
 
 @dataclass(frozen=True, slots=True)
 class SystemIdConflict:
-    """Two senders with this system id at once; frames of the second sender are dropped."""
+    """Two senders with this system id at the same time; frames of the second sender are dropped."""
 
     address: str
     """address of the second sender"""
@@ -84,19 +84,19 @@ class SystemIdConflict:
 
 @dataclass(frozen=True, slots=True)
 class FramesRefused:
-    """Refused frames with the vehicle's system id, reported at once and then at most once a minute."""
+    """Refused frames with the vehicle's system id; for each reason at most one event a minute."""
 
     text: str
-    """reason, number and meaning"""
+    """reason of the refusals, number of frames so far, last sender, and meaning for the operator"""
 
 
 ChannelEvent = AddressChanged | SystemIdConflict | FramesRefused
-"""event of the front end about one vehicle"""
+"""event about one vehicle from the `FrontEnd`, the owner of the transports"""
 LinkEvent = SessionEvent | ChannelEvent
 
 
 class LinkError(Exception):
-    """Failure of one vehicle's link; the text names the vehicle and its endpoint."""
+    """Failure of a link, a transport, forwarding or signing; the text names the subject."""
 
 
 class TransportError(LinkError):
@@ -114,7 +114,7 @@ class NoAnswer(LinkError):
 
 
 class UnsupportedVehicle(LinkError):
-    """The vehicle answers, but its type is not supported."""
+    """The vehicle answers, but its autopilot or its type is not supported."""
 
 
 class PrepareFailed(LinkError):
@@ -134,7 +134,7 @@ class ParametersFailed(LinkError):
 
 
 class FenceFailed(LinkError):
-    """The geofence is not verified on the vehicle, may not be in force, or cannot be read."""
+    """The geofence is not verified on the vehicle, not confirmed as enabled, or cannot be read."""
 
 
 class UploadFailed(LinkError):
@@ -142,7 +142,7 @@ class UploadFailed(LinkError):
 
 
 class LaunchFailed(LinkError):
-    """The vehicle did not arm, start or leave the ground."""
+    """The take-off is not confirmed; a vehicle that did not leave the ground may still be armed."""
 
 
 class LaunchBlockedError(LaunchFailed):
@@ -157,12 +157,12 @@ class LaunchBlockedError(LaunchFailed):
 
 
 class SwapFailed(LinkError):
-    """The new plan is not flown; the vehicle flies the mission or mode `flying` instead.
+    """The new plan is not confirmed as flown; `flying` is the mission or mode of the vehicle.
 
-    old: the previous plan, verified
+    old: the previous plan
     hold: hold in the air
     theirs: a mode set by the pilot, a failsafe or another station
-    unknown: neither the mission nor the mode is certain
+    unknown: none of these is certain
     """
 
     def __init__(
@@ -177,7 +177,7 @@ class SwapFailed(LinkError):
 
 
 class CommandFailed(LinkError):
-    """The vehicle has refused hold, return_home, land or set_speed, or telemetry shows no effect."""
+    """hold, return_home, land or set_speed is not confirmed, or another command has interrupted it."""
 
 
 class Busy(LinkError):
@@ -185,22 +185,25 @@ class Busy(LinkError):
 
 
 class Link(Protocol):
-    """One vehicle. Times are by the event loop's clock [s]."""
+    """Interface to one vehicle."""
 
     async def connect(self, timeout_s: float) -> Identity:
-        """Wait for a heartbeat and `identify` the vehicle. Raises NoAnswer, UnsupportedVehicle."""
+        """Open the endpoint, wait for a heartbeat and `identify` the vehicle.
+
+        Raises TransportError, NoAnswer, UnsupportedVehicle.
+        """
 
     async def identify(self, timeout_s: float) -> Identity:
         """Request the identity of a connected vehicle again: another vehicle may have taken the address.
 
-        No other message is sent. Raises NoAnswer.
+        This changes nothing on the vehicle. Raises NoAnswer.
         """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         """Request streams, set hold mode and wait until the vehicle is ready to arm.
 
-        `on_waiting` gets the reasons for waiting whenever they change. Raises NotReady with the last reasons,
-        PrepareFailed.
+        `on_waiting` gets the reasons for waiting when they change, at most once a second. Raises NotReady
+        with the last reasons, PrepareFailed.
         """
 
     async def upload(self, plan: FlightPlan) -> float:
@@ -210,29 +213,28 @@ class Link(Protocol):
         """
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
-        """Return the parameters that the vehicle knows, by name, each in its unit.
-
-        The calls from here to `read_instruments`, and `upload`, wait for each other. Raises LinkError after
-        an interruption by an urgent command.
-        """
+        """Return the parameters that the vehicle knows, by name. Raises LinkError after an interruption."""
 
     async def set_parameters(self, wanted: Mapping[str, float]) -> None:
         """Set the parameters that differ, on the ground, and confirm them. Raises ParametersFailed."""
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
-        """Upload the inclusion polygon on the ground, read it back and compare. Raises FenceFailed."""
+        """Upload the inclusion polygon on the ground, read it back and compare.
+
+        Raises FenceFailed, and ValueError for too few or too many vertices.
+        """
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
         """Return the items of the fence on the vehicle. Raises FenceFailed."""
 
     async def enforce_fence(self) -> None:
-        """Enable on the ground the fences that an ArduPilot's FENCE_TYPE names. Raises FenceFailed."""
+        """Enable the fences of FENCE_TYPE on a disarmed ArduPilot. Raises FenceFailed."""
 
     async def count_rally_points(self) -> int:
         """Return the number of rally points on the vehicle. Raises LinkError if it is unknown."""
 
     async def read_instruments(self) -> Instruments:
-        """Return readings of GPS receiver and clock; home and battery in `state` are renewed too."""
+        """Return readings of GPS receiver and clock; also renew home and battery in `state`."""
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
         """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.
@@ -243,43 +245,47 @@ class Link(Protocol):
         """
 
     async def swap(self, plan: FlightPlan) -> Swapped:
-        """Upload and verify `plan` in flight and fly it, without a stop if the autopilot allows it.
+        """Upload and verify `plan` in flight and fly it, without hold mode if possible.
 
-        The vehicle begins at the first waypoint; a plan with `leaves_ahead` begins at the item ahead of the
-        vehicle. No command follows once another party has chosen a mode. Raises SwapFailed.
+        If the plan first follows the old plan (`leaves_ahead`), the vehicle continues at its next item. No
+        command follows once another party has chosen a mode. Raises SwapFailed.
         """
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
-        """Hold in the air. Raises CommandFailed.
+        """Set hold mode. Raises CommandFailed.
 
         The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
-        `check_mode_first` also checks the mode before the first command; use it for commands that no operator
-        has given. The same applies to `return_home` and `land`.
+        With `check_mode_first`, a mode that has just changed stops the first command too; use this without
+        an operator's order. The same applies to `return_home` and `land`.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:
-        """Set the speed for the rest of the flown mission [m/s].
+        """Set the speed in mission mode, until the mode changes. In other modes nothing is sent.
 
-        Raises CommandFailed; nothing is sent if another party has chosen another mode.
+        Raises CommandFailed.
         """
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
-        """Return to launch. Raises CommandFailed."""
+        """Set return mode. Raises CommandFailed."""
 
     async def land(self, *, check_mode_first: bool = False) -> None:
-        """Land at the current position, or at the mission's landing. Raises CommandFailed."""
+        """Land at the current position; a fixed wing lands at a landing of its mission. Raises CommandFailed.
+
+        A fixed wing on the ground is disarmed. Before a command that disarms or may arm, the mode is always
+        checked.
+        """
 
     def state(self) -> VehicleState:
         """Return the last known state."""
 
     def age_s(self) -> float:
-        """Return the time since the last heartbeat [s]; infinite before the first."""
+        """Return the time since the last heartbeat, by the event loop's clock [s]; inf before the first."""
 
     def items(self) -> tuple[MissionItem, ...]:
         """Return the mission items last verified on the vehicle, with item 0.
 
-        Empty if none, or if the vehicle may store another mission.
+        Empty if none was verified, or if the mission on the vehicle has possibly changed since.
         """
 
     def close(self) -> None:
-        """Stop timers, leave the front end, close its tlog. Idempotent."""
+        """Stop timers, leave the front end, close the tlog. Idempotent."""

@@ -1,4 +1,4 @@
-"""`DirectLink`: one vehicle by this program's own conversations, over the front end."""
+"""`DirectLink`: link by this program's own conversations, over the front end."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class DirectLink:
         finally:
             self._on_waiting = None
         if done.failure:
-            raise PrepareFailed(f"{self._label} cannot be prepared: {done.failure}")
+            raise PrepareFailed(f"{self._label}: the vehicle is not prepared: {done.failure}")
 
     async def upload(self, plan: FlightPlan) -> float:
         self._require_connection()
@@ -165,7 +165,7 @@ class DirectLink:
         procedure = partial(parameters.set_parameters, wanted=wanted, byte_wise=self._byte_wise)
         done: Done = await self._perform_on_ground("set parameters", procedure)
         if done.failure:
-            raise ParametersFailed(f"{self._label}: parameters not set: {done.failure}")
+            raise ParametersFailed(f"{self._label}: the parameters are not all set: {done.failure}")
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
         items = fence.fence_items(polygon)
@@ -182,12 +182,12 @@ class DirectLink:
     async def enforce_fence(self) -> None:
         done: Done = await self._perform_on_ground("enforce fence", fence.enforce_fence)
         if done.failure:
-            raise FenceFailed(f"{self._label}: the fence may not be in force: {done.failure}")
+            raise FenceFailed(f"{self._label}: the fence is not confirmed as enabled: {done.failure}")
 
     async def count_rally_points(self) -> int:
         found: rally.RallyPoints = await self._read("rally points", rally.count_rally_points)
         if found.count is None:
-            raise LinkError(f"{self._label}: rally points unknown: {found.text}")
+            raise LinkError(f"{self._label}: the number of rally points is unknown: {found.failure}")
         return found.count
 
     async def read_instruments(self) -> Instruments:
@@ -219,10 +219,10 @@ class DirectLink:
             now_flies = {
                 "old": "the vehicle flies its old mission",
                 "hold": "the vehicle holds",
-                "theirs": "the pilot, a failsafe or another station flies the vehicle",
+                "theirs": "the pilot, a failsafe or another station has set the mode",
                 "unknown": "the flown mission is unknown",
             }[flying]
-            text = f"{self._label}: mission not changed, {now_flies}: {done.failure}"
+            text = f"{self._label}: mission change failed, {now_flies}: {done.failure}"
             raise SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
         return done
 
@@ -232,7 +232,7 @@ class DirectLink:
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(basic.set_speed, speed_m_s=speed_m_s))
         if done.failure:
-            raise CommandFailed(f"{self._label}: set_speed: {done.failure}")
+            raise CommandFailed(f"{self._label}: set_speed failed: {done.failure}")
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
         await self._perform_urgent(
@@ -266,7 +266,7 @@ class DirectLink:
                 on_message=self._on_message,
                 on_event=self._on_event,
                 tlog=self._tlog,
-                wanted=self._session.wanted,
+                wanted=self._session.read_ids,
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None
@@ -299,7 +299,7 @@ class DirectLink:
             self._interrupt(name)
         done: Done = await self._perform(name, procedure)
         if done.failure:
-            raise CommandFailed(f"{self._label}: {name}: {done.failure}")
+            raise CommandFailed(f"{self._label}: {name} failed: {done.failure}")
 
     async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
         self._require_connection()
@@ -382,16 +382,16 @@ class DirectLink:
 
     def _no_answer(self, tried_s: float) -> NoAnswer:
         if self._heartbeat_received.is_set():
-            problem, code = "heartbeats arrive, but no AUTOPILOT_VERSION", ""
+            problem, code = "a heartbeat has arrived, but no AUTOPILOT_VERSION", ""
             check = "do requests reach the vehicle (one-way link, wrong port, signing)?"
         else:
             problem, code = "no heartbeat", " [no-heartbeat]"
             check = TRANSPORTS[self.endpoint.kind].check
-            if refused := self._front_end.refused_on(self.endpoint, self.sysid):
-                problem, code = f"the vehicle's frames are refused: {refused}", " [frames-refused]"
-                check = REMEDIES.get(refused, "do the clocks of vehicle and this machine agree?")
+            if refusal := self._front_end.last_refusal_on(self.endpoint, self.sysid):
+                problem, code = f"the vehicle's frames are refused: {refusal}", " [frames-refused]"
+                check = REMEDIES.get(refusal, "do the clocks of the vehicle and of this machine agree?")
             other_ids = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
-            if other_ids and not refused:
+            if other_ids and not refusal:
                 ids = ", ".join(map(str, other_ids))
                 check = f"this endpoint receives only system ids {ids}; is the configured system id right?"
         trouble = self._front_end.trouble_on(self.endpoint)

@@ -1,7 +1,7 @@
 """Forwarding: copies of the traffic for other stations (QGroundControl, Mission Planner, MAVProxy ...).
 
-Each frame is sent unchanged in one datagram, so signatures stay valid. An absent or slow station loses
-frames and delays nothing. Frames from a station are passed to `on_frame`, if set.
+Each frame is sent unchanged, so signatures stay valid. An absent or slow station loses frames and delays
+nothing. `on_frame`, if set, receives the frames of other stations.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from swarmctl.links.transports.base import Address, Transport
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import Frame, FrameSplitter
 
-WATCHERS_LIMIT = 16
-"""largest number of addresses of one listening target: the latest senders"""
+STATIONS_LIMIT = 16
+"""largest number of station addresses of one listening target; the latest senders stay"""
 
 OnFrame = Callable[[Frame, str], None]
 """callback for a frame of another station, with the station's endpoint as text"""
 
 
 class ForwardTarget:
-    """One endpoint for other stations; each station at the endpoint receives all frames."""
+    """One endpoint for other stations; each known station at the endpoint receives all frames."""
 
     def __init__(self, endpoint: Endpoint, transport: Transport, on_frame: OnFrame | None) -> None:
         self.endpoint = endpoint
@@ -45,11 +45,10 @@ class ForwardTarget:
     def _receive(self, data: bytes, address: Address) -> None:
         peers = self._transport.peers()
         if peers and address not in peers:
-            return  # an unknown sender at this program's port
+            return  # not from the station of this target
         splitter = self._splitters.pop(address, None) or FrameSplitter()
-        # The latest sender stays longest.
         self._splitters[address] = splitter
-        if len(self._splitters) > WATCHERS_LIMIT:
+        if len(self._splitters) > STATIONS_LIMIT:
             del self._splitters[next(iter(self._splitters))]
         if self._on_frame is not None:
             for frame in splitter.feed(data):
@@ -81,7 +80,7 @@ class Forwarder:
         self._targets.clear()
 
 
-def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
+def stranger_warning(endpoint: Endpoint, *, signed: bool) -> str:
     """Return a warning if unknown senders at an endpoint could command vehicles; empty otherwise."""
     if signed or endpoint.kind in ("serial", "memory") or is_loopback(endpoint.host):
         return ""
@@ -91,7 +90,7 @@ def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
             "send to 127.0.0.1, or set links.signing_key [open-to-strangers]"
         )
     return (
-        f"{endpoint}: other machines reach this endpoint and with links.forward_commands could command "
+        f"{endpoint}: with links.forward_commands other machines that reach this endpoint could command "
         "vehicles; listen at 127.0.0.1, or set links.signing_key [open-to-strangers]"
     )
 
@@ -99,10 +98,10 @@ def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
 _LISTENER = {"udpout": "udpin", "tcpout": "tcpin", "udpin": "udpin", "tcpin": "tcpin"}
 
 
-def refuse_loops(targets: Sequence[Endpoint], vehicles: Sequence[Endpoint]) -> None:
-    """Raise LinkError if forwarded frames would return as frames of a vehicle, in an endless loop."""
+def refuse_loops(targets: Sequence[Endpoint], vehicle_endpoints: Sequence[Endpoint]) -> None:
+    """Raise LinkError if frames forwarded to a target would return at a vehicle's endpoint, without end."""
     for target in targets:
-        for endpoint in vehicles:
+        for endpoint in vehicle_endpoints:
             if target == endpoint or (_reaches(target, endpoint) and _is_this_machine(target.host)):
                 raise LinkError(
                     f"forward {target}: vehicles are expected at {endpoint}, so forwarded frames would "

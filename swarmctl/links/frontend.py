@@ -1,7 +1,7 @@
-"""Front end: owner of every transport of the ground station.
+"""Front end: owner of every MAVLink transport of the ground station.
 
-All vehicles of one URL share one transport. The front end learns the address of each system id and sends to
-that address only. It decodes only the wanted messages, writes the tlogs and sends the heartbeats.
+All vehicles of one URL share one transport. The front end learns the address of each system id, and sends a
+vehicle's messages to that address only. The front end also writes the tlogs and sends the heartbeats.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from swarmctl.links.base import (
     LinkError,
     TransportError,
 )
-from swarmctl.links.forwarding import Forwarder, ForwardTarget, open_to_strangers, refuse_loops
+from swarmctl.links.forwarding import Forwarder, ForwardTarget, refuse_loops, stranger_warning
 from swarmctl.links.line import Channel, EvidenceRecorder, Line, LineShared
 from swarmctl.links.signing import Refusals, Signing, SigningGuard
 from swarmctl.links.tlog import TlogWriter
@@ -34,18 +34,18 @@ from swarmctl.mavlink.protocol.codec import (
     Message,
 )
 from swarmctl.mavlink.protocol.command import is_forced_arming
-from swarmctl.mavlink.session import WANTED
+from swarmctl.mavlink.session import READ_IDS
 from swarmctl.mavlink.telemetry.presence import HEARTBEAT_PERIOD_S
 
 
 class FrontEnd:
     """Front end of a ground station; as a context manager it closes every transport and tlog at the end.
 
-    wall_time_us: clock for tlogs and signatures
+    wall_time_us: clock for tlogs and signatures [µs since 1970]
     signing: signature of outgoing frames, and check of incoming frames
-    memory: wires of `memory:NAME` endpoints
-    evidence: recorder of every message; the recorder may forbid messages to vehicles
-    say: output of messages to the operator about other stations, refused frames and signing
+    memory: wires of `memory:NAME` endpoints, by NAME
+    evidence: recorder of messages; the recorder may forbid messages to vehicles
+    say: output of messages to the operator
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class FrontEnd:
         guard = SigningGuard(signing, wall_time_us)
         self._shared = LineShared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, evidence, say)
         self._lines: dict[Endpoint, Line] = {}
-        self._opening = asyncio.Lock()
+        self._open_lock = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
         self._at_close: list[Callable[[], None]] = []
         self._say = say
@@ -85,8 +85,8 @@ class FrontEnd:
         await self.close()
 
     async def open(self, endpoint: Endpoint) -> None:
-        """Open the endpoint's transport unless it is open. Raises TransportError."""
-        async with self._opening:
+        """Open the endpoint's transport unless it is open. Raises TransportError, or LinkError for a loop."""
+        async with self._open_lock:
             if endpoint in self._lines:
                 return
             refuse_loops(self._shared.forwarder.endpoints, [endpoint])
@@ -97,15 +97,15 @@ class FrontEnd:
                 self._heartbeat()
 
     async def forward(self, endpoint: Endpoint, *, commands: bool = False) -> None:
-        """Copy all traffic to the stations at an endpoint; with `commands` their frames reach the vehicles.
+        """Copy the frames of vehicles and of this program to the stations at an endpoint.
 
-        Raises TransportError, and LinkError if vehicles are expected at the same endpoint, or if unknown
-        stations could command.
+        With `commands` the frames of those stations reach the vehicles, except forced arming and disarming.
+        Raises TransportError, and LinkError for a loop or if unknown stations could command.
         """
         refuse_loops([endpoint], list(self._lines))
         signed = self._shared.guard.signing is not None
-        if commands and (why := open_to_strangers(endpoint, signed=signed)):
-            raise LinkError(f"forward {why}")
+        if commands and (warning := stranger_warning(endpoint, signed=signed)):
+            raise LinkError(f"forward {warning}")
         on_frame = self._from_station if commands else None
         await self._shared.forwarder.add(ForwardTarget(endpoint, self._transport(endpoint), on_frame))
 
@@ -136,11 +136,11 @@ class FrontEnd:
         on_message: Callable[[Message], None],
         on_event: Callable[[ChannelEvent], None],
         tlog: Path | None = None,
-        wanted: Set[int] = WANTED,
+        wanted: Set[int] = READ_IDS,
     ) -> Channel:
         """Return the channel of one system id on an open endpoint; `on_message` gets the `wanted` messages.
 
-        Raises LinkError if another link has this system id.
+        Raises LinkError if another link on this endpoint, or this station, has the system id.
         """
         line = self._lines[endpoint]
         if sysid in line.channels:
@@ -151,8 +151,8 @@ class FrontEnd:
             )
         if sysid == self.sysid:
             raise LinkError(
-                f"system id {sysid} on {endpoint} is the ground station's own; vehicles use 1 to 254 "
-                "[system-id-own]"
+                f"system id {sysid} on {endpoint} is this ground station's id; give the vehicle an id from "
+                "1 to 254 [system-id-own]"
             )
         writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
         channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, wanted)
@@ -162,29 +162,29 @@ class FrontEnd:
         """Return the system ids of all autopilots received on an endpoint."""
         return frozenset(self._lines[endpoint].systems) if endpoint in self._lines else frozenset()
 
-    def refused_on(self, endpoint: Endpoint, sysid: int) -> str:
+    def last_refusal_on(self, endpoint: Endpoint, sysid: int) -> str:
         """Return the reason for the last refused frame of an autopilot; empty if none was refused."""
-        return self._lines[endpoint].refused.get(sysid, "") if endpoint in self._lines else ""
+        return self._lines[endpoint].last_refusals.get(sysid, "") if endpoint in self._lines else ""
 
     async def why_not_arm(self) -> str:
         """Wait until the evidence so far is on disk; return the reason that forbids arming, or ""."""
         return "" if self._shared.evidence is None else await self._shared.evidence.settled()
 
     def trouble_on(self, endpoint: Endpoint) -> str:
-        """Return the current faults of an endpoint's transport and the refused frames; empty if none."""
-        transport = self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
-        return "; ".join(text for text in (transport, self.refused) if text)
+        """Return the fault of an endpoint's transport, and `refusal_summary`; empty if there is neither."""
+        fault = self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
+        return "; ".join(text for text in (fault, self.refusal_summary) if text)
 
     @property
-    def refused(self) -> str:
-        """Return a summary of refused frames and dropped commands; empty if there are none."""
+    def refusal_summary(self) -> str:
+        """Return the numbers of refused frames and dropped commands, and signing faults; empty if none."""
         forced = f"forced armings or disarmings of other stations dropped: {self._n_forced}"
         return "; ".join(
             text for text in (self._shared.guard.trouble, forced if self._n_forced else "") if text
         )
 
     def at_close(self, release: Callable[[], None]) -> None:
-        """Register `release`, called before the transports close, for objects that use this front end."""
+        """Register a function to be called before the transports close."""
         self._at_close.append(release)
 
     async def close(self) -> None:
@@ -209,7 +209,6 @@ class FrontEnd:
             self._say(signing.trouble)
         for line in self._lines.values():
             line.heartbeat()
-            # The log is needed most after a crash of this process.
             line.flush_logs()
 
     def _transport(self, endpoint: Endpoint) -> Transport:

@@ -1,4 +1,4 @@
-"""One endpoint of the front end: its transport, and the vehicles on it with their addresses."""
+"""One endpoint of the front end: its transport, and the vehicles with their addresses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitt
 from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
 
 _LATE_LIMIT, _SPLITTERS_LIMIT = 64, 1024
-"""largest numbers of addresses on one endpoint: with a late clock, and with incomplete frames"""
+"""largest numbers of addresses on one endpoint: of vehicles with a late clock, and of all senders"""
 SILENT_S = 2.0
 """silence of a vehicle's address after which the vehicle may have a new address"""
 
@@ -33,13 +33,13 @@ class AddressVerdict(Enum):
     DROPPED = "dropped"
     """not from the vehicle's address"""
     CONFLICT = "conflict"
-    """accepted; `rival` also uses this system id"""
+    """accepted; another address, `rival`, also uses this system id"""
 
 
 class AddressTracker:
     """Address of one system id on one endpoint. No I/O.
 
-    A second address appears when a vehicle reboots over UDP, or when two vehicles have the same system id.
+    A second address appears when a vehicle on UDP reboots, or when two vehicles have the same system id.
     With two vehicles the first address continues to send.
     """
 
@@ -69,10 +69,13 @@ class AddressTracker:
 
 
 class EvidenceRecorder(Protocol):
-    """Recorder of every message to and from vehicles; `Line.send` calls it for each own message."""
+    """Recorder of messages to and from vehicles."""
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
-        """Record a message before it is sent; return False to forbid it. sysid 0: all vehicles."""
+        """Record a message to system `sysid` (0: all) from station `by` (empty: this one).
+
+        Return whether the message may be sent.
+        """
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
         """Record a wanted message of a vehicle."""
@@ -145,7 +148,7 @@ class Line:
         self.channels: dict[int, Channel] = {}
         self.systems: set[int] = set()
         """system ids of all autopilots received"""
-        self.refused: dict[int, str] = {}
+        self.last_refusals: dict[int, str] = {}
         """reason for the last refusal, by the autopilot's system id"""
         self._endpoint = endpoint
         self._number = number
@@ -153,8 +156,8 @@ class Line:
         self._refusals = Refusals()
         self._splitters: dict[Address, FrameSplitter] = {}
         self._late: set[Address] = set()
-        """Addresses with the right key but an old timestamp. Each address gets a heartbeat: an autopilot
-        without GPS takes the time from signed frames."""
+        """Addresses with the right key but an old timestamp. Each address gets one heartbeat, because an
+        autopilot without GPS takes the time from signed frames."""
 
     def send(self, message: Message, address: Address, sysid: int = 0) -> bytes:
         """Send a message; return its frame, or b"" if the evidence recorder forbids it."""
@@ -167,7 +170,7 @@ class Line:
         return data
 
     def pass_on(self, frame: Frame, target: int) -> None:
-        """Send another station's frame unchanged to system `target` (0: to all)."""
+        """Send another station's frame unchanged to system `target`, if on this line (0: to all)."""
         channels = [c for c in self.channels.values() if target in (0, c.sysid)]
         for channel in channels:
             channel.log(frame.data)
@@ -175,7 +178,7 @@ class Line:
             self.transport.send(frame.data, address)
 
     def heartbeat(self) -> None:
-        """Send one heartbeat to each address, even if several vehicles share the address."""
+        """Send one heartbeat to each address, also to an address that several vehicles share."""
         by_address: dict[Address, list[Channel]] = {
             address: [] for address in (*self.transport.peers(), *self._late)
         }
@@ -213,7 +216,7 @@ class Line:
         if not frame.known:
             return  # noise may look like a frame of any system
         if frame.compid == AUTOPILOT_COMPID:
-            self.refused[frame.sysid] = why
+            self.last_refusals[frame.sysid] = why
         channel = self.channels.get(frame.sysid)
         if channel is None:
             if text := self._refusals.of_stranger(frame.sysid, why, _text(address), now):
@@ -229,7 +232,7 @@ class Line:
         if channel is None:
             return
         if not from_autopilot:
-            # Frames of cameras and companions, and unverified frames, are logged but change no address.
+            # Frames of cameras and companions, and unverified frames, change no address.
             if address == channel.tracker.address:
                 channel.log(frame.data)
             return

@@ -4,8 +4,8 @@ Each front end has one `Mavsdk` object, on `raw://`. Addresses, tlogs, signing, 
 every decision stay with this program.
 
 Observed on MAVSDK 4.1.0: the library crashes on more than 16 objects in a process, on any call after
-`destroy`, and on `destroy` in a callback. A cancelled blocking call never returns. So this module uses only
-`_async` calls from the loop's thread, and calls `destroy` once, in that thread.
+`destroy`, and on `destroy` in a callback. A cancelled blocking call never returns. So this module makes no
+blocking calls, and calls `destroy` once, in the loop's thread.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _REPEATS = 4
 """number of time-outs after which MAVSDK ends a command"""
 _COMMAND_TIMEOUT_S = Command.ANSWER_WAIT_S / _REPEATS
 _TRANSFER_TIMEOUT_S = 1.5
-"""Five time-outs in a row end a transfer. ArduPilot requests a lost item every second, so the default of
-0.5 s is too short."""
+"""MAVSDK's time-out in a transfer; five in a row end the transfer. ArduPilot requests a lost item every
+second, so the default of 0.5 s is too short."""
 _CALLBACKS_KEPT = 64
-"""number of kept callbacks; MAVSDK's plug-ins never drop a callback, but older callbacks are not pending"""
+"""number of kept callbacks per plug-in; MAVSDK never drops a callback, and older callbacks are not pending"""
 _MAX_CLOCK_GAP_S = 1.0
-"""largest difference between the loop's clock and the machine's clock"""
+"""largest difference between the loop's clock and the machine's monotonic clock"""
 _LOOK_UP_AFTER_S = 0.1
 
 
@@ -74,7 +74,7 @@ class MavsdkStation:
         self._mavsdk.subscribe_on_new_system(lambda _: self._call_in_loop(self._on_new_system), None)
 
     def join(self, vehicle: MavsdkVehicle) -> None:
-        """Add a vehicle. Raises LinkError if its system id is in use: MAVSDK identifies vehicles by id."""
+        """Add a vehicle. Raises LinkError if another vehicle has its system id, MAVSDK's key of a vehicle."""
         if vehicle.sysid in self._vehicles:
             raise LinkError(
                 f"system id {vehicle.sysid} is used by two vehicles with `link: mavsdk`; give one vehicle "
@@ -83,7 +83,7 @@ class MavsdkStation:
         self._vehicles[vehicle.sysid] = vehicle
 
     def leave(self, vehicle: MavsdkVehicle) -> bool:
-        """Remove a vehicle, and close MAVSDK after the last; return whether it was the last. Idempotent."""
+        """Remove a vehicle, and close MAVSDK after the last; return whether none is left. Idempotent."""
         if self._vehicles.get(vehicle.sysid) is vehicle:
             del self._vehicles[vehicle.sysid]
         if not self._vehicles:
@@ -120,7 +120,7 @@ class MavsdkStation:
             return
         for system in self._mavsdk.get_systems():
             vehicle = self._vehicles.get(system.get_system_id())
-            if vehicle is not None and not vehicle.known.is_set():
+            if vehicle is not None and not vehicle.discovered.is_set():
                 if vehicle.sysid not in self._plugins:
                     self._plugins[vehicle.sysid] = MavlinkDirect(system), MissionRaw(system)
                 vehicle.attach_plugins(*self._plugins[vehicle.sysid])
@@ -156,17 +156,17 @@ class MavsdkVehicle:
         self.sysid = sysid
         self.send = send
         self.gate = MavsdkGate()
-        self.known = asyncio.Event()
+        self.discovered = asyncio.Event()
         """set when MAVSDK has discovered the vehicle"""
         self._station = station
         self._direct: Any = None
         self._raw: Any = None
         self._acks: dict[int, Message] = {}
-        self._next: Callable[[], None] | None = None
+        self._next_transfer: Callable[[], None] | None = None
 
     def attach_plugins(self, direct: Any, raw: Any) -> None:
         self._direct, self._raw = direct, raw
-        self.known.set()
+        self.discovered.set()
 
     def detach_plugins(self) -> None:
         """Drop the plug-ins before MAVSDK closes; later calls get no answer."""
@@ -208,14 +208,14 @@ class MavsdkVehicle:
 
     def upload(self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]) -> None:
         raw = [_raw_item(seq, item, seq == current) for seq, item in enumerate(items)]
-        self._transfer(lambda by, ended: by.upload_mission_async(raw, ended), then)
+        self._transfer(lambda plugin, ended: plugin.upload_mission_async(raw, ended), then)
 
     def download(self, then: Callable[[TransferEnd], None]) -> None:
-        self._transfer(lambda by, ended: by.download_mission_async(ended), then)
+        self._transfer(lambda plugin, ended: plugin.download_mission_async(ended), then)
 
     def cancel_transfer(self) -> None:
-        self._next = None
-        if self.gate.transfer and self._raw is not None:
+        self._next_transfer = None
+        if self.gate.is_transferring and self._raw is not None:
             for cancel in (self._raw.cancel_mission_upload, self._raw.cancel_mission_download):
                 # Cancelling the direction without a transfer raises.
                 try:
@@ -227,21 +227,21 @@ class MavsdkVehicle:
         def start() -> None:
             if self._raw is None:
                 return
-            self.gate.transfer = True
+            self.gate.is_transferring = True
             self._station.set_timeout(_TRANSFER_TIMEOUT_S)
             self._drop_old_callbacks(self._raw)
             begin(self._raw, self._station.callback(ended))
 
         def ended(result: Any, items: Sequence[Any] = ()) -> None:
-            self.gate.transfer = False
+            self.gate.is_transferring = False
             then((result.name, tuple(map(_item, items))))
-            following, self._next = self._next, None
-            if following is not None and not self.gate.transfer:
-                following()
+            start_next, self._next_transfer = self._next_transfer, None
+            if start_next is not None and not self.gate.is_transferring:
+                start_next()
 
-        if self.gate.transfer:
+        if self.gate.is_transferring:
             # The cancelled transfer has not ended yet, so MAVSDK would answer BUSY.
-            self._next = start
+            self._next_transfer = start
         else:
             start()
 
@@ -285,11 +285,11 @@ class MavsdkLink(DirectLink):
         assert self._vehicle is not None
         try:
             async with asyncio.timeout(timeout_s):
-                await self._vehicle.known.wait()
+                await self._vehicle.discovered.wait()
         except TimeoutError:
             raise LinkError(
                 f"{self._label}: the vehicle answers, but MAVSDK has not found this vehicle within "
-                f"{timeout_s:g} s; `link: direct` works without MAVSDK"
+                f"{timeout_s:g} s; try again, or fly with `link: direct`"
             ) from None
         return identity
 

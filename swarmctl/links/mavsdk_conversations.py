@@ -51,35 +51,35 @@ class ByMavsdk(Conversation[R]):
 
 
 class CommandByMavsdk(ByMavsdk[CommandResult]):
-    """One try of a command by MAVSDK; `own` keeps the deadlines and interprets the answer."""
+    """One try of a command by MAVSDK; `command` keeps the deadlines and interprets the answer."""
 
     def __init__(
-        self, own: Command, adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
+        self, command: Command, adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
     ) -> None:
         super().__init__(adapter, on_end)
-        self._own = own
+        self._command = command
         self._clock = clock
         self._message: Message = None
 
     def _begin(self, now: float) -> list[Message]:
-        (self._message,) = self._own.start(now)
+        (self._message,) = self._command.start(now)
         self._adapter.command(self._message, self._answered)
         return self._follow()
 
     def _answered(self, ack: Message) -> None:
         if self.result is None and self._is_running("an answer"):
-            self._own.receive(ack, self._clock())
+            self._command.receive(ack, self._clock())
             self._follow()
             self._on_end()
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         # MAVSDK does not report IN_PROGRESS and keeps waiting, so this conversation also waits.
         if message.get_type() == "COMMAND_ACK" and name_of("MAV_RESULT", message.result) == "IN_PROGRESS":
-            self._own.receive(message, now)
+            self._command.receive(message, now)
         return self._follow()
 
     def _on_deadline(self, now: float) -> list[Message]:
-        self._own.tick(now)
+        self._command.tick(now)
         return self._follow()
 
     def _closing_messages(self, now: float) -> list[Message]:
@@ -87,15 +87,15 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
         return []
 
     def _follow(self) -> list[Message]:
-        self.next_deadline = self._own.next_deadline
-        if self._own.result is not None:
+        self.next_deadline = self._command.next_deadline
+        if self._command.result is not None:
             self._adapter.give_up(self._message)
-            self._finish(self._own.result)
+            self._finish(self._command.result)
         return []
 
 
 class _Transfer(ByMavsdk[R]):
-    """Transfer by MAVSDK. MAVSDK has its own time-outs; `limit_s` applies if MAVSDK never calls back."""
+    """Transfer by MAVSDK, which has its own time-outs; `limit_s` is for a callback that never comes."""
 
     limit_s = 60.0
 
@@ -129,7 +129,7 @@ class _Transfer(ByMavsdk[R]):
 
 
 # Another try or a read-back may turn any outcome but REJECTED into a success.
-_UPLOADED: dict[str, UploadOutcome] = {
+_UPLOAD_OUTCOMES: dict[str, UploadOutcome] = {
     "SUCCESS": UploadOutcome.ACCEPTED,
     # Perhaps all items are stored and only the last acknowledgement is lost.
     "TIMEOUT": UploadOutcome.UNCONFIRMED,
@@ -147,17 +147,17 @@ _UPLOADED: dict[str, UploadOutcome] = {
 class UploadByMavsdk(_Transfer[UploadResult]):
     """MissionRaw.upload_mission."""
 
-    def __init__(self, own: Upload, adapter: MavsdkAdapter, on_end: Callable[[], None]) -> None:
+    def __init__(self, upload: Upload, adapter: MavsdkAdapter, on_end: Callable[[], None]) -> None:
         super().__init__(adapter, on_end)
-        self._own = own
-        self.limit_s = 20.0 + 2.0 * len(own.items)
+        self._upload = upload
+        self.limit_s = 20.0 + 2.0 * len(upload.items)
 
     def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
-        # MAVSDK sends only missions with exactly one current item; on the ground that is the first item.
-        self._adapter.upload(self._own.items, self._own.current or 0, then)
+        # MAVSDK sends only missions with exactly one current item; without a mark that is item 0.
+        self._adapter.upload(self._upload.items, self._upload.current or 0, then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> UploadResult:
-        outcome = _UPLOADED.get(name, UploadOutcome.REJECTED)
+        outcome = _UPLOAD_OUTCOMES.get(name, UploadOutcome.REJECTED)
         return UploadResult(outcome, f"upload {outcome.value}: MAVSDK reports {name}")
 
 
@@ -187,8 +187,8 @@ def with_mavsdk(
 
     These conversations stay with this program:
     - parts of a mission and MISSION_SET_CURRENT, which MAVSDK lacks
-    - an upload in flight that keeps the current item: MAVSDK always marks an item as current
-    - fences
+    - an upload that may keep the current item (`flown`): MAVSDK always marks an item as current
+    - fences and parameters
     - requests that change nothing on the vehicle
     """
     answer: Any = None
@@ -205,16 +205,19 @@ def with_mavsdk(
 
 
 def _by_mavsdk(
-    own: Conversation[Any], adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
+    conversation: Conversation[Any],
+    adapter: MavsdkAdapter,
+    on_end: Callable[[], None],
+    clock: Callable[[], float],
 ) -> Conversation[Any]:
-    match own:
+    match conversation:
         case Command():
-            return CommandByMavsdk(own, adapter, on_end, clock)
-        case Upload() if own.mission_type == MISSION and own.flown is None:
-            return UploadByMavsdk(own, adapter, on_end)
-        case Download() if own.mission_type == MISSION and own.first == 0:
+            return CommandByMavsdk(conversation, adapter, on_end, clock)
+        case Upload() if conversation.mission_type == MISSION and conversation.flown is None:
+            return UploadByMavsdk(conversation, adapter, on_end)
+        case Download() if conversation.mission_type == MISSION and conversation.first == 0:
             return DownloadByMavsdk(adapter, on_end)
-    return own
+    return conversation
 
 
 _ALWAYS_IN = ("HEARTBEAT", "AUTOPILOT_VERSION")
@@ -229,15 +232,15 @@ _TRANSFER_IN = (
 
 
 class MavsdkGate:
-    """Gate between MAVSDK and one vehicle: only requested messages pass.
+    """Filter of the messages between MAVSDK and one vehicle.
 
     MAVSDK repeats unanswered commands. A repeated command could reach a vehicle after a pilot has taken over,
-    so each command passes once, exactly as requested. MAVSDK receives answers only to its own messages.
-    `transfer`: True while MAVSDK transfers a mission.
+    so each command passes once, exactly as requested. MAVSDK receives heartbeats, versions and answers to its
+    own messages. `is_transferring`: True while MAVSDK transfers a mission.
     """
 
     def __init__(self) -> None:
-        self.transfer = False
+        self.is_transferring = False
         self._permitted: set[tuple[int, bytes]] = set()
         self._awaited_acks: set[int] = set()
 
@@ -260,14 +263,14 @@ class MavsdkGate:
             self._permitted.discard(content)
             return permitted
         # MAVSDK sends the last MISSION_ACK after it has reported the end of the transfer.
-        return kind == "MISSION_ACK" or (self.transfer and kind in _TRANSFER_OUT)
+        return kind == "MISSION_ACK" or (self.is_transferring and kind in _TRANSFER_OUT)
 
     def lets_in(self, message: Message) -> bool:
         """Return whether MAVSDK receives the vehicle's message."""
         kind = message.get_type()
         if kind == "COMMAND_ACK":
             return int(message.command) in self._awaited_acks
-        return kind in _ALWAYS_IN or (self.transfer and kind in _TRANSFER_IN)
+        return kind in _ALWAYS_IN or (self.is_transferring and kind in _TRANSFER_IN)
 
 
 def _content(command: Message) -> tuple[int, bytes]:

@@ -1,7 +1,7 @@
 """MAVLink 2 signing of one front end: https://mavlink.io/en/guide/message_signing.html
 
-Outgoing timestamps never repeat, even after a restart. Incoming frames without a signature, with another key
-or with an old timestamp are refused and counted.
+Incoming frames without a signature, with another key or with an implausible timestamp are refused and
+counted.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ RESERVE_TICKS = 60 * TICKS_PER_S
 RENEW_TICKS = 30 * TICKS_PER_S
 """lead below which a new timestamp is stored; a write may take this long without delaying a frame"""
 DISK_WAIT_S = 1.0
-"""longest wait for the disk when no lead is left: at the start, and after a timestamp far ahead"""
+"""longest wait for the disk when no lead is left, as at the start or after a received timestamp far ahead"""
 MAX_AHEAD_TICKS = 24 * 3600 * TICKS_PER_S
 """Largest lead of a received timestamp. MAVLink sets no limit: one frame with the highest timestamp would use
-up all timestamps of every station that accepts it."""
+up all timestamps of every station that accepts this frame."""
 # Reasons for refusing a frame.
 UNSIGNED = "unsigned"
 OTHER_KEY = "signed with another key"
@@ -87,13 +87,14 @@ def ticks(unix_us: int) -> int:
 class Signing:
     """One key with its timestamps, and the numbers of refused frames.
 
-    Before a timestamp is used, a higher timestamp is stored, so no timestamp repeats after a restart.
+    Before a timestamp is used, a higher timestamp is stored, so no timestamp repeats after a restart. If the
+    store fails, signing continues, and `trouble` has the reason.
     """
 
     def __init__(
         self, key: bytes, store: TimestampStore, first_link_id: int = 0, pool: Pool | None = None
     ) -> None:
-        """Load the store. Raises OSError and ValueError if that fails.
+        """Load the store. Raises OSError, and ValueError for a bad key or store, or used-up timestamps.
 
         `pool` writes the store in the background; without a pool each write is immediate.
         """
@@ -102,7 +103,7 @@ class Signing:
         self.refused: Counter[str] = Counter()
         """number of refused frames by reason"""
         self.trouble = ""
-        """reason for a failure to store timestamps; empty if there is none"""
+        """message about the last failure to store timestamps; empty if none has failed"""
         self._key = key
         self._store = store
         self._pool: Pool = pool or SameThreadPool()
@@ -130,7 +131,7 @@ class Signing:
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
     def accepts(self, frame: bytes, clock: int) -> bool:
-        """Return whether a verified frame is signed with the key and not repeated."""
+        """Return whether a frame with a right checksum is accepted."""
         return not self.why_not(frame, clock)
 
     def why_not(self, frame: bytes, clock: int) -> str:
@@ -193,7 +194,7 @@ class Signing:
 
 
 class SigningGuard:
-    """Signing of one front end by its clock; if `signing` is None, all frames pass unsigned."""
+    """Signing of one front end by its clock; if `signing` is None, frames are neither signed nor checked."""
 
     def __init__(self, signing: Signing | None, wall_time_us: Callable[[], int]) -> None:
         self.signing = signing
@@ -208,7 +209,7 @@ class SigningGuard:
 
     @property
     def trouble(self) -> str:
-        """Return a summary of refused frames and of a store failure; empty if there is neither."""
+        """Return the numbers of refused frames, and a failure of the store; empty if there is neither."""
         if self.signing is None:
             return ""
         refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
@@ -246,7 +247,7 @@ class Refusals:
     """Refused frames at one input. The methods return a message to report now, or ""."""
 
     def __init__(self) -> None:
-        self._kinds: dict[tuple[int, str], _RefusalCount] = {}
+        self._counts: dict[tuple[int, str], _RefusalCount] = {}
         """counts by system id and reason; id 0: all unknown systems, to limit the memory"""
 
     def of_vehicle(self, sysid: int, component: int, why: str, address: str, now_s: float) -> str:
@@ -264,13 +265,13 @@ class Refusals:
         return f"frames are refused, {why} ({so_far}) [frames-refused]" if n else ""
 
     def _note(self, sysid: int, why: str, now_s: float) -> int:
-        """Count a refused frame; return the count of its kind if a report is due, else 0."""
-        kind = self._kinds.get((sysid, why))
-        if kind is None:
-            self._kinds[sysid, why] = _RefusalCount(1, now_s)
+        """Count a refused frame; return the number so far if a report is due, else 0."""
+        count = self._counts.get((sysid, why))
+        if count is None:
+            self._counts[sysid, why] = _RefusalCount(1, now_s)
             return 1
-        kind.n += 1
-        if now_s - kind.reported_s < REPORT_PERIOD_S:
+        count.n += 1
+        if now_s - count.reported_s < REPORT_PERIOD_S:
             return 0
-        kind.reported_s = now_s
-        return kind.n
+        count.reported_s = now_s
+        return count.n

@@ -11,9 +11,9 @@ _TIME = struct.Struct(">Q")
 
 
 class TlogWriter:
-    """Log of frames in both directions; each frame follows its time in big-endian microseconds since 1970.
+    """Log of frames in both directions: the time [µs since 1970, 64 bits, big-endian], then the frame.
 
-    A full disk ends the log, with one message; the flight continues.
+    An error such as a full disk ends the log, with one message; the flight continues.
     """
 
     def __init__(self, path: Path, wall_time_us: Callable[[], int], say: Callable[[str], None]) -> None:
@@ -25,21 +25,21 @@ class TlogWriter:
 
     def write(self, frame: bytes) -> None:
         if not self._is_ended:
-            with self._failing():
+            with self._ending_at_error():
                 self._file.write(_TIME.pack(self._wall_time_us()) + frame)
 
     def flush(self) -> None:
         """Pass all written bytes to the operating system, so that a crash of this process loses none."""
         if not self._is_ended:
-            with self._failing():
+            with self._ending_at_error():
                 self._file.flush()
 
     def close(self) -> None:
-        with self._failing():
+        with self._ending_at_error():
             self._file.close()
 
     @contextlib.contextmanager
-    def _failing(self) -> Iterator[None]:
+    def _ending_at_error(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:

@@ -26,7 +26,7 @@ DEFAULT_BAUD = 57600
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Endpoint of one or more vehicles. Equal endpoints share one transport."""
+    """Endpoint of vehicles or of other stations. Vehicles at equal endpoints share one transport."""
 
     kind: Kind
     host: str = ""

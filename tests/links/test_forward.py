@@ -174,7 +174,7 @@ def test_a_forced_arming_or_disarming_of_another_station_is_never_passed_on(arms
             (line,) = world.said
             assert line.startswith("station 252 at memory:watcher ")
             assert line.endswith("[forced]")
-            assert world.front.refused.endswith(": 2")
+            assert world.front.refusal_summary.endswith(": 2")
 
     play(story())
 

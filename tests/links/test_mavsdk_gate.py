@@ -66,7 +66,7 @@ def test_a_forced_arming_or_disarming_is_never_sent(arm, code):
 )
 def test_no_unrequested_message_of_mavsdk_is_sent(message):
     gate = MavsdkGate()
-    gate.transfer = True
+    gate.is_transferring = True
     assert not gate.lets_out(message)
 
 
@@ -74,7 +74,7 @@ def test_a_mission_passes_only_during_a_transfer():
     gate = MavsdkGate()
     assert not gate.lets_out(COUNT)
     assert not gate.lets_in(REQUEST), "the answer is our own conversation's to give"
-    gate.transfer = True
+    gate.is_transferring = True
     assert gate.lets_out(COUNT)
     assert gate.lets_in(REQUEST)
 

@@ -27,7 +27,7 @@ def test_pymavlink_verifies_all_frames_of_a_signed_flight_both_ways(tmp_path: Pa
             await link.launch()
             await until(lambda: not link.state().armed, 300)
             assert world.vehicle.signing.refused == 0
-            assert world.front.refused == ""
+            assert world.front.refusal_summary == ""
             for frames in (world.to_vehicles, world.from_vehicles, world.watched):
                 receiver = station()
                 messages = [m for frame in frames for m in receiver.parse_buffer(frame)]
@@ -89,7 +89,7 @@ def test_a_vehicle_with_a_late_clock_learns_the_time_and_is_accepted(tmp_path: P
         async with SignedWorld(tmp_path, behind_s=3600) as world:
             identity = await world.link().connect(10)
             assert identity.simulated
-            assert LATE in world.front.refused
+            assert LATE in world.front.refusal_summary
 
     play(story())
 
@@ -123,6 +123,6 @@ def test_commands_of_another_station_need_the_key_too(tmp_path: Path, key: bytes
             world.watcher.from_vehicle(bytes(hold.pack(station(key))), "station")
             await asyncio.sleep(5)
             assert link.state().mode == {4: "GUIDED", 0: "STABILIZE"}[mode]
-            assert (OTHER_KEY in world.front.refused) == (key != KEY)
+            assert (OTHER_KEY in world.front.refusal_summary) == (key != KEY)
 
     play(story())

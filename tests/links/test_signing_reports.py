@@ -166,6 +166,6 @@ def test_a_disk_that_stores_no_timestamps_is_reported_in_flight(
             (trouble,) = world.said
             assert "No space left on device" in trouble
             assert trouble.endswith("[timestamps-not-stored]")
-            assert world.front.refused == trouble
+            assert world.front.refusal_summary == trouble
 
     play(story())

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable
 from typing import Protocol
 
 Address = Hashable
-"""identity of a peer for its transport: (host, port), a connection, a device"""
+"""identity of a peer for its transport, such as (host, port) or a device path"""
 
 Receive = Callable[[bytes, Address], None]
 
@@ -19,7 +19,7 @@ class Transport(Protocol):
         """Send without blocking; drop bytes that cannot be sent."""
 
     def peers(self) -> tuple[Address, ...]:
-        """Return the addresses for a first heartbeat, before any input."""
+        """Return the addresses known without received bytes: a configured target, and connected clients."""
 
     @property
     def trouble(self) -> str:

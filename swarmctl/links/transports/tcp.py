@@ -1,4 +1,4 @@
-"""TCP: a server of several clients (tcpin), or a client that reconnects (tcpout)."""
+"""TCP: a server for several clients (tcpin), or a client that reconnects (tcpout)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _SEND_LIMIT = 1 << 16
-"""limit of the queue for a peer that does not read [bytes]"""
+"""length of the queue above which frames to a peer that does not read are dropped [bytes]"""
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
+"""pauses between attempts to connect; the last pause repeats"""
 _CONNECT_LIMIT_S = 10.0
 
 
@@ -67,9 +68,10 @@ class TcpServer:
                 lambda: _Connection(receive, self._made, self._lost), self._endpoint.host, self._endpoint.port
             )
         except OSError as error:
-            taken = error.errno == errno.EADDRINUSE
-            why = "another program has the TCP port [port-taken]" if taken else str(error.strerror or error)
-            raise TransportError(f"{self._endpoint}: cannot listen: {why}; choose another port") from error
+            text = f"{error.strerror or error}; check host and port"
+            if error.errno == errno.EADDRINUSE:
+                text = "another program has the TCP port; choose another port [port-taken]"
+            raise TransportError(f"{self._endpoint}: cannot listen: {text}") from error
 
     def _made(self, connection: _Connection) -> None:
         self._connections[connection.address] = connection

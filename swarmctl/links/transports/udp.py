@@ -14,7 +14,7 @@ from swarmctl.links.url import Endpoint
 _RECEIVE_BUFFER = 1 << 20
 """size for a burst of a hundred vehicles while the loop is busy [bytes]"""
 _SEND_LIMIT = 1 << 16
-"""limit of the queue for a socket that accepts nothing [bytes]"""
+"""length of the queue above which datagrams for a socket that accepts nothing are dropped [bytes]"""
 
 
 class Udp(asyncio.DatagramProtocol):
@@ -38,7 +38,8 @@ class Udp(asyncio.DatagramProtocol):
             else:
                 found = await loop.getaddrinfo(*address, type=socket.SOCK_DGRAM)
                 family, _, _, _, self._peer = found[0]
-                await loop.create_datagram_endpoint(lambda: self, family=family, local_addr=_any(family))
+                any_address = ("::", 0) if family == socket.AF_INET6 else ("0.0.0.0", 0)
+                await loop.create_datagram_endpoint(lambda: self, family=family, local_addr=any_address)
         except OSError as error:
             raise TransportError(_explain(self._endpoint, error)) from error
 
@@ -76,10 +77,6 @@ class Udp(asyncio.DatagramProtocol):
             self._transport.close()
             await self._closed.wait()
             self._transport = None
-
-
-def _any(family: int) -> tuple[str, int]:
-    return ("::", 0) if family == socket.AF_INET6 else ("0.0.0.0", 0)
 
 
 def _explain(endpoint: Endpoint, error: OSError) -> str:
