@@ -24,7 +24,7 @@ def _connect_endpoint(text: str) -> str:
     endpoint = parse_endpoint(text)
     if endpoint.port == 0:
         raise ValueError(f"{text!r}: other machines connect to this endpoint; give it a port above 0")
-    if endpoint.reachable != endpoint:
+    if endpoint.client_endpoint != endpoint:
         raise ValueError(
             f"{text!r}: {endpoint.host} stands for all addresses, so other machines cannot connect to it; "
             "give the address or name of the listening machine"
@@ -56,7 +56,8 @@ class PartitionSection(Section):
     """
 
     from_s: float = Field(
-        ge=0.0, description="Begin, in simulated seconds since the start [s]. Sending times count."
+        ge=0.0,
+        description="Begin, in simulated seconds since the start [s]. A message's time of sending decides.",
     )
     until_s: float | None = Field(
         None,
@@ -176,8 +177,8 @@ class Communication(Section):
     sync_every_s: float = Field(
         3.0,
         ge=0.0,
-        description="Period at which a UAV compares its observations with a neighbour's and requests missing "
-        "ones [s]. 0: never, as in the paper; lost messages stay lost.",
+        description="Period at which a UAV compares observations with a neighbour and requests its missing "
+        "observations [s]. 0: never, as in the paper; lost messages stay lost.",
     )
     penalty_per_m: float = Field(
         0.0,

@@ -136,7 +136,7 @@ class Belief:
         return cls(
             count,
             sensor,
-            LookCounts(_read_only(rows, cols), _read_only(rows, cols)),
+            LookCounts(_read_only_zeros(rows, cols), _read_only_zeros(rows, cols)),
             0,
             ObservationLog(),
             0,
@@ -264,9 +264,9 @@ class Belief:
 
         A cell with a look is OCCUPIED if p_O > 0.5, else CLEAR.
         """
-        _, which = self._classes
+        _, class_of = self._classes
         known = np.full(self.looks.shape, UNKNOWN, dtype=np.int8)
-        known.ravel()[self._seen_cells] = np.where(self._p_occupied > 0.5, OCCUPIED, CLEAR)[which]
+        known.ravel()[self._seen_cells] = np.where(self._p_occupied > 0.5, OCCUPIED, CLEAR)[class_of]
         known.flags.writeable = False
         return known
 
@@ -275,10 +275,10 @@ class Belief:
 
         Eq. 4 for the paper's belief, else its generalisation (`swarmctl.core.inference.occupancy.bayes`).
         """
-        classes, which = self._classes
+        classes, class_of = self._classes
         p_unseen = self._p_occupied[0] if classes.looks[0] == 0 else 0.0
         p_occupied = np.full(self.looks.shape, p_unseen)
-        p_occupied.ravel()[self._seen_cells] = self._p_occupied[which]
+        p_occupied.ravel()[self._seen_cells] = self._p_occupied[class_of]
         return p_occupied
 
     def uncertain(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
@@ -339,14 +339,14 @@ class Belief:
 
     @cached_property
     def _classes(self) -> tuple[CellClasses, NDArray[np.int64]]:
-        """The classes in order of looks and hits, and the class of each cell with a look."""
+        """The classes in order of looks and hits, and the index of the class of each cell with a look."""
         pairs = self.looks_and_hits(self._seen_cells)
         packed = pairs[:, 0] << 32 | pairs[:, 1]
-        kinds, which, n_cells = np.unique(packed, return_inverse=True, return_counts=True)
+        kinds, class_of, n_cells = np.unique(packed, return_inverse=True, return_counts=True)
         n_unseen = self.looks.size - packed.size
         if n_unseen:
-            kinds, n_cells, which = np.append(0, kinds), np.append(n_unseen, n_cells), which + 1
-        return CellClasses(kinds >> 32, kinds & 0xFFFFFFFF, n_cells.astype(np.int64)), which
+            kinds, n_cells, class_of = np.append(0, kinds), np.append(n_unseen, n_cells), class_of + 1
+        return CellClasses(kinds >> 32, kinds & 0xFFFFFFFF, n_cells.astype(np.int64)), class_of
 
     @cached_property
     def _p_occupied(self) -> NDArray[np.float64]:
@@ -361,7 +361,7 @@ def _joined(cells: Iterable[bytes]) -> NDArray[np.int64]:
     return np.frombuffer(b"".join(cells), CELL_INDEX_DTYPE)
 
 
-def _read_only(rows: int, cols: int) -> NDArray[np.int32]:
+def _read_only_zeros(rows: int, cols: int) -> NDArray[np.int32]:
     zeros = np.zeros((rows, cols), dtype=np.int32)
     zeros.flags.writeable = False
     return zeros

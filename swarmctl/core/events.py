@@ -218,7 +218,7 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """True for an order that an operator has just given. The order does not wait for a heartbeat"""
+    """True for an order that an operator or a recall has just given; it does not wait for a heartbeat"""
 
 
 class SetSpeed(_Record, frozen=True):
@@ -228,7 +228,7 @@ class SetSpeed(_Record, frozen=True):
 
 
 class Release(_Record, frozen=True):
-    """Send nothing more to the vehicle: a pilot, a failsafe or another station has taken over."""
+    """End the agent's own commands to the vehicle: a pilot, a failsafe or another station has taken over."""
 
 
 class Answer(_Record, frozen=True):
