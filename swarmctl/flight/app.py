@@ -60,14 +60,14 @@ class FlightOptions:
 
     launch: Launch = "when-ready"
     operator_service_of: int | None = None
-    """the vehicle whose operator service this process offers; None: the station's, for all vehicles"""
+    """the vehicle that this process flies for a swarm of several processes; None: this process flies all"""
     orders_closed: Callable[[Sequence[Member]], str] | None = None
-    """function that returns the reason why operators' orders are refused now, or an empty text. None: one
-    process flies all vehicles, and `operator_orders.orders_closed` decides"""
+    """function that returns the reason why operators' orders are refused now, or an empty text; None:
+    `operator_orders.orders_closed` decides"""
     signing: CommandSigning = UNSIGNED
     """verifier of operators' commands and signer of answers"""
     frame_codec: FrameCodec | None = None
-    """signer and verifier of the messages between vehicles; None: messages are unsigned"""
+    """codec that signs and verifies the messages between vehicles; None: messages are unsigned"""
     signer: Signer | None = None
     """signer of the evidence at the end of the run; None: the evidence stays unsigned"""
     waivers: tuple[Waiver, ...] = ()
@@ -88,10 +88,9 @@ async def fly(
     bus: Transport | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
 ) -> Report:
-    """Fly the scenario and return its report; write `run.mcap`, the evidence and the tlogs to `folder`.
+    """Fly the scenario, record the flight in `folder`, and return the report.
 
-    `report.outputs` writes the other files. `bus` is an open transport; None opens the configured transport,
-    or a bus in memory on a virtual clock.
+    `bus` is an open transport; None opens the configured transport, or a bus in memory on a virtual clock.
     """
     if clock == "real":
         scenario = with_free_port(scenario)
@@ -109,7 +108,7 @@ async def fly(
             director = _director(run, _recorded(permission, evidence), evidence, network)
             await _run_flight(run, director, network, resources)
     except Exception as error:  # noqa: BLE001 - the report accounts for the vehicles after any error
-        run.failed(error)
+        run.note_error(error)
     finally:
         recorder.close()
         evidence.close(options.signer)
@@ -148,7 +147,7 @@ class _Run:
         """The vehicles' names by system id."""
         return {task.uav: task.name for task in self.scenario.tasks}
 
-    def failed(self, error: Exception) -> None:
+    def note_error(self, error: Exception) -> None:
         self.failures += _single_errors(error)
         for failure in self.failures:
             if isinstance(failure, EXPECTED_ERRORS):
@@ -248,7 +247,7 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
 
 
 def _return_queue(run: _Run, network: Network) -> ReturnQueue | None:
-    """Return the queue of a vehicle of a swarm in several processes; None if this process flies the swarm."""
+    """Return the queue for one vehicle of a swarm of several processes; None if this process flies all."""
     uav = run.options.operator_service_of
     return None if uav is None else ReturnQueue(uav, partial(network.states, uav))
 
@@ -294,7 +293,7 @@ def _waived(evidence: Evidence, checked: CheckResult) -> None:
 
 
 def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
-    """Note a refused message, or a report that contradicts the own observations of vehicle `uav`."""
+    """Note a message that vehicle `uav` refused, or a report that contradicts its own observations."""
     now = asyncio.get_running_loop().time()
     for observer in observers:
         observer.noted(uav, text, now, to_operator=False)

@@ -36,13 +36,13 @@ from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import CommandVerifier, sign_answer
 
 FIRST_LINK_S = 3.0
-"""time without a network until a message reports this [s]"""
+"""time from the start to the message about a missing network [s]"""
 POLL_S = 0.5
-REACHED = "the swarm's network is reached [network-reached]"
+REACHED = "the agent is connected to the swarm's network [network-reached]"
 
 
 def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenario:
-    """Return the scenario for one vehicle, at `url` if given, else at its configured address.
+    """Return the scenario for one vehicle, at `url` if given, else at the configured or simulator's address.
 
     Altitude, landing spot, seeds and sensor are the same as when one process flies all vehicles.
     """
@@ -57,10 +57,10 @@ def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenar
 
 
 def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
-    """Return the reason why operators' orders are refused; empty if they are taken.
+    """Return the reason why operators' orders are refused; empty if orders are accepted.
 
-    Without keys the sender of an order is unknown: anyone on the network could launch or land an aircraft.
-    Therefore without keys only vehicles of the built-in simulator take orders.
+    Without keys the sender of an order is unknown: any host on the network could launch or land an aircraft.
+    Therefore without keys only vehicles of the built-in simulator accept orders.
     """
     real = [m.name for m in members if m.identity is None or not m.identity.simulated]
     if has_keys or not real:
@@ -107,7 +107,7 @@ async def fly(
     address_of: AddressOf = undisturbed,
     waivers: tuple[Waiver, ...] = (),
 ) -> Report:
-    """Fly the vehicle of `scenario_for` over `network`, or over an open `bus`, or without a network.
+    """Fly the vehicle of `scenario_for`, over `network`, else over the open transport `bus`, else alone.
 
     The flight continues while the network is missing. Raises BusError if the network cannot be opened.
     """
@@ -152,7 +152,7 @@ async def fly(
 
 
 class _KeyringSigning:
-    """Verifier of requests that the operator signs after the start, and signer of the vehicle's answers."""
+    """Verifier of commands that the operator signs after the start, and signer of the vehicle's answers."""
 
     def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
         tolerance_s = scenario.config.communication.clock_tolerance_s
@@ -172,7 +172,7 @@ async def _report_connection(bus: ZenohBus, network: Configuration, ui: Ui) -> N
     connected = None
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(FIRST_LINK_S):
-            while not bus.connected:  # noqa: ASYNC110 - Zenoh's threads change it
+            while not bus.connected:  # noqa: ASYNC110 - Zenoh's threads change `connected`
                 await asyncio.sleep(POLL_S)
     while True:
         if bus.connected is not connected:
@@ -184,6 +184,6 @@ async def _report_connection(bus: ZenohBus, network: Configuration, ui: Ui) -> N
 def _missing(bus: ZenohBus, network: Configuration) -> str:
     reason = f": {bus.trouble}" if bus.trouble else ""
     return (
-        f"the swarm's network is not reached{reason}; until then the vehicle flies by its own observations; "
-        f"{joining.connection_advice(network)} [network-missing]"
+        f"the agent is not connected to the swarm's network{reason}; until it is, the vehicle flies by its "
+        f"own observations; {joining.connection_advice(network)} [network-missing]"
     )

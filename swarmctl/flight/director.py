@@ -31,7 +31,7 @@ NOT_READY_S = 20.0
 PARTIAL_CHECKS_S = 10.0
 """time limit for the checks of the vehicles that have answered, when preflight is stopped [s]"""
 EARLY_CHECKS_S = 3.0
-"""time between two early checks of vehicles that are ready before other vehicles [s]"""
+"""time between two searches for vehicles that have become ready, for early checks [s]"""
 RETRY_S = 5.0
 """time between a failed preparation of a waiting vehicle and the next attempt [s]"""
 
@@ -42,7 +42,7 @@ never: preflight checks only; no vehicle gets the permission to arm."""
 
 
 class PreflightFailed(Exception):
-    """A failed preflight, before any vehicle is armed; one line for each reason."""
+    """A failed preflight; one line for each reason."""
 
     def __init__(self, lines: Sequence[str]) -> None:
         super().__init__("\n".join(lines))
@@ -81,7 +81,7 @@ class Director:
         launch: Launch = "when-ready",
         return_queue: ReturnQueue | None = None,
     ) -> None:
-        """`return_queue`: for a process that flies one vehicle of a swarm; None if it flies all vehicles."""
+        """`return_queue`: for a process that flies one vehicle of a swarm; None: this process flies all."""
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay
@@ -126,7 +126,7 @@ class Director:
         answered = [m for m in self._members if m.identity is not None]
         for member in answered:
             member.not_ready_because = member.not_ready_because or "; ".join(member.waiting_for)
-        self._say(f"stopping; checking the data received from {names(answered) or 'no vehicle'}")
+        self._say(f"the preflight stops; checking the data received from {names(answered) or 'no vehicle'}")
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(PARTIAL_CHECKS_S):
                 await self._clearance.failures(answered, answered)
@@ -178,7 +178,7 @@ class Director:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 
     def _is_released(self, member: Member) -> bool:
-        """Return whether the flight continues without this vehicle, because it was released.
+        """Return whether the flight continues without this vehicle, because the vehicle is released.
 
         The link and the heartbeats to the vehicle continue. In a run of checks only, a released vehicle
         counts as failed.
@@ -202,7 +202,7 @@ class Director:
             await self._clear([member])
 
     def _permit(self) -> None:
-        """Ask for the permission to arm vehicles that are not simulated. Raises PreflightFailed."""
+        """Make all vehicles armable, after a permission for those not simulated. Raises PreflightFailed."""
         external = self._not_simulated()
         if external:
             self._permission(external)
@@ -226,13 +226,13 @@ class Director:
             raise PreflightFailed([_unexpected(m) for m in unexpected])
         return external
 
-    async def _run_for_all_reported(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
+    async def _run_for_all_reported(self, step: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """Run one preflight step as `_run_for_all`, and report each failure while other vehicles are busy."""
         under_way = {m.name for m in self._members if not self._is_released(m)}
 
         async def reported(member: Member) -> None:
             try:
-                await act(member)
+                await step(member)
             except (LinkError, PreflightFailed) as error:
                 if under_way - {member.name} and not self._is_released(member):
                     self._say(extended(str(error), "; waiting for the other vehicles"))
@@ -256,14 +256,14 @@ class Director:
                 for text in await self._clearance.early_failures(member, self._members):
                     self._say(extended(text, "; waiting for the other vehicles"))
 
-    async def _run_for_all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
+    async def _run_for_all(self, step: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """Run one preflight step on all vehicles at once. Raises PreflightFailed with all failures.
 
-        A vehicle that another station or a pilot takes over during the step does not count as a failure.
+        Failures of released vehicles are left out (see `_is_released`).
         """
         members = [m for m in self._members if not self._is_released(m)]
         outcomes: list[BaseException | None]
-        outcomes = await asyncio.gather(*map(act, members), return_exceptions=True)
+        outcomes = await asyncio.gather(*map(step, members), return_exceptions=True)
         for i, (member, outcome) in enumerate(zip(members, outcomes, strict=True)):
             if isinstance(outcome, BaseException) and not isinstance(outcome, (LinkError, PreflightFailed)):
                 raise outcome
@@ -283,10 +283,8 @@ class Director:
         )
         found = member.runner.link.state()
         if found.armed:
-            text = (
-                f"already armed, in mode {found.mode or '?'}; disarm it, or remove it from the configuration"
-            )
-            raise PreflightFailed([f"{member.name}: {text} [already-armed]"])
+            advice = "disarm the vehicle, or remove it from the configuration [already-armed]"
+            raise PreflightFailed([f"{member.name}: already armed, in mode {found.mode or '?'}; {advice}"])
 
     async def _make_ready(self, member: Member) -> None:
         """Wait until the vehicle has a verified mission; begin again after each reboot."""
@@ -337,7 +335,7 @@ class Director:
     async def _launch_when_ready(self, member: Member) -> None:
         """Launch after the configured delay. A vehicle that is no longer ready is made ready first.
 
-        If this fails, the vehicle stays on the ground.
+        If the preparation fails, the vehicle stays on the ground.
         """
         await asyncio.sleep(member.spec.delay_s * self._seconds_per_delay)
         try:
@@ -351,8 +349,8 @@ class Director:
     async def _stand_by(self, member: Member) -> None:
         """Keep the vehicle ready for the order to launch, while it is on the ground."""
         # A vehicle whose launch is refused stands by again.
-        standing = ON_GROUND | {Phase.LAUNCHING}
-        while member.state.phase in standing and not (self._when_ready and self._is_over(member)):
+        before_flight = ON_GROUND | {Phase.LAUNCHING}
+        while member.state.phase in before_flight and not (self._when_ready and self._is_over(member)):
             if member.state.lost or not _needs_preparation(member):
                 await asyncio.sleep(POLL_S)
                 continue
@@ -360,7 +358,7 @@ class Director:
                 await self._prepare_again(member)
             except (LinkError, PreflightFailed) as error:
                 if not member.state.ended:
-                    self._say(extended(str(error), f"; trying again in {RETRY_S:g} s"))
+                    self._say(extended(str(error), f"; next attempt in {RETRY_S:g} s"))
                     await asyncio.sleep(RETRY_S)
 
     def _is_over(self, member: Member) -> bool:

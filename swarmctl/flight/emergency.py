@@ -1,4 +1,4 @@
-"""Emergency return or landing, after the agents have crashed or an operator has ended the program at once."""
+"""Emergency orders, after the agents have crashed or an operator has ended the program at once."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ async def in_turns(
 ) -> None:
     """Order all armed vehicles except released vehicles, after the agents have crashed.
 
-    Returning vehicles hold until their turn, at most `within_s`, so that no two vehicles meet. `speedup` is
-    vehicle seconds in one second of the loop. No operator has given these orders, so each order first checks
-    that swarmctl has set the vehicle's mode.
+    Returning vehicles hold until their turns, so that no two vehicles meet; after `within_s` they return in
+    any case. `speedup` is vehicle seconds in one second of the loop. No operator has given these orders, so
+    each order first checks that swarmctl has set the vehicle's mode.
     """
     armed = _armed_and_unreleased(members)
     if not armed:

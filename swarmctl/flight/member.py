@@ -26,7 +26,7 @@ class Member:
     is_overdue: bool = False
     """True if the preparation takes longer than for a healthy vehicle"""
     not_ready_because: str = ""
-    """reason for a failed preparation"""
+    """reason why the preparation failed or was stopped"""
 
     @property
     def state(self) -> AgentState:

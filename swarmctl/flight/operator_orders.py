@@ -26,13 +26,13 @@ def operator_service_for(
     closed_by: Callable[[Sequence[Member]], str] | None,
     signing: CommandSigning,
 ) -> OperatorService:
-    """Return the service of the vehicle `uav`, or the station's for all vehicles (None).
+    """Return the operator service of vehicle `uav`; None: the service of all vehicles.
 
     `members` may be filled later. `closed_by` returns the reason why orders are refused now, or an empty
-    text. If `closed_by` is None, one process flies all vehicles, and `orders_closed` decides.
+    text. If `closed_by` is None, `orders_closed` decides.
     """
 
-    def closed(command: Request) -> str:
+    def refusal(command: Request) -> str:
         if not isinstance(command, GiveOrder):
             return ""
         if closed_by is not None:
@@ -45,17 +45,17 @@ def operator_service_for(
         ui.say,
         commands,
         uav=uav,
-        refusal=closed,
+        refusal=refusal,
         delays=partial(return_delays_s, members, ui.say),
         signing=signing,
     )
 
 
 def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
-    """Return the reason why a process that flies all vehicles refuses an order; empty if it is taken.
+    """Return the reason why a process that flies all vehicles refuses an order; empty for an accepted order.
 
-    Orders to this process are not signed. Therefore no order launches a real vehicle, and real vehicles take
-    orders from this machine only.
+    Orders to this process are not signed. Therefore no order launches a real vehicle, and real vehicles
+    accept orders from this machine only.
     """
     real = [m.name for m in members if m.identity is None or not m.identity.simulated]
     listen = scenario.config.communication.listen

@@ -60,7 +60,7 @@ class ReturnQueue:
         return now_s - self._free_since[1] >= SLOT_S * len(ahead)
 
     def may_land(self, place: VehiclePosition, now_s: float) -> bool:
-        """Return whether the descent from this position is free of airborne vehicles.
+        """Return whether the descent from this position is free of lower airborne vehicles.
 
         At equal height the vehicle with the lower system id counts as the lower vehicle.
         """

@@ -24,6 +24,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
 from swarmctl.core.observation import BeliefItem
+from swarmctl.core.operator_text import extended
 from swarmctl.flight.sensors import Sensor
 from swarmctl.flight.supervise import Backoff, retrying
 from swarmctl.links.base import (
@@ -91,7 +92,7 @@ class Runner:
         self.state = begin(task, prior)
         self.link = link
         self.armable: Identity | None = None
-        """the vehicle that may be armed; no other vehicle is launched at this address"""
+        """the vehicle that may be armed; no other vehicle is launched at this address. None: no permission"""
         self.cleared = asyncio.Event()
         """set if preflight checks have passed since the last boot; the launch waits for this event"""
         self.check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
@@ -139,7 +140,7 @@ class Runner:
         self._wake.set()
 
     def on_link_event(self, event: LinkEvent) -> None:
-        """Turn a link's report into events. The receive path calls this, so it only queues events."""
+        """Queue a link's report as events, or note the report; quick, because the receive path calls this."""
         match event:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
@@ -155,13 +156,13 @@ class Runner:
             case VehicleRebooted():
                 self.cleared.clear()
                 self.post(ev.Rebooted())
-                self.note(
-                    "the vehicle has rebooted; a vehicle on the ground is made ready again [rebooted]",
-                    to_operator=True,
-                )
+                ground, air = "the program makes it ready again", "look for it if it was in the air"
+                advice = ground if self.state.phase in ON_GROUND else air
+                self.note(f"the vehicle has rebooted; {advice} [rebooted]", to_operator=True)
             case SystemIdConflict(address):
                 self.conflict = f"a second sender, at {address}, uses system id {self.state.task.uav} too"
-                self.note(f"{self.conflict}; the frames of that sender are dropped", to_operator=True)
+                advice = "the frames of that sender are dropped; give each vehicle its own system id"
+                self.note(f"{self.conflict}; {advice}", to_operator=True)
             case FramesRefused(text):
                 self.note(text, to_operator=True)
             case AddressChanged(address):
@@ -169,10 +170,9 @@ class Runner:
             case StatusText(_, text):
                 self.note(text)
             case ProcedureDone(name, failure, stood_still_s):
-                stood = (
-                    "" if stood_still_s is None else f"; the vehicle stood still for {stood_still_s:.1f} s"
-                )
-                self.note(f"{name.replace('_', ' ')}: {failure or 'done'}{stood}")
+                text = f"{name.replace('_', ' ')}: {f'not completed: {failure}' if failure else 'done'}"
+                stood = f"; the vehicle stood still for {stood_still_s:.1f} s" if stood_still_s else ""
+                self.note(extended(text, stood))
             case FirstHeartbeat():
                 self.note("first heartbeat")
 
@@ -242,7 +242,7 @@ class Runner:
                     self._operator_service.answered(command, answer)
 
     def _start(self, work: Callable[[], Awaitable[None]], jobs: asyncio.TaskGroup) -> None:
-        """Start a job, one at a time: cancel the running job now and begin when it has ended.
+        """Cancel the running job now, and start the new job after the end of the running job.
 
         The cancellation happens here, so that a job replaced before its first step does nothing.
         """
@@ -257,7 +257,7 @@ class Runner:
         self._job = jobs.create_task(job())
 
     def _end_job(self) -> None:
-        """Cancel the running job once; its end may take time."""
+        """Cancel the running job once; the job may end later."""
         self._ending = {job for job in self._ending if not job.done()}
         if self._job is not None and not self._job.done():
             self._job.cancel()
@@ -291,7 +291,7 @@ class Runner:
             self.post(ev.SpeedFailed(str(error)))
 
     async def _order(self, order: ev.FlightOrder, *, check_mode_first: bool) -> None:
-        if order is ev.FlightOrder.LAUNCH and (reason := await self._forbidden()):
+        if order is ev.FlightOrder.LAUNCH and (reason := await self._reason_against_arming()):
             self.post(ev.OrderFailed(order, reason, nothing_sent=True))
             return
         actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
@@ -309,7 +309,7 @@ class Runner:
         else:
             self.post(ev.OrderDone(order))
 
-    async def _forbidden(self) -> str:
+    async def _reason_against_arming(self) -> str:
         """Return the reason why the vehicle must not be armed now; empty if it may be armed.
 
         The link sends no launch command before this check.

@@ -1,4 +1,4 @@
-"""Shutdown: the orderly early end of a flight. All vehicles hold, then return or land without meeting."""
+"""Shutdown: the orderly early end of a flight. All vehicles hold, then return or land in turn."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.report.final_state import HEARTBEATS_END, is_released_in_air
 
 HOLD_DEADLINE_S = 8.0
-RETURN_NOW = "{}: returning now, with other vehicles in the air: the deadline is over [return-now]"
+RETURN_NOW = "{}: the deadline is over; returning now, with other vehicles in the air [return-now]"
 
 
 class Shutdown:
     """The shutdown of this process's vehicles.
 
-    `return_queue`: for a process that flies one vehicle of a swarm; None if it flies all vehicles.
+    `return_queue`: for a process that flies one vehicle of a swarm; None: this process flies all vehicles.
     """
 
     def __init__(
@@ -38,21 +38,21 @@ class Shutdown:
         self._return_queue = return_queue
 
     async def run(self) -> None:
-        """Hold all vehicles, then return or land them as configured, within `flight.on_exit_deadline_s`."""
+        """Hold all vehicles, then return or land them as configured; each step has a time limit."""
         in_flight = [
             m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
         ]
         order = ev.FlightOrder(self._flight.on_exit)
-        # A vehicle that already returns, or waits for its turn to return, gets no order to hold.
-        returning = [m for m in in_flight if order is ev.FlightOrder.RETURN and _already_returns(m)]
-        stopped = [m for m in in_flight if m not in returning]
+        # Before a return, a vehicle that already returns or lands, or waits to return, gets no order to hold.
+        leaving = [m for m in in_flight if order is ev.FlightOrder.RETURN and _is_leaving(m)]
+        stopped = [m for m in in_flight if m not in leaving]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
             self._say(
                 f"{names(released)}: released in the air, and therefore without an order; {HEARTBEATS_END} "
                 "[released-in-air]"
             )
         self._say(f"stopping: {names(stopped) or 'no vehicle'} ordered to hold [stopping]")
-        self._order([m for m in self._members if m not in returning], ev.FlightOrder.HOLD)
+        self._order([m for m in self._members if m not in leaving], ev.FlightOrder.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, stopped)
         if order is ev.FlightOrder.HOLD:
             return
@@ -76,9 +76,10 @@ class Shutdown:
             await self._within(HOLD_DEADLINE_S, _returns, late)
 
     async def _when_others_are_clear(self, flying: Sequence[Member]) -> list[Member]:
-        """Return the vehicles to order home, after their paths are clear of other processes' vehicles.
+        """Wait until the paths home are clear of other processes' vehicles, or the deadline is over.
 
-        The result omits vehicles that left their hold during the wait (low battery, or an operator's order).
+        Return the vehicles to order home: all but those that left their hold during the wait (low battery, or
+        an operator's order).
         """
         if self._return_queue is None:
             return list(flying)
@@ -96,7 +97,7 @@ class Shutdown:
                     self._say(RETURN_NOW.format(member.name))
                     break
                 if not reported:
-                    self._say(f"{member.name} holds until the path home is clear of other vehicles [waiting]")
+                    self._say(f"{member.name}: holding until the path home is clear of vehicles [waiting]")
                 reported = True
                 await asyncio.sleep(POLL_S)
         return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]
@@ -105,18 +106,19 @@ class Shutdown:
         """Land each vehicle where it holds, the lower of two vehicles above each other first."""
         waiting = [m for m in flying if self._is_above_another(m, flying)]
         if waiting:
-            self._say(f"{names(waiting)}: landing when the vehicles below are down [waits-to-land]")
+            self._say(f"{names(waiting)}: landing after the vehicles below have landed [waits-to-land]")
         self._order([m for m in flying if m not in waiting], ev.FlightOrder.LAND)
 
-        def all_down(member: Member) -> bool:
+        def has_ended(member: Member) -> bool:
+            # Each poll also orders the vehicles down whose descent is clear now.
             for held in [m for m in waiting if not self._is_above_another(m, flying)]:
                 waiting.remove(held)
                 self._order([held], ev.FlightOrder.LAND)
             return member.state.ended
 
-        await self._within(self._flight.on_exit_deadline_s, all_down, flying)
+        await self._within(self._flight.on_exit_deadline_s, has_ended, flying)
         if waiting:
-            self._say(f"{names(waiting)}: landing now, with vehicles below: the deadline is over [land-now]")
+            self._say(f"{names(waiting)}: the deadline is over; landing now, with vehicles below [land-now]")
             self._order(waiting, ev.FlightOrder.LAND)
             await self._within(HOLD_DEADLINE_S, _lands, waiting)
 
@@ -143,10 +145,11 @@ class Shutdown:
                 await until(condition, members)
         except TimeoutError:
             late = [m for m in members if not condition(m)]
-            self._say(f"{names(late)}: the order was not completed within {deadline_s:g} s [deadline]")
+            text = f"the order was not completed within {deadline_s:g} s; the shutdown continues"
+            self._say(f"{names(late)}: {text} [deadline]")
 
 
-def _already_returns(member: Member) -> bool:
+def _is_leaving(member: Member) -> bool:
     return member.state.phase is Phase.LEAVING or member.state.returns_when_clear
 
 

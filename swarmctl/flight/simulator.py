@@ -34,7 +34,7 @@ class SimulatedAutopilot:
     personality: str
     firmware: Firmware
     params: Callable[[float, int], dict[str, float]]
-    """(cruise speed, least airspeed) [m/s] -> parameters for these speeds"""
+    """(cruise speed, least airspeed) [m/s] -> parameters to set"""
 
 
 _AUTOPILOTS: dict[Autopilot, SimulatedAutopilot] = {
@@ -62,7 +62,7 @@ _AUTOPILOTS: dict[Autopilot, SimulatedAutopilot] = {
 """the simulator's autopilots by their names in configurations"""
 
 AddressOf = Callable[[int, float], Address | None]
-"""(sysid, now) -> the sender address of a vehicle, or None while its link is cut"""
+"""(sysid, loop time [s]) -> the sender address of a vehicle; None while the vehicle's link is cut"""
 
 
 def undisturbed(sysid: int, _now: float) -> Address | None:
@@ -71,16 +71,16 @@ def undisturbed(sysid: int, _now: float) -> Address | None:
 
 
 class SimulatorFailed(Exception):
-    """An early end of the simulator; the text has the last lines of its log."""
+    """An early end of the simulator; after an error the text has the last lines of `simulator.log`."""
 
 
 def scenario_json(scenario: Scenario) -> dict[str, Any]:
-    """Return the simulator's scenario: vehicles with their positions, and the true threats."""
+    """Return the simulator's scenario: this process's simulated vehicles, the area and the true threats."""
     simulate = scenario.config.simulate
     assert simulate is not None
     grid, strength = scenario.grid, scenario.strength
     # `swarm` has all vehicles as configured; `specs` has the vehicles of this process, with the chosen port.
-    own = {spec.sysid for spec in scenario.specs if spec.simulated}
+    simulated = {spec.sysid for spec in scenario.specs if spec.simulated}
     return {
         "seed": scenario.config.seed,
         "vehicles": [
@@ -92,7 +92,7 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
                 **_autopilot(scenario, index),
             }
             for index, spec in enumerate(scenario.swarm)
-            if spec.sysid in own
+            if spec.sysid in simulated
         ],
         "area": {
             "origin_lat_deg": grid.origin_lat_deg,
@@ -128,7 +128,7 @@ def _heading_deg(scenario: Scenario, spec: Spec) -> float:
 
 @contextlib.asynccontextmanager
 async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[asyncio.Task[None]]:
-    """Run a simulator process that sends to `url`; yield a task that raises SimulatorFailed at its end."""
+    """Run the simulator process; the yielded task raises SimulatorFailed when the process ends."""
     simulate = scenario.config.simulate
     assert simulate is not None
     file, log = folder / "scenario.json", folder / "simulator.log"

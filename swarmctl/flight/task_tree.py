@@ -66,7 +66,7 @@ async def run_tasks(
 
 
 async def _watch_callbacks() -> None:
-    """Raise the first exception of a callback. Asyncio would only log it, but a bug stops the flight."""
+    """Raise the first exception of a callback: asyncio would only log it, but a bug stops the flight."""
     loop = asyncio.get_running_loop()
     bug: asyncio.Future[None] = loop.create_future()
 
@@ -95,9 +95,9 @@ async def _watch_simulator(simulator_task: asyncio.Task[None], members: Sequence
 def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
     """Call `interrupted` on SIGINT, SIGTERM and SIGHUP."""
     loop = asyncio.get_running_loop()
-    wanted = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
-        for number in wanted:
+        for number in signals:
             loop.add_signal_handler(number, interrupted)
     except (ValueError, RuntimeError):  # not the main thread: only that thread takes signals
         yield
@@ -105,7 +105,7 @@ def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
     try:
         yield
     finally:
-        for number in wanted:
+        for number in signals:
             loop.remove_signal_handler(number)
 
 

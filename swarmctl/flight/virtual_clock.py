@@ -1,7 +1,7 @@
 """An event loop with a virtual clock: a wait takes no time and only advances the clock.
 
 Agents, links and conversations take time and timers from the running loop. So the same code flies in real
-time or on this loop. On this loop it runs as fast as the machine computes, with the same result every time.
+time or on this loop. On this loop a flight runs as fast as the machine computes, and is repeatable.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The simulator inside the ground station's own loop, for runs on the virtual clock.
 
-Only this module imports both `swarmctl` and `sim_vehicle`. Here too the packages exchange only bytes.
+No other module of the two packages imports the other package. In flight they exchange only MAVLink bytes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STEP_S = 0.05
 async def fleet_on(
     wire: MemoryWire, scenario: Scenario, address_of: AddressOf = undisturbed
 ) -> AsyncIterator[asyncio.Task[None]]:
-    """Fly a fleet on `wire` in the running loop's time; yield the task that moves it."""
+    """Simulate a fleet behind `wire`, on the running loop's clock; yield the task that steps the fleet."""
     simulate = scenario.config.simulate
     assert simulate is not None
     fleet = Fleet(FleetScenario.model_validate(scenario_json(scenario)), ready_s=simulate.ready_s)
@@ -45,15 +45,15 @@ async def fleet_on(
         if address_of(sysid_at[address], loop.time()) == address:
             send(fleet.receive(data, loop.time(), peer=address))
 
-    async def move() -> None:
+    async def step_fleet() -> None:
         while True:
             send(fleet.step(loop.time()))
             await asyncio.sleep(STEP_S)
 
     wire.to_vehicles = receive
-    mover = asyncio.create_task(move())
+    steps = asyncio.create_task(step_fleet())
     try:
-        yield mover
+        yield steps
     finally:
         wire.to_vehicles = None
-        await cancelled(mover)
+        await cancelled(steps)

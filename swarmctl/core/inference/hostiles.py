@@ -15,8 +15,7 @@ LOG_RANGE = 745.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HostileCount:
-    """A prior over n_HA. Raises ValueError for no number, for numbers below 0 or out of order, and for a
-    weight that is not positive and finite."""
+    """A prior over n_HA. Raises ValueError for no n, a negative or unordered n, or log weights not finite."""
 
     n: NDArray[np.int64]
     """(k,) possible numbers, ascending"""

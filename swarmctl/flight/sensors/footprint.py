@@ -13,15 +13,14 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.vehicle import Landed, VehicleState
 
-SEES_ABOVE_M = 2.0
+MIN_HEIGHT_M = 2.0
 """height above home from which the sensor observes [m]"""
 
 
 class Footprint:
     """One vehicle's sensor, with one observation at each entry into a cell, inside or beside the area.
 
-    The sensor does not observe again over the same cell. The model assumes independent errors, and a repeated
-    observation would have the same error.
+    The model assumes independent errors; a repeated observation of one place would have the same error.
     """
 
     def __init__(
@@ -36,11 +35,12 @@ class Footprint:
     def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
         """Return (row, col, occupied) of the cells in sight.
 
-        The result is empty on the ground, far outside, or while the vehicle is over the same cell as before.
+        The result is empty without a position, disarmed, below MIN_HEIGHT_M, far outside the area, and over
+        the same cell as before.
         """
         if vehicle.lat_deg is None or vehicle.lon_deg is None or not vehicle.armed:
             return ()
-        if vehicle.landed is Landed.ON_GROUND or (vehicle.alt_rel_m or 0.0) < SEES_ABOVE_M:
+        if vehicle.landed is Landed.ON_GROUND or (vehicle.alt_rel_m or 0.0) < MIN_HEIGHT_M:
             return ()
         east_m, north_m = self._grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
         size_m = self._grid.cell_size_m
