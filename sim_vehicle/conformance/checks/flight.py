@@ -142,6 +142,18 @@ def reposition_plane(vehicle: VehicleUnderTest) -> str:
     return f"arrived after {took_s:.0f} s"
 
 
+@check("flight.reposition.changes_mode", airborne=True, limit_s=300)
+def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
+    """DO_REPOSITION takes a returning ArduPilot to GUIDED, and a returning PX4 to Hold."""
+    role = known_behaviour(vehicle, ardupilot="guided", px4="hold")
+    flying.set_mode(vehicle, "return")
+    target = plans.offset(flying.last_position(vehicle), NORTH_M, 0.0)
+    seen = result_name(flying.reposition(vehicle, target, flying.height_m(vehicle)))
+    equal(seen, "ACCEPTED", "DO_REPOSITION")
+    took_s = vehicle.wait_until(flying.in_mode(vehicle, role), f"mode {role}", 5.0)
+    return f"{role} after {took_s:.1f} s"
+
+
 @check(
     "flight.reposition.by_command_long",
     airborne=True,
