@@ -48,7 +48,7 @@ def set_weights(
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
 ) -> None:
-    """Change w or the firing strengths of vehicles in flight, from their next plans on."""
+    """Change w and the firing strengths of vehicles in flight, from their next plans on."""
 
     def command() -> SetWeights:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
