@@ -150,8 +150,8 @@ class Radio:
     def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | LossReason:
         """Return the time of arrival of a message sent now [s since the start], or the cause of its loss.
 
-        Partitions and radio silence count at the time of sending. A message lost at random or by a partition
-        also occupies the transmitter.
+        Partitions and radio silence count at the time of sending. Messages lost to radio silence or bandwidth
+        take no transmission time; all other messages do.
         """
         settings = self._settings
         # The draw comes first, so that other causes of loss do not change the draws of later messages.

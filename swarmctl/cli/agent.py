@@ -92,8 +92,9 @@ def agent(
     The agent uploads the mission and, by default, waits for the order to launch. Without the network the
     agent continues the flight with its own knowledge, and synchronises after the network returns.
     """
-    swarm = load_scenario_or_exit(config)
-    scenario = with_forwarding(companion.scenario_for(swarm, _vehicle(swarm, uav), _url(url)), forward or [])
+    swarm_scenario = load_scenario_or_exit(config)
+    alone = companion.scenario_for(swarm_scenario, _vehicle(swarm_scenario, uav), _url(url))
+    scenario = with_forwarding(alone, forward or [])
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     keyring = _keyring(config, scenario)
     network = _network(scenario, connect, launch, keyring)

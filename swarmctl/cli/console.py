@@ -55,12 +55,12 @@ def say(text: str) -> None:
 
 
 def timed(text: str) -> str:
-    """Return a text that begins with the time of this machine's clock."""
+    """Return the text after this machine's local time."""
     return f"{datetime.now().astimezone():%H:%M:%S} {text}"
 
 
 def log(text: str) -> None:
-    """Print an event with its time."""
+    """Print a text after this machine's local time."""
     say(timed(text))
 
 

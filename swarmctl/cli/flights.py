@@ -106,7 +106,7 @@ def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
 def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
     """Write a run's files and print the results; exit unless the whole run succeeded.
 
-    Raises typer.Exit with the exit code, and a bug of the run.
+    Raises typer.Exit with the exit code, or the run's bug.
     """
     problem = _write_files(folder, scenario, report)
     _print_results(report, folder)

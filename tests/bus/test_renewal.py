@@ -123,29 +123,29 @@ def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
 
 def test_a_link_that_is_missing_in_two_lists_has_ended() -> None:
     links = LinkSet()
-    links.changed(("a", "b"), has_started=True)
-    links.changed(("a", "c"), has_started=True)
-    links.listed([("a", "b")])
+    links.record(("a", "b"), has_started=True)
+    links.record(("a", "c"), has_started=True)
+    links.remove_unlisted([("a", "b")])
     assert len(links) == 2
-    links.listed([("a", "b")])
+    links.remove_unlisted([("a", "b")])
     assert len(links) == 1
-    links.changed(("a", "b"), has_started=False)
+    links.record(("a", "b"), has_started=False)
     assert not links
 
 
 def test_a_link_that_is_reported_twice_is_one_change() -> None:
     links = LinkSet()
-    assert [links.changed(("a", "b"), has_started=True) for _ in range(2)] == [True, False]
-    assert [links.changed(("a", "b"), has_started=False) for _ in range(2)] == [True, False]
+    assert [links.record(("a", "b"), has_started=True) for _ in range(2)] == [True, False]
+    assert [links.record(("a", "b"), has_started=False) for _ in range(2)] == [True, False]
 
 
 def test_a_new_link_may_be_missing_in_one_list() -> None:
     links = LinkSet()
-    links.listed([])
-    links.changed(("a", "b"), has_started=True)
-    links.listed([])
-    links.listed([("a", "b")])
-    links.listed([])
+    links.remove_unlisted([])
+    links.record(("a", "b"), has_started=True)
+    links.remove_unlisted([])
+    links.remove_unlisted([("a", "b")])
+    links.remove_unlisted([])
     assert len(links) == 1
 
 
@@ -153,7 +153,7 @@ def test_a_session_without_a_link_is_lost_long_before_zenoh_ends_a_full_link() -
     """The time starts at the first check without a link. Zenoh may need 10 s."""
     links = LinkSet()
     assert [links.are_lost(now_s) for now_s in (10.0, 12.0, 15.0)] == [False, False, True]
-    links.changed(("a", "b"), has_started=True)
+    links.record(("a", "b"), has_started=True)
     assert not links.are_lost(30.0)
-    links.changed(("a", "b"), has_started=False)
+    links.record(("a", "b"), has_started=False)
     assert [links.are_lost(now_s) for now_s in (32.0, 35.0)] == [False, True]

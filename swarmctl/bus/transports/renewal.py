@@ -45,19 +45,19 @@ class LinkSet:
     def __len__(self) -> int:
         return len(self._known)
 
-    def changed(self, ends: LinkEnds, *, has_started: bool) -> bool:
+    def record(self, ends: LinkEnds, *, has_started: bool) -> bool:
         """Record the start (`has_started`) or end of a link; return whether this event is new."""
         if not has_started:
             return self._known.pop(ends, None) is not None
         token = object()
         return self._known.setdefault(ends, token) is token
 
-    def listed(self, listed: Iterable[LinkEnds]) -> None:
-        """Remove links that are missing in two full lists in a row.
+    def remove_unlisted(self, links: Iterable[LinkEnds]) -> None:
+        """Remove links that are missing in `links`, the full list, in two calls in a row.
 
         A single list may lack a link that has just started.
         """
-        missing = self._known.copy().keys() - set(listed)
+        missing = self._known.copy().keys() - set(links)
         for ends in missing & self._missing_once:
             self._known.pop(ends, None)
         self._missing_once = missing
@@ -74,7 +74,7 @@ class Renewal:
 
     def __init__(self) -> None:
         self._missing_since_s: dict[str, float] = {}
-        self._tried: set[str] = set()
+        self._renewed_for: set[str] = set()
         self._n_renewals = 0
         self._complete_since_s: float | None = None
 
@@ -87,28 +87,28 @@ class Renewal:
         is_missed: True if a neighbour renewed its session without success, and requests a renewal here
         """
         self._reset_if_complete(now_s, is_complete=bool(routed) and all(routed.values()) and not is_missed)
-        waiting = {node for node, is_routed in routed.items() if not is_routed and node not in self._tried}
+        missing = {node for node, is_routed in routed.items() if not is_routed} - self._renewed_for
         if is_missed:
-            waiting.add(MISSED)
-        self._missing_since_s = {node: self._missing_since_s.get(node, now_s) for node in waiting}
+            missing.add(MISSED)
+        self._missing_since_s = {node: self._missing_since_s.get(node, now_s) for node in missing}
         until_s = now_s - route_wait_s(own_id) * 2 ** min(self._n_renewals, MAX_DOUBLINGS)
         if all(since_s > until_s for since_s in self._missing_since_s.values()):
             return False
-        self._tried |= waiting - {MISSED}
+        self._renewed_for |= missing - {MISSED}
         self._n_renewals += 1
         self._missing_since_s.clear()
         return True
 
     def without_success(self, routed: Mapping[str, bool]) -> set[str]:
-        """Return the neighbours without routes after a renewal; these have to renew their sessions."""
-        return {node for node, is_routed in routed.items() if not is_routed and node in self._tried}
+        """Return the neighbours still without routes after a renewal here; these have to renew too."""
+        return {node for node, is_routed in routed.items() if not is_routed and node in self._renewed_for}
 
     def _reset_if_complete(self, now_s: float, *, is_complete: bool) -> None:
         if not is_complete or self._complete_since_s is None:
             self._complete_since_s = now_s if is_complete else None
         elif now_s - self._complete_since_s >= RESET_AFTER_S:
             self._n_renewals = 0
-            self._tried.clear()
+            self._renewed_for.clear()
 
 
 def route_wait_s(own_id: str) -> float:

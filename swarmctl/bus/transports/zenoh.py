@@ -45,7 +45,7 @@ RENEWAL_PAUSE_S = 1.0
 CLOSE_S = 2.0
 """time limit of closing: a link to a frozen process with a full queue can block Zenoh for ever"""
 TIMEOUT_MARGIN_S = 3.0
-"""lead of the caller's time-out over Zenoh's time-out, because Zenoh reports its time-out like an answer"""
+"""lead of the caller's time-out over Zenoh's, because Zenoh ends a timed-out query like an answered query"""
 ADMIN_TIMEOUT_S = 2.0
 MAX_ANSWERS = 64
 """largest number of kept answers to one query"""
@@ -307,7 +307,7 @@ class ZenohBus:
 
     def _has_to_renew(self, session: zenoh.Session, neighbours: MeshNeighbours, now_s: float) -> bool:
         with contextlib.suppress(zenoh.ZError):  # the session may be closing
-            self._links.listed((link.src, link.dst) for link in session.info.links())
+            self._links.remove_unlisted((link.src, link.dst) for link in session.info.links())
             linked = [str(zid) for zid in session.info.routers_zid()]
             return neighbours.has_to_renew(self._renewal, linked, now_s)
         return False
@@ -338,8 +338,8 @@ class ZenohBus:
     def _link_changed(self, links: LinkSet, event: zenoh.LinkEvent) -> None:
         # Several threads may call this function at once, also for a session that has been replaced.
         has_started = event.kind == zenoh.SampleKind.PUT
-        is_change = links.changed((event.link.src, event.link.dst), has_started=has_started)
-        if is_change and self._on_link is not None:
+        is_new = links.record((event.link.src, event.link.dst), has_started=has_started)
+        if is_new and self._on_link is not None:
             report = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_started)
             self._inbox.take(OWN_QUEUE, "", report)
 
