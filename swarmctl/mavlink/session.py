@@ -30,7 +30,7 @@ from swarmctl.mavlink.telemetry.presence import LinkState, Presence, is_vehicle_
 from swarmctl.mavlink.telemetry.streams import AFTER_SILENCE_S, UNUSED_IDS, Streaming, StreamKeeper
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
-WANTED = frozenset(
+READ_IDS = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
@@ -73,7 +73,7 @@ class Session:
         self.unsupported: str | None = None
         """reason why this type of vehicle is unsupported, set by the first heartbeat; None if supported"""
         self.result: Any = None
-        """return value of the last procedure, to be read on ProcedureDone"""
+        """return value of the last procedure that was not cancelled, to be read on ProcedureDone"""
         self._presence = Presence(lost_after_s)
         self._streaming = streaming or Streaming()
         self._context: Context | None = None
@@ -88,9 +88,9 @@ class Session:
     # State
 
     @property
-    def wanted(self) -> frozenset[int]:
+    def read_ids(self) -> frozenset[int]:
         """Return the ids of the messages that the session reads."""
-        return WANTED | UNUSED_IDS if self._streaming.stops_others else WANTED
+        return READ_IDS | UNUSED_IDS if self._streaming.stops_others else READ_IDS
 
     @property
     def link_state(self) -> LinkState:
@@ -117,7 +117,7 @@ class Session:
 
     @property
     def dialect(self) -> Dialect:
-        """Return the vehicle's dialect. Raises IllegalEvent before the first heartbeat."""
+        """Return the vehicle's dialect. Raises IllegalEvent for an unknown or unsupported vehicle."""
         return self._require_context().dialect
 
     def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
@@ -181,7 +181,7 @@ class Session:
         return step
 
     def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> SessionStep:
-        """Start a procedure. Raises IllegalEvent before the first heartbeat or during another procedure."""
+        """Start a procedure. Raises IllegalEvent during another procedure, and as `dialect` does."""
         if self._driver is not None:
             raise IllegalEvent(f"{name} while {self._procedure_name} runs")
         context = self._require_context()
@@ -192,7 +192,7 @@ class Session:
         return step
 
     def cancel(self, now: float) -> SessionStep:
-        """Stop the running procedure, if any; return the messages that end it on the vehicle."""
+        """Stop the running procedure, if any; return the messages that end its exchange on the vehicle."""
         step = SessionStep([], [])
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
@@ -203,7 +203,7 @@ class Session:
         return step
 
     def keep_streams(self, now: float) -> SessionStep:
-        """Request the telemetry streams, and request each stream again whenever it stops."""
+        """Request the telemetry streams, and request a stream again when the stream stops."""
         self._require_context()
         if self._streams is not None and self._streams.next_deadline is None:
             self._streams.demand(now)
@@ -241,11 +241,11 @@ class Session:
         self, context: Context, message: Message, now: float, step: SessionStep, silent_s: float | None
     ) -> None:
         telemetry = context.telemetry
-        texts, reboots = telemetry.n_texts, telemetry.reboots
+        n_texts, n_reboots = telemetry.n_texts, telemetry.n_reboots
         context.now = now
-        snapshot = telemetry.receive(message, now) | self._watch_mission(context, message, now)
-        step.events.extend(StatusText(severity, text) for severity, text in telemetry.texts_since(texts))
-        if telemetry.reboots != reboots:
+        is_new_state = telemetry.receive(message, now) | self._watch_mission(context, message, now)
+        step.events.extend(StatusText(severity, text) for severity, text in telemetry.texts_since(n_texts))
+        if telemetry.n_reboots != n_reboots:
             step.events.append(VehicleRebooted())
             context.verified_items, self._other_mission = (), False
             self._own_procedure_ended(now)
@@ -257,11 +257,11 @@ class Session:
         if silent_s is not None:
             # The agent uses the next StateChanged, so that state has to include this heartbeat.
             step.events.append(VehicleRestored(silent_s))
-        if snapshot or silent_s is not None:
+        if is_new_state or silent_s is not None:
             step.events.append(StateChanged(telemetry.state))
 
     def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
-        """Update `other_mission` of the vehicle's state; return whether it changed."""
+        """Update `other_mission` of the vehicle's state; return whether `other_mission` has changed."""
         assert self._mission is not None
         if context.verified_items and self._other_mission:
             return self._report_other_mission(context, False)

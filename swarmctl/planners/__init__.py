@@ -1,4 +1,4 @@
-"""Planners: pure plug-ins that answer a `Problem` with a `Route`, usable without the rest of the package.
+"""Planners: pure plug-ins that answer a `Problem` with a `Route`.
 
     import numpy as np
     from swarmctl.planners import Problem, cost_to_go, pareto_front, plan
@@ -18,8 +18,8 @@ Small areas need no compiler. Large areas are searched by numba's machine code, 
 `warm_up` compiles this code once (about 20 s) for this and all later processes. `kernels` has all searches.
 
 A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
-`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Imports core,
-numpy, scipy and numba, and no module with I/O.
+`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of `swarmctl`
+the planners import only `core`.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ PLANNERS: Mapping[str, Planner] = {
 def plan(problem: Problem, planner: str = "dijkstra", **options: object) -> Route:
     """Return the best route by the planner of this name; `options` are fields of its `Params`.
 
-    Raises Unreachable, and BoundTooTight if no route keeps the bounds of the problem. Raises ValueError for
-    an unknown planner or option.
+    Raises Unreachable, BoundTooTight if the planner finds no route within the bounds, and BadProblem. Raises
+    ValueError for an unknown planner or an invalid option.
     """
     if planner not in PLANNERS:
         raise ValueError(f"no planner {planner!r}; the planners are {', '.join(sorted(PLANNERS))}")

@@ -30,7 +30,7 @@ class Unreachable(ValueError):
 
 
 class BoundTooTight(Unreachable):
-    """A problem whose routes all break the bounds; `nearest` is the route closest to the bounds."""
+    """A problem without a route within the bounds; `nearest` is the closest route that the planner found."""
 
     def __init__(self, text: str, nearest: Route) -> None:
         super().__init__(text)
@@ -41,7 +41,7 @@ class BoundTooTight(Unreachable):
 class Problem:
     """A search for the best route from `start` to one of `goals`. Raises BadProblem for invalid values.
 
-    exposure: P_s, shape (rows, cols), 0 or more, infinite in walls; an array of floats is not copied
+    exposure: P_s, shape (rows, cols), 0 or more, infinite in walls; an array of float64 is not copied
     start: a cell (row, col)
     goals: a cell or several cells
     w: distance anxiety in [0, 1]; 0 gives the shortest route, 1 the least exposed route
@@ -114,8 +114,9 @@ class Route:
     length_cells: length, √2 for a diagonal step [cells]
     exposure_sum: ΣP_s without the start cell; not a probability
     safety_factor: ∏(1 − P_s) without the start cell; not the probability to survive
-    searched: one entry for each search, in order, if the planner searches more than once
-    lower_bound: proved lower bound on the cost of every route; the route is optimal if it equals `cost`
+    searched: the searches of a planner that searches over w, in order
+    lower_bound: proved lower bound on the cost of every route, equal to `cost` if the route is proved
+        optimal; None: not computed
     """
 
     cells: tuple[Cell, ...]
@@ -139,13 +140,12 @@ class Planner(Protocol):
         """A frozen dataclass with a default for each field."""
 
     def plan(self, problem: Problem, params: Any, /) -> Route:
-        """Return the best route by this planner's measure. Raises Unreachable."""
+        """Return the best route by this planner's measure. Raises Unreachable and BadProblem."""
 
     def measure(self, problem: Problem, cells: Sequence[Cell], params: Any, /) -> float:
         """Return the measure that `plan` minimises, for any route from the start to a goal.
 
-        The measure is infinite for a route through a wall or out of the bounds. A vehicle changes its mission
-        only for a route of lower measure.
+        The measure is infinite through a wall, and out of the bounds for planners that keep bounds.
         """
 
 
@@ -158,7 +158,7 @@ class Method:
     params: Any
 
     def plan(self, problem: Problem) -> Route:
-        """Return the best route. Raises Unreachable."""
+        """Return the best route. Raises Unreachable and BadProblem."""
         return self.planner.plan(problem, self.params)
 
     def measure(self, problem: Problem, cells: Sequence[Cell]) -> float:
@@ -167,7 +167,7 @@ class Method:
 
 
 def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method:
-    """Return a planner with the parameters in `options`. Raises ValueError with the known options."""
+    """Return a planner with the parameters in `options`. Raises ValueError for an invalid option."""
     known = sorted(f.name for f in fields(planner.Params))
     for option in options:
         if option not in known:
@@ -223,7 +223,7 @@ def checked_field(
 ) -> tuple[NDArray[np.float64], tuple[Cell, ...]]:
     """Return P_s as an array of floats (rows, cols), and the goals as cells.
 
-    An array of floats is not copied. Raises BadProblem for values that Eq. 5 does not allow.
+    An array of float64 is not copied. Raises BadProblem for values that Eq. 5 does not allow.
     """
     array = np.asarray(exposure)
     if array.dtype.kind not in "fiu":

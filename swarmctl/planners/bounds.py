@@ -14,7 +14,7 @@ from swarmctl.planners.base import BoundTooTight, Problem, Route
 def window(problem: Problem) -> tuple[float, float]:
     """Return the least and the greatest length [cells], widened by the rounding error of a length.
 
-    Two different lattice lengths differ by more than this error on any real area.
+    Two different lengths on the grid differ by more than this error.
     """
     return problem.min_length_cells - kernels.LENGTH_TIE, problem.max_length_cells + kernels.LENGTH_TIE
 
@@ -36,10 +36,10 @@ def shortest_too_long(problem: Problem, shortest: Route) -> BoundTooTight:
 
 def none_between(problem: Problem, what: str, nearest: Route) -> BoundTooTight:
     """Return the error that all routes are too short or too long; `what` names the routes considered."""
-    wanted = f"{problem.min_length_cells:.2f} or more cells"
+    allowed = f"{problem.min_length_cells:.2f} or more cells"
     if not math.isinf(problem.max_length_cells):
-        wanted = f"{problem.min_length_cells:.2f} to {problem.max_length_cells:.2f} cells"
+        allowed = f"{problem.min_length_cells:.2f} to {problem.max_length_cells:.2f} cells"
     return BoundTooTight(
-        f"{what} is {wanted} long; widen the bounds to the nearest length, {nearest.length_cells:.2f} cells",
+        f"{what} is {allowed} long; widen the bounds to the nearest length, {nearest.length_cells:.2f} cells",
         nearest,
     )

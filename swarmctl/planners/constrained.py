@@ -23,7 +23,7 @@ from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import SummedRoute, Sweep
 
 SMALL_GAP = 0.02
-"""relative gap between the bounds below which labels are faster than another search"""
+"""relative gap between the bounds on the exposure below which labels are faster than another search"""
 
 
 USES_W = False
@@ -45,8 +45,9 @@ def plan(problem: Problem, params: Params) -> Route:
     """Return the least exposed route within the upper bound on length; among equal routes the shortest.
 
     w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost`. If `max_labels` are used up,
-    the route is the best so far, and its `lower_bound` may be less. Raises Unreachable, BoundTooTight with
-    the shortest route, and BadProblem for a lower bound on length.
+    the route is the best so far, and its `lower_bound` may be less. If the start is a goal, `lower_bound` is
+    None. Raises Unreachable, BoundTooTight with the shortest route, and BadProblem for a lower bound on
+    length.
     """
     if problem.min_length_cells > 0.0:
         # The least exposed route above a length would fly loops. That search is as hard as a longest path.

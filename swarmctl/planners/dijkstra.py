@@ -46,9 +46,10 @@ class CostToGo:
     _field: kernels.Field
 
     def cells_from(self, start: Cell) -> tuple[Cell, ...]:
-        """Return the route from `start` to a goal, both included; each tail is the route from its first cell.
+        """Return the route from `start` to a goal, both included.
 
-        Raises BadProblem if the start is outside the area, Unreachable if no route leads to a goal.
+        From a later cell of this route the result is the rest of this route. Raises BadProblem if the start
+        is outside the area, Unreachable if no route leads to a goal.
         """
         return self._field.route_from(self._checked(start))
 
@@ -69,7 +70,7 @@ class CostToGo:
 def plan(problem: Problem, _params: Params) -> Route:
     """Return the route of least cost by Eq. 5; among equals the shortest, and among these always the same.
 
-    The search uses earlier searches for the same goals and weights; they do not change the answer.
+    Earlier searches for the same goals and weights make the search faster, and do not change the route.
     """
     exposure = problem.passable  # cells above the maximum exposure are walls here
     search = _search_again if exposure.size >= LARGE_AREA_CELLS else _search_all
@@ -112,7 +113,7 @@ def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, 
 
 
 def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
-    """Search around the old route, with the field of an earlier search for these goals and weights."""
+    """Search around the old route, if an earlier search had these goals and weights; else search the area."""
     key = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
     taken = _replanners.take_all()
     planner = next((kept for kept in taken if kept.problem_key == key), None)

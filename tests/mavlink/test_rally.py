@@ -64,7 +64,7 @@ def test_the_same_answer_of_a_px4_does_not_count() -> None:
     bench.copter.autopilot = mavlink.MAV_AUTOPILOT_PX4
     counts = counted(bench.connected())
     assert counts.count is None
-    assert counts.text.endswith("UNSUPPORTED")
+    assert counts.failure.endswith("UNSUPPORTED")
 
 
 @BOTH
@@ -74,7 +74,7 @@ def test_a_lost_answer_is_no_number(personality: str) -> None:
     begun_s = bench.now
     found = counted(bench)
     assert found.count is None
-    assert found.text.endswith("no answer")
+    assert found.failure.endswith("no answer")
     assert bench.now - begun_s == pytest.approx(12.0, abs=0.5)
     bench.block_down = lambda m: False
     assert counted(bench) == RallyPoints(0)

@@ -28,13 +28,13 @@ BlockedBy = Callable[[], str]
 
 
 class _Blocked(Exception):
-    """Another vehicle blocks the take-off; no command was sent."""
+    """Another vehicle blocks the take-off."""
 
 
 def launch(ctx: Context, blocked_by: BlockedBy = lambda: "") -> Procedure[Done]:
     """Arm the vehicle and start its mission; end when the vehicle has left the ground.
 
-    `blocked_by` is called right before arming and right before the take-off.
+    `blocked_by` is called before the first command to arm and before each command to take off.
     """
     if not ctx.verified_items:
         return Done("the vehicle has no verified mission; upload one first [no-mission]")
@@ -61,20 +61,20 @@ def _arm(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
     failure = yield from set_mode(ctx, hold, is_disarmed, armed=False)
     if failure:
         return failure
-    holds = in_modes({hold}, armed=False)
+    holds_disarmed = in_modes({hold}, armed=False)
     if ctx.dialect.first_seq is not None:
-        failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds)
+        failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds_disarmed)
         if failure:
             return f"the first mission item cannot be made current: {failure} [no-first-item]"
     arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
     # An unanswered command may have armed the vehicle, so its repetitions are not blocked.
     arm = _unless(blocked_by, arm, tries=1)
-    failure = yield from send_guarded(ctx, arm, holds, in_modes({hold}, armed=True))
+    failure = yield from send_guarded(ctx, arm, holds_disarmed, in_modes({hold}, armed=True))
     return f"the vehicle does not arm: {failure} [no-arming]" if failure else None
 
 
 def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
-    """Start the mission of an armed vehicle; disarm a vehicle that does not take off. Raises NotInControl."""
+    """Start the mission of an armed vehicle; disarm it if it stays on the ground. Raises NotInControl."""
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     ground_m = ctx.state.alt_rel_m or 0.0
     started = in_modes({mission}, armed=True)

@@ -24,14 +24,14 @@ RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 
 @dataclass(frozen=True, slots=True)
 class RallyPoints:
-    """Number of a vehicle's rally points; None: unknown, for the reason in `text`."""
+    """Number of a vehicle's rally points; None: unknown, because of `failure`."""
 
     count: int | None
-    text: str = ""
+    failure: str = ""
 
 
 class CountRallyPoints(Conversation[RallyPoints]):
-    """Request of the number of rally points, repeated until an answer arrives.
+    """Request of the number of rally points, sent up to TRIES times.
 
     `may_lack`: True if the answer "unsupported" means 0 points.
     """
@@ -78,13 +78,13 @@ class CountRallyPoints(Conversation[RallyPoints]):
         return self._closing_messages(now)
 
     def _closing_messages(self, now: float) -> list[Message]:
-        """Return the message that ends the transfer; without it PX4 would wait for requests of items."""
+        """Return the message that ends the transfer; otherwise PX4 would wait for requests of items."""
         to = (self._peer.sysid, self._peer.compid)
         code = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return [mavlink.MAVLink_mission_ack_message(*to, code, mission_type=RALLY)]
 
 
 def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
-    """Request the number of rally points on the vehicle; return it."""
+    """Request and return the number of rally points on the vehicle."""
     counted: RallyPoints = yield CountRallyPoints(ctx.peer, may_lack=ctx.dialect.may_lack_rally)
     return counted

@@ -15,7 +15,7 @@ CURRENT_WAIT_S = 3.0
 
 
 def await_current_item(ctx: Context, is_right: Callable[[int], bool]) -> Procedure[bool]:
-    """Request MISSION_CURRENT; return whether its item fulfils `is_right`."""
+    """Request MISSION_CURRENT; return whether the last known item fulfils `is_right`."""
 
     def is_known() -> bool:
         return ctx.state.mission_seq is not None
@@ -29,7 +29,7 @@ def ensure_current_item(ctx: Context, seq: int, before: StateCondition) -> Proce
 
     `before`: as for `send_guarded`. Raises NotInControl.
     """
-    if (yield from await_current_item(ctx, lambda now: now == seq)):
+    if (yield from await_current_item(ctx, lambda current: current == seq)):
         return None
     return (yield from set_current_item(ctx, seq, before))
 

@@ -35,14 +35,14 @@ def upload_mission(
     too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[VerifiedUpload]:
-    """Upload a mission, read it back and compare; try again after curable failures.
+    """Upload a mission, read it back and compare; try again unless the failure is final.
 
     A success means that exactly `items` are on the vehicle.
 
     current: item marked as current; None: no mark
     flown: item that the vehicle flies now; it stays current if no item is marked
-    too_late: called with the round-trip time [s]; True stops the upload as useless
-    is_over: True stops further tries
+    too_late: called with the round-trip time [s]; True withholds the last item and ends the upload
+    is_over: called before each further try; True ends the tries
     """
     ctx.verified_items, ctx.plan_first_seq = (), ctx.dialect.first_waypoint_seq
 
@@ -107,10 +107,9 @@ def upload_verified(
 def read_back(
     ctx: Context, first: int = 0, mission_type: int = MISSION, *, is_lossy: bool = False
 ) -> Procedure[DownloadResult]:
-    """Read the items from `first` on; try again after curable failures. Return the last try's result.
+    """Read the items from `first` on; try again unless no answer arrives. Return the last try's result.
 
-    PX4 serves items in order only. So each item of PX4 is requested several times on a lossy link, and after
-    a failed try.
+    PX4 serves items in order only, so its tries follow WINDOWS_IN_ORDER; a lossy link skips the first try.
     """
     in_order = not ctx.dialect.serves_single_items
     windows = WINDOWS_ANY_ORDER if not in_order else WINDOWS_IN_ORDER[1:] if is_lossy else WINDOWS_IN_ORDER

@@ -60,7 +60,7 @@ class FrameSplitter:
                 break
             frame = self._accept(bytes(buffer[at : at + length]), _may_end_at(buffer, at + length))
             if frame is None:
-                # The start byte may be noise, so a good frame may begin inside.
+                # The start byte may be noise, so a good frame may begin inside the rejected bytes.
                 at += 1
             else:
                 frames.append(frame)

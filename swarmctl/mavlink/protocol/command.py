@@ -1,7 +1,7 @@
 """One command and its acknowledgement: https://mavlink.io/en/services/command.html
 
-An acknowledgement shows that the vehicle has accepted the command; only telemetry shows its effect.
-`procedures.guarded` repeats a command without an answer or an effect.
+An acknowledgement shows whether the vehicle accepts the command; only telemetry shows the effect.
+`procedures.guarded` repeats a command that is unanswered or temporarily rejected.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class CommandResult:
 
     outcome: CommandOutcome
     text: str
-    """names of the command and of the vehicle's MAV_RESULT"""
+    """the command and the vehicle's answer, for messages"""
 
     @property
     def final(self) -> bool:
@@ -61,26 +61,23 @@ def is_forced_arming(message: Message) -> bool:
 
 
 def _is_forced(command: int, param2: float) -> bool:
-    # 21196 forces; 2989 forces the arming of an ArduPilot. PX4 rounds, so every value but 0 is refused.
+    # 21196 forces; 2989 forces the arming of an ArduPilot. PX4 rounds, so every value but 0 counts as forced.
     return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param2 != 0.0
 
 
 class Command(Conversation[CommandResult]):
-    """One try of a COMMAND_LONG and its acknowledgement; `confirmation` is the number of earlier tries.
-
-    The procedure repeats the command, because each try needs a check of the vehicle's state.
-    """
+    """One try of a COMMAND_LONG and its acknowledgement; `confirmation` is the number of earlier tries."""
 
     ANSWER_WAIT_S, IN_PROGRESS_WAIT_S = 1.0, 10.0
     """longest wait for the first answer, and after each IN_PROGRESS"""
     IN_PROGRESS_LIMIT = 6
-    """number of IN_PROGRESS answers to one try"""
+    """greatest number of IN_PROGRESS answers to one try; one more counts as a refusal"""
 
     def __init__(self, peer: MavlinkPeer, command: int, *params: float, confirmation: int = 0) -> None:
         super().__init__()
         self._peer = peer
         self._command = command
-        # A forced arming raises here, in the caller that builds it.
+        # A forced arming raises ValueError in the caller.
         self._message = command_long(peer, command, params, confirmation)
         self._outcome = CommandOutcome.NO_ANSWER
         self._in_progress = 0
@@ -105,7 +102,7 @@ class Command(Conversation[CommandResult]):
                 self._enter(ConversationState.EXCHANGING)
             self.next_deadline = now + self.IN_PROGRESS_WAIT_S
         elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
-            # An immediate retry would get the same answer, so this try lasts until its deadline.
+            # An immediate retry would get the same answer, so the try lasts ANSWER_WAIT_S longer.
             self._outcome = CommandOutcome.NOT_NOW
             self.next_deadline = now + self.ANSWER_WAIT_S
         else:

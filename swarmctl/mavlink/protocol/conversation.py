@@ -79,7 +79,7 @@ class Conversation(ABC, Generic[R]):
         return self._on_deadline(now)
 
     def cancel(self, now: float) -> list[Message]:
-        """Stop; return the messages that end the conversation for the vehicle. `result` stays None."""
+        """Stop; return the messages that end the exchange on the vehicle. `result` stays None."""
         if not self._is_running("cancel"):
             return []
         closing = self._closing_messages(now)

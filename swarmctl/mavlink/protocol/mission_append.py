@@ -5,8 +5,8 @@ item has its own announcement. Announcement and item are sent together, several 
 each item would take a round trip.
 
 ArduPilot accepts an item with the expected number, requested or not (GCS_Common.cpp handle_mission_item,
-MissionItemProtocol.cpp handle_mission_item). ArduPilot requests an item that has not arrived by its next turn
-to send (queued_request_send). Usually the only answer is the acknowledgement.
+MissionItemProtocol.cpp handle_mission_item). ArduPilot requests an announced item only if the item has not
+arrived before the next queued_request_send. Usually the only answer is the acknowledgement.
 
 | message | answer of ArduPilot |
 |---|---|
@@ -15,8 +15,8 @@ to send (queued_request_send). Usually the only answer is the acknowledgement.
 | second announcement of an item | the transfer of that item begins again |
 | second copy of an item | ERROR or INVALID_SEQUENCE |
 
-A refusal does not name the item, so the number of stored items is requested next. After a lost message
-ArduPilot accepts no further item. So after a loss each announcement and item is sent several times.
+A refusal does not name the item, so the number of stored items is requested after a silence. After a lost
+message ArduPilot accepts no further item. So after a loss each announcement and item is sent several times.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class AppendResult:
     """Result of an append."""
 
     failure: str | None
-    """None if every item was acknowledged; only a read-back confirms the stored items"""
+    """None if the vehicle reports all items as stored; only a read-back confirms the items"""
     round_trip_s: float = 0.0
     """time from a message to its answer [s]"""
     is_late: bool = False
     """True if `too_late` stopped the append"""
     is_foreign: bool = False
-    """True if the vehicle stores another mission than the verified mission"""
+    """True if the vehicle stores fewer items than before: another station has changed the mission"""
 
 
 class Append(Conversation[AppendResult]):
@@ -54,14 +54,15 @@ class Append(Conversation[AppendResult]):
     """
 
     QUIET_S = 0.5
-    """silence (at least 1.5 round trips) after which the number of stored items is requested"""
+    """shortest silence after which the number of stored items is requested; 1.5 round trips if longer"""
     MAX_QUIET_S = 4.0
+    """limit of this silence, which doubles at each deadline"""
     STUCK_LIMIT_S = 30.0
     """longest time without a further stored item"""
     NO_ANSWER_S = 5.0
-    """longest time without any answer"""
+    """longest wait for the first answer"""
     MAX_COPIES = 3
-    """copies of each message: one more after each loss"""
+    """greatest number of copies of each message; each loss adds one"""
     MAX_BURSTS = 2
     """number of bursts without a stored item after which partial lists count as unsupported"""
 
@@ -172,7 +173,7 @@ class Append(Conversation[AppendResult]):
                 return self._end(None) if self._copies == 1 else self._request_count()
             return [] if self._has_refused else self._send_window(now)
         if code == mavlink.MAV_MISSION_DENIED and self._n_count_requests:
-            # The vehicle was still expecting an item. Later messages may answer an earlier request.
+            # DENIED answers a request for the number of items: the vehicle still expects an item.
             self._n_count_requests -= 1
             self._on_answer(now)
             return self._burst(now) if self._awaits_count else []
@@ -198,7 +199,8 @@ class Append(Conversation[AppendResult]):
         stored = count - self._n_before
         if not 0 <= stored <= len(self._items):
             # Fewer items: another station's mission. More: perhaps late copies from an earlier append.
-            reason = f"the vehicle stores {count} items, expected {self._n_before} [mission-changed]"
+            expected = f"{self._n_before} to {self._n_before + len(self._items)}"
+            reason = f"the vehicle stores {count} items, expected {expected} [mission-changed]"
             return self._end(reason, is_foreign=stored < 0)
         self._set_stored(stored, now)
         if stored == len(self._items):

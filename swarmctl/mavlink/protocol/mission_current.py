@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 class SetCurrent(Conversation[CommandResult]):
     """One try of MISSION_SET_CURRENT, answered by a MISSION_CURRENT with that item.
 
-    PX4 lacks MAV_CMD_DO_SET_MISSION_CURRENT and needs this message. The procedure repeats the try.
+    PX4 lacks MAV_CMD_DO_SET_MISSION_CURRENT and needs this message.
     """
 
     ANSWER_WAIT_S = 1.0

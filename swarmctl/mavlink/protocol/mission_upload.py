@@ -1,8 +1,8 @@
 """Mission upload: https://mavlink.io/en/services/mission.html#uploading_mission
 
 The ground station repeats the announcement until the vehicle requests the first item. With one item for each
-request, every item would take a round trip. So each requested item is sent with the items after it. The last
-item is sent on request only, so until then the vehicle cannot have the whole mission.
+request, every item would take a round trip. So each requested item is sent with up to seven items after it.
+The last item is sent on request only, so until then the vehicle cannot have the whole mission.
 
 ArduPilot (MissionItemProtocol.cpp handle_mission_item) and PX4 (mavlink_mission.cpp handle_mission_item_both)
 accept an item with the expected number, requested or not. ArduPilot refuses any other item by
@@ -40,7 +40,7 @@ class UploadOutcome(Enum):
     INCOMPLETE = "incomplete"
     """requests stopped: a part of the mission may be stored"""
     NO_ANSWER = "no answer"
-    """no item was requested"""
+    """the first item was not requested"""
     TOO_LATE = "too late"
     """stopped by `too_late`, because the upload became useless"""
 
@@ -52,7 +52,7 @@ class UploadResult:
     outcome: UploadOutcome
     text: str
     is_lossy: bool = False
-    """True if an item had to be sent again"""
+    """True if an item counted as lost and was sent again"""
 
 
 WINDOW = 8
@@ -64,7 +64,7 @@ class Upload(Conversation[UploadResult]):
     """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
     current: item marked as current, if any
-    flown: item that the vehicle flies now, and keeps if no item is marked; MAVSDK always marks an item
+    flown: item that the vehicle flies now; it stays current if no item is marked
     too_late: called with the round-trip time [s] when the vehicle requests the last item; True withholds
         that item
     """
@@ -75,7 +75,7 @@ class Upload(Conversation[UploadResult]):
     REPEAT_PERIOD_S = 1.0
     """period of repeating the count until the first request, and of repeating a requested item"""
     FIRST_LIMIT_S = 12.0
-    """limit for the first request: with 30 % loss and 2 s per answer, 1 in 20 takes longer than 6 s"""
+    """longest wait for the first request; with 30 % loss and 2 s per answer, 1 in 20 takes longer than 6 s"""
     IDLE_LIMIT_S, STUCK_LIMIT_S = 6.0, 30.0
     """Longest time without a request, and without a request for a further item. ArduPilot gives up after 8 s
     without an item, PX4 after 5 s. The whole transfer has no limit."""

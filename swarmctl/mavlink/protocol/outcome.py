@@ -42,4 +42,4 @@ class Swapped(Done):
     took_s: float | None = None
     """time until the new plan was current, by the vehicle's clock [s]; None: the new plan is not flown"""
     is_late: bool = False
-    """True if the vehicle had passed the splice point; the next plan needs a splice point farther ahead"""
+    """True if the vehicle had passed the splice point or left the route; plan a splice point farther ahead"""

@@ -153,32 +153,32 @@ class ReadParameters(_ParameterExchange):
 
 
 class WriteParameters(_ParameterExchange):
-    """Writing of some parameters; the result has the last reported value of each.
+    """Writing of some parameters; the result has the last reported values, without unanswered names.
 
     PX4 drops a value of a wrong type without an answer, so the type has to be read first. Raises ValueError
     as `encoded` does.
     """
 
-    def __init__(self, peer: MavlinkPeer, wanted: Mapping[str, Parameter], *, byte_wise: bool) -> None:
-        super().__init__(peer, wanted, byte_wise=byte_wise)
-        self._wanted = dict(wanted)
-        self._fields = {name: encoded(p, byte_wise=byte_wise) for name, p in wanted.items()}
+    def __init__(self, peer: MavlinkPeer, new: Mapping[str, Parameter], *, byte_wise: bool) -> None:
+        super().__init__(peer, new, byte_wise=byte_wise)
+        self._new = dict(new)
+        self._fields = {name: encoded(p, byte_wise=byte_wise) for name, p in new.items()}
 
     def _request(self, name: str) -> Message:
-        kind = self._wanted[name].kind
+        kind = self._new[name].kind
         return mavlink.MAVLink_param_set_message(
             self._peer.sysid, self._peer.compid, name.encode(), self._fields[name], kind
         )
 
     def _settles(self, name: str, parameter: Parameter) -> bool:
         # Another value may be the late answer to an earlier request.
-        return same_value(parameter.value, self._wanted[name].value)
+        return same_value(parameter.value, self._new[name].value)
 
 
 def read_parameters(
     ctx: Context, names: Iterable[str], *, byte_wise: bool
 ) -> Procedure[dict[str, Parameter]]:
-    """Read parameters; return the parameters that the vehicle knows, by name."""
+    """Read parameters; return the parameters that the vehicle reports, by name."""
     current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
     return current
 

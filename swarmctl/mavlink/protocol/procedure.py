@@ -32,7 +32,7 @@ class Context:
     verified_items: tuple[MissionItem, ...] = field(default=())
     """the mission last verified on the vehicle; empty if none, or if the vehicle may store another"""
     plan_first_seq: int = 0
-    """index in `verified_items` of the flown plan's first item; earlier items belong to earlier plans"""
+    """index in `verified_items` of the flown plan's first waypoint, after home, take-off and earlier plans"""
     interrupted: bool = False
     """True if the previous procedure was cancelled: a command of that procedure may take effect later"""
 
@@ -42,8 +42,8 @@ class Context:
 
     def after_heartbeat(self, condition: Callable[[VehicleState], bool]) -> Callable[[], bool]:
         """Return a condition: a heartbeat has arrived after this call, and `condition` holds."""
-        before = self.telemetry.heartbeats
-        return lambda: self.telemetry.heartbeats > before and condition(self.state)
+        before = self.telemetry.n_heartbeats
+        return lambda: self.telemetry.n_heartbeats > before and condition(self.state)
 
 
 class Driver(Conversation[R]):

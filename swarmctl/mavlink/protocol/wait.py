@@ -12,10 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class WaitUntil(Conversation[bool]):
-    """Wait for a condition: True as soon as `condition()` holds, False after `timeout_s`.
-
-    `condition` reads the vehicle's state, which the session updates before it passes the message on.
-    """
+    """Wait until `condition()` holds, for at most `timeout_s`; the result is True if the condition holds."""
 
     def __init__(self, condition: Callable[[], bool], timeout_s: float) -> None:
         super().__init__()
@@ -45,7 +42,7 @@ def wait(seconds: float) -> WaitUntil:
 
 
 class RequestUntil(Conversation[bool]):
-    """Request of a message: True once the message has arrived and `condition()` holds; False at the time-out.
+    """Request of a message: True if the message arrives and `condition()` holds; False after `timeout_s`.
 
     The message is usually a heartbeat, the only message with mode and arming. ArduPilot sends a heartbeat
     soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.

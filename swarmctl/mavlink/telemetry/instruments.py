@@ -1,7 +1,7 @@
-"""Instruments of a vehicle, requested once by the preflight check.
+"""Instruments of a vehicle, read by the preflight check.
 
 https://mavlink.io/en/messages/common.html: GPS_RAW_INT, SYSTEM_TIME, HOME_POSITION, SYS_STATUS. The last two
-are also part of the vehicle's state; the request makes them recent.
+are also part of the vehicle's state; the request brings recent values.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ class Instruments:
     unix_s: float | None
     """the vehicle's clock (SYSTEM_TIME) since 1970 [s]; None also before the first GPS fix"""
     unix_received_s: float | None
-    """arrival time of that clock, by the event loop's clock [s]"""
+    """arrival time of the SYSTEM_TIME message, by the event loop's clock [s]"""
     position_every_s: float | None = None
-    """mean time between positions [s]"""
+    """mean time between the last positions [s]; None: too few positions in time"""
 
 
 class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
     """Request of some messages (MAV_CMD_REQUEST_MESSAGE), at most TRIES times each.
 
-    The result is message id -> (message, arrival time [s]), without missing messages.
+    The result is message id -> (message, arrival time [s]); a message that did not arrive has no entry.
     """
 
     REPEAT_PERIOD_S = 1.0
@@ -96,7 +96,7 @@ class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
 
 
 def read_instruments(ctx: Context) -> Procedure[Instruments]:
-    """Request the instruments; return the readings that arrive within some seconds."""
+    """Request the instruments; return the readings that arrive in time."""
     received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS)
     gps = received.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
     clock = received.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))

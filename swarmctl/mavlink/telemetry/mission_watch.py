@@ -29,7 +29,7 @@ OTHER_MISSION_LASTS_S = 1.0
 REQUEST_PERIOD_S = 5.0
 """period of requests for an item; every second request is for the flown item"""
 REQUEST_SOON_S = 1.0
-"""delay of a request after a sign of another station's transfer"""
+"""delay of a request after a sign of another station's transfer, or after an item that differs"""
 
 _MISSION_ID_AT = 6
 """offset of mission_id in the payload of a MISSION_CURRENT"""
@@ -86,7 +86,7 @@ class MissionWatch:
         self._request_at_s = now + REQUEST_PERIOD_S if can_request else math.inf
 
     def shows_other_mission(self, message: Message, now: float) -> bool:
-        """Return whether the vehicle has shown another mission by two items, or for OTHER_MISSION_LASTS_S."""
+        """Return whether an item has differed twice, or count or id differ for OTHER_MISSION_LASTS_S."""
         if not self._own_items or now < self._settled_at_s:
             return False
         kind = message.get_type()
@@ -128,7 +128,7 @@ class MissionWatch:
 
     @property
     def next_deadline(self) -> float | None:
-        """Return the time of the next request; None: never."""
+        """Return the time of the next request; None: no request is planned."""
         return None if self._reports_ids or math.isinf(self._request_at_s) else self._request_at_s
 
     def tick(self, flown: int | None, now: float) -> list[Message]:

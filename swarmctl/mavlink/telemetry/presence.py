@@ -61,7 +61,7 @@ class Presence:
         return before
 
     def tick(self, now: float) -> bool:
-        """Return True at the moment when the vehicle counts as lost."""
+        """Return whether the vehicle has become lost with this call."""
         if self.next_deadline is None or now < self.next_deadline:
             return False
         self.state = LinkState.LOST

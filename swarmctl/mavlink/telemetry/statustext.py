@@ -16,7 +16,8 @@ _STRIKE = re.compile(r"STRIKE (\d+) over -?\d+,-?\d+ from -?\d+,-?\d+\Z")
 class TextAssembler:
     """Assembler of texts from chunks.
 
-    When a chunk is lost, the text is returned with a gap after the next text has begun.
+    A lost chunk leaves the gap " ... ". A text without its last chunk is returned when the next long text
+    begins.
     """
 
     def __init__(self) -> None:

@@ -21,8 +21,8 @@ STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 REBOOT_STEP_S = 3.0
 """limit of a late datagram: a larger step back of the vehicle's clock is a reboot"""
 LATE_MESSAGE_S = 1.0
-"""Margin for late messages. A clock that has run for less than the last silence, less this margin, has
-restarted."""
+"""Margin for late messages. A clock has restarted if the vehicle's clock shows a shorter time since boot than
+the last silence minus this margin."""
 CLOCK_WRAP_S = 2**32 / 1000.0
 """period of time_boot_ms, which has 32 bits: 49.7 days"""
 MAX_POSITION_AGE_S = 3.0
@@ -43,21 +43,20 @@ _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEX
 
 
 class Telemetry:
-    """Telemetry of one vehicle since its boot.
+    """Telemetry of one vehicle.
 
-    `receive` returns whether there is a new snapshot: with each position, and without positions about once a
-    second.
+    `receive` returns whether there is a new snapshot: with each position and each change of mode or arming,
+    and without positions about once a second.
 
-    texts: last STATUSTEXTs (severity, text); `n_texts` counts all of them
-    heartbeats, reboots: numbers of heartbeats and of reboots
+    texts: last TEXTS_KEPT STATUSTEXTs (severity, text); `n_texts` counts all of them
     stood_still_s: time in hold or without motion in the air, by the vehicle's clock
     """
 
     def __init__(self, dialect: Dialect) -> None:
         self.texts: deque[tuple[int, str]] = deque(maxlen=TEXTS_KEPT)
         self.n_texts = 0
-        self.heartbeats = 0
-        self.reboots = 0
+        self.n_heartbeats = 0
+        self.n_reboots = 0
         self.stood_still_s = 0.0
         self._dialect = dialect
         self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
@@ -110,14 +109,14 @@ class Telemetry:
         self._now = now
         was_missing = message.get_msgId() in self._missing
         self._missing.discard(message.get_msgId())
-        snapshot = handler(message)
+        is_snapshot = handler(message)
         if was_missing or message.get_type() in _READINESS_SOURCES:
             self._update_readiness()
-        if not snapshot and message.get_type() in _SNAPSHOT_SOURCES:
-            snapshot = now - self._snapshot_s >= SNAPSHOT_PERIOD_S
-        if snapshot:
+        if not is_snapshot and message.get_type() in _SNAPSHOT_SOURCES:
+            is_snapshot = now - self._snapshot_s >= SNAPSHOT_PERIOD_S
+        if is_snapshot:
             self._snapshot_s = now
-        return snapshot
+        return is_snapshot
 
     def set_other_mission(self, is_stored: bool) -> None:
         """Set whether the vehicle stores another mission than the verified one."""
@@ -140,7 +139,7 @@ class Telemetry:
         return list(self.texts)[-new:] if new else []
 
     def _heartbeat(self, message: Message) -> bool:
-        self.heartbeats += 1
+        self.n_heartbeats += 1
         mode = self._dialect.mode_name(int(message.custom_mode))
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         is_changed = mode != self.state.mode or armed != self.state.armed
@@ -191,14 +190,14 @@ class Telemetry:
         return True
 
     def _count_standing(self, time_boot_s: float) -> None:
-        """Add the time since the last position to `stood_still_s` if the vehicle held or stood still.
+        """Add the time since the last state to `stood_still_s` if the vehicle held or stood still in the air.
 
         Braking in hold mode also counts.
         """
         last = self.state
-        still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
-        still = still or last.mode_role == "hold"
-        if still and last.armed and last.landed is Landed.IN_AIR:
+        is_still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
+        is_still = is_still or last.mode_role == "hold"
+        if is_still and last.armed and last.landed is Landed.IN_AIR:
             self.stood_still_s += time_boot_s - last.time_boot_s
 
     def _clock_s(self, message: Message) -> float:
@@ -245,7 +244,7 @@ class Telemetry:
         self._had_gps = False
         self._complaints = ()
         self._missing = set(self._dialect.readiness_ids)
-        self.reboots += 1
+        self.n_reboots += 1
         return True
 
     def _sys_status(self, message: Message) -> bool:
@@ -266,8 +265,8 @@ class Telemetry:
     def _gps_ok(self, present: int, health: int) -> bool | None:
         """Return whether the GPS works; None without a receiver. A receiver that disappears has failed.
 
-        PX4 reports the GPS as present only while the estimator uses it, but always as healthy
-        (estimatorCheck.cpp, SYS_STATUS.hpp). ArduPilot reports it as present while the receiver sends data.
+        PX4 reports the GPS as present only while the estimator uses the GPS, but always as healthy
+        (estimatorCheck.cpp, SYS_STATUS.hpp). In ArduPilot the GPS is present while the receiver sends data.
         """
         if present & mavlink.MAV_SYS_STATUS_SENSOR_GPS:
             self._had_gps = True

@@ -1,4 +1,4 @@
-"""Append swap: the new route is stored after the old route, for autopilots that use each item once stored.
+"""Append swap for autopilots that use each item as soon as it is stored: the new route follows the old route.
 
 No item of the old route changes. After the read-back one command makes an item of the new route current. An
 ArduCopter brakes and speeds up again; other vehicles turn without braking. If the link ends before that
@@ -37,26 +37,26 @@ CLEAR_WAIT_S = 10.0
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Append the new route, read it back and make it current; after a failure run `swap_in_hold`.
+    """Append the new route, read it back and make it current; otherwise run `swap_in_hold`.
 
-    Raises NotInControl.
+    The old route stays after a late swap, without a position, and during a landing. Raises NotInControl.
     """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
-    old, kept = OldPlan.of(ctx), ctx.verified_items
+    old, stored = OldPlan.of(ctx), ctx.verified_items
     tail = plan.items[ctx.dialect.first_waypoint_seq :]
-    if not kept or not mission(ctx.state) or len(kept) + len(tail) > MAX_ITEMS:
+    if not stored or not mission(ctx.state) or len(stored) + len(tail) > MAX_ITEMS:
         return (yield from swap_in_hold(ctx, plan, old))
     # From now on the vehicle stores items that are not verified.
     ctx.verified_items = ()
     is_past = partial(plan.is_past_splice, ctx)
-    appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
+    appended: AppendResult = yield Append(ctx.peer, len(stored), tail, is_past)
     if appended.is_foreign:
         raise TakenOver(f"another station has changed the mission: {appended.failure}")
-    found, failure = yield from _read_back(ctx, len(kept), tail, appended)
+    found, failure = yield from _read_back(ctx, len(stored), tail, appended)
     if appended.is_late:
         yield from confirm_state(ctx, mission)
         # Without a read-back the stored items are unknown, so the next plan is written as a whole.
-        ctx.verified_items = () if failure else kept + found
+        ctx.verified_items = () if failure else stored + found
         return Swapped(PAST_SPLICE, "old", is_late=True)
     if not failure:
         # A command is based on telemetry. When the command arrives, that telemetry is one round trip old.
@@ -66,7 +66,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
         if late or no_position or ctx.state.landed is Landed.LANDING:
             # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, mission)
-            ctx.verified_items = kept + found
+            ctx.verified_items = stored + found
             why = (
                 PAST_SPLICE
                 if late
@@ -76,12 +76,12 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
             )
             return Swapped(why, "old", is_late=late)
         failure = yield from _make_tail_current(
-            ctx, len(kept), tail, lambda: plan.next_waypoint(ctx, later_s)
+            ctx, len(stored), tail, lambda: plan.next_waypoint(ctx, later_s)
         )
     if not failure:
         plan.mark_current(ctx)
-        ctx.verified_items, ctx.plan_first_seq = kept + found, len(kept)
-        failure = yield from confirm_flying(ctx, len(kept))
+        ctx.verified_items, ctx.plan_first_seq = stored + found, len(stored)
+        failure = yield from confirm_flying(ctx, len(stored))
     if not failure:
         return Swapped(None, "new")
     done = yield from swap_in_hold(ctx, plan, old)
@@ -91,7 +91,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 def _read_back(
     ctx: Context, count: int, tail: tuple[MissionItem, ...], appended: AppendResult
 ) -> Procedure[tuple[tuple[MissionItem, ...], str | None]]:
-    """Return the items stored after the first `count`, and the failure if they differ from `tail`."""
+    """Return the items stored after the first `count`, and the failure if `tail` was not appended."""
     if appended.failure and not appended.is_late:
         return (), appended.failure
     read = yield from read_back(ctx, count)
@@ -102,17 +102,17 @@ def _read_back(
 
 
 def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
-    """Return whether the next corner of the new route is certain at the time when a command arrives."""
+    """Return whether it is certain which item of the new route is next when a command arrives."""
     if plan.lacks_position(ctx):
         return False
     if not plan.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
     at = plan.position(ctx, later_s)
-    return at.is_late or (at.corner_s > CORNER_MARGIN_S and not _brakes_past_item(ctx, at))
+    return at.is_late or (at.corner_s > CORNER_MARGIN_S and not _overshoots_item(ctx, at))
 
 
-def _brakes_past_item(ctx: Context, at: RoutePosition) -> bool:
-    """Return whether the vehicle would brake past the next item, and so would fly back to it.
+def _overshoots_item(ctx: Context, at: RoutePosition) -> bool:
+    """Return whether the vehicle cannot stop before the next item, and would fly back to that item.
 
     False at the splice point: flying back to that point is better than leaving it out.
     """
@@ -126,10 +126,7 @@ def _brakes_past_item(ctx: Context, at: RoutePosition) -> bool:
 def _make_tail_current(
     ctx: Context, begin: int, tail: tuple[MissionItem, ...], first: Callable[[], int]
 ) -> Procedure[str | None]:
-    """Make an item of the tail current; return the failure.
-
-    `first` is called before each command and returns the item's index in the tail.
-    """
+    """Make item `first()` of the tail current; return the failure. `first` is called before each command."""
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
     def follows(state: VehicleState) -> bool:

@@ -47,25 +47,28 @@ REJECTION_TEXTS = (
 
 
 def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Upload and read back the new mission and confirm that it is flown; after a failure fly the old mission.
+    """Upload and read back the new mission and confirm that it is flown.
 
-    A plan with a splice point ahead (`leaves_ahead`) is uploaded after the old plan's items up to that point.
-    All item numbers stay, so the vehicle keeps its current item. In any other plan the item to fly is marked.
+    After a failure fly the old mission, or hold. Raises NotInControl.
 
-    The vehicle flies on during the upload, so the upload is tried once. If the vehicle has passed the splice
-    point, the last item is withheld. Raises NotInControl.
+    A plan that begins like the rest of the old plan (`leaves_ahead`) is uploaded after the old plan's earlier
+    items. The common items keep their numbers, so the vehicle keeps its current item. In any other plan the
+    item to fly is marked.
+
+    The vehicle flies on during the upload, so the upload is tried once. The last item is withheld from a
+    vehicle that has passed the splice point or reports no position.
     """
     old = OldPlan.of(ctx)
     items: tuple[MissionItem, ...] = plan.items
     marked: int | None = ctx.dialect.first_waypoint_seq
     if plan.leaves_ahead and old.items and ctx.state.mode == ctx.dialect.mission_mode:
         items, marked = _joined(ctx, plan, old)
-    n_texts, before = ctx.telemetry.n_texts, ctx.state.mission_seq or 0
-    uploaded = yield from _upload(ctx, plan, items, marked, before)
+    n_texts, flown = ctx.telemetry.n_texts, ctx.state.mission_seq or 0
+    uploaded = yield from _upload(ctx, plan, items, marked, flown)
     failure = uploaded.failure
     if failure is None:
         plan.current_since_s = uploaded.uploaded_s
-        failure = yield from _confirm_new_mission(ctx, plan, marked, min(before, len(items) - 1), n_texts)
+        failure = yield from _confirm_new_mission(ctx, plan, marked, min(flown, len(items) - 1), n_texts)
         if failure is None:
             return Swapped(None, "new")
     elif _still_flies_old(ctx, old, uploaded.found):
@@ -78,21 +81,21 @@ def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 
 
 def _joined(ctx: Context, plan: SwapPlan, old: OldPlan) -> tuple[tuple[MissionItem, ...], int | None]:
-    """Return the old plan up to the splice point followed by the new plan, and None (no item to mark).
+    """Return the old plan's earlier items followed by the new plan, and None (no item to mark).
 
     If that list is too long, return the new plan alone, and its first waypoint as the item to mark.
     """
-    first, flown = ctx.dialect.first_waypoint_seq, old.seq
-    splice, passed = plan.items[first], list[MissionItem]()
-    if _position(old.items[flown - 1]) == _position(splice):
-        flown -= 1
+    first, n_earlier = ctx.dialect.first_waypoint_seq, old.seq
+    waypoint, on_first_leg = plan.items[first], list[MissionItem]()
+    if _position(old.items[n_earlier - 1]) == _position(waypoint):
+        n_earlier -= 1
     else:
         # Old items on the first leg keep their numbers, even if the new plan leaves them out.
-        for item in old.items[flown:]:
-            if _position(item) == _position(splice) or not plan.progress.first_leg_passes(item):
+        for item in old.items[n_earlier:]:
+            if _position(item) == _position(waypoint) or not plan.progress.first_leg_passes(item):
                 break
-            passed.append(replace(item, z=splice.z))
-    joined = append_items((*old.items[:flown], *passed), plan.items, first)
+            on_first_leg.append(replace(item, z=waypoint.z))
+    joined = append_items((*old.items[:n_earlier], *on_first_leg), plan.items, first)
     return (joined, None) if len(joined) <= MAX_ITEMS else (plan.items, first)
 
 
@@ -101,9 +104,9 @@ def _position(item: MissionItem) -> tuple[int, int]:
 
 
 def _upload(
-    ctx: Context, plan: SwapPlan, items: tuple[MissionItem, ...], marked: int | None, before: int
+    ctx: Context, plan: SwapPlan, items: tuple[MissionItem, ...], marked: int | None, flown: int
 ) -> Procedure[VerifiedUpload]:
-    """Upload the new mission once to a vehicle that holds or flies item `before`.
+    """Upload the new mission once to a vehicle that holds or flies item `flown`.
 
     After a failure `found` has the items on the vehicle, if they could be read.
     """
@@ -112,7 +115,7 @@ def _upload(
     def too_late(round_trip_s: float) -> bool:
         return plan.lacks_position(ctx) or plan.is_past_splice(ctx, round_trip_s)
 
-    uploaded = yield from upload_mission(ctx, items, marked, tries=1, flown=before, too_late=too_late)
+    uploaded = yield from upload_mission(ctx, items, marked, tries=1, flown=flown, too_late=too_late)
     if uploaded.failure is None:
         return uploaded
     if uploaded.is_late and plan.lacks_position(ctx):
@@ -129,9 +132,9 @@ def _upload(
 
 
 def _confirm_new_mission(
-    ctx: Context, plan: SwapPlan, marked: int | None, kept: int, n_texts: int
+    ctx: Context, plan: SwapPlan, marked: int | None, flown: int, n_texts: int
 ) -> Procedure[str | None]:
-    """Wait until the vehicle flies the new mission from item `marked`, or from `kept` if `marked` is None.
+    """Wait until the vehicle flies the new mission from item `marked`, or from `flown` if `marked` is None.
 
     Return the failure. `n_texts`: number of the vehicle's texts before the upload.
     """
@@ -141,13 +144,15 @@ def _confirm_new_mission(
     try:
         if marked is None:
             # The next MISSION_CURRENT is about the new mission.
-            yield from await_current_item(ctx, lambda _now: True)
+            yield from await_current_item(ctx, lambda _current: True)
             if is_other_landing(items, ctx.state.mission_seq or 0):
                 # The current item number belongs to different landings in the two missions.
                 return "the vehicle reached its landing before the new mission was complete [landing-reached]"
-            return (yield from _fly_mission_from(ctx, plan, kept))
+            return (yield from _fly_mission_from(ctx, plan, flown))
         return (
-            yield from _fly_from(ctx, plan, marked, lambda now: _reached_marked(ctx, plan, marked, kept, now))
+            yield from _fly_from(
+                ctx, plan, marked, lambda current: _begins_at_marked(ctx, plan, marked, flown, current)
+            )
         )
     except TakenOver:
         why = _rejection_in_hold(ctx, n_texts)
@@ -158,22 +163,22 @@ def _confirm_new_mission(
 
 
 def _has_landed_after(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
-    """Return whether the vehicle has completed the items and landed during the read-back."""
+    """Return whether the vehicle has already flown the items and landed."""
     state, seq = ctx.state, ctx.state.mission_seq
     is_down = not state.armed and state.landed is Landed.ON_GROUND and state.mode == ctx.dialect.mission_mode
     return is_down and seq is not None and seq < len(items) and items[seq].command == LAND
 
 
-def _reached_marked(ctx: Context, plan: SwapPlan, marked: int, kept: int, now: int) -> bool:
-    """Return whether the vehicle has begun at the marked item, given its current item `now`.
+def _begins_at_marked(ctx: Context, plan: SwapPlan, marked: int, flown: int, current: int) -> bool:
+    """Return whether the vehicle has begun the new mission at the marked item.
 
-    A number below `kept`, the item flown before, proves this. A higher number may be the old item number, so
-    the vehicle has to be near the leg to `now`.
+    A `current` item below `flown`, the item flown before, proves this. A higher number may be the old item
+    number, so the vehicle has to be near the leg to `current`.
     """
     first = ctx.dialect.first_waypoint_seq
-    if marked <= now < kept or now == marked:
+    if marked <= current < flown or current == marked:
         return True
-    return now > marked and plan.progress.is_near_leg_to(now - first, ctx.state)
+    return current > marked and plan.progress.is_near_leg_to(current - first, ctx.state)
 
 
 def _rejection_in_hold(ctx: Context, n_texts: int) -> str | None:
@@ -185,7 +190,7 @@ def _rejection_in_hold(ctx: Context, n_texts: int) -> str | None:
 
 
 def rejection_text(ctx: Context, n_texts: int) -> str | None:
-    """Return the vehicle's last text since `n_texts` that rejects a mission; None if there is none."""
+    """Return the last text after the first `n_texts` that rejects a mission; None if there is none."""
     warnings = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
     rejections = [text for text in warnings if any(part in text.lower() for part in REJECTION_TEXTS)]
     return rejections[-1] if rejections else None
@@ -209,7 +214,7 @@ def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str 
     seq = old.next_item(ctx)  # the vehicle has flown on during the upload
     if seq is None:
         return NOT_ON_OLD_MISSION
-    return (yield from _fly_from(ctx, plan, seq, lambda now: now == seq))
+    return (yield from _fly_from(ctx, plan, seq, lambda current: current == seq))
 
 
 def _fly_from(

@@ -6,7 +6,7 @@ autopilot:
 | swap | condition | during the swap the vehicle |
 |---|---|---|
 | `swap_atomic` | the autopilot exchanges whole missions | flies on |
-| `swap_append` | the autopilot uses each item once stored | flies on; the new route is appended |
+| `swap_append` | the autopilot uses each item as soon as it is stored | flies on |
 | `swap_in_hold` | appending is impossible or failed | holds |
 """
 
@@ -40,7 +40,7 @@ CLIMB_LIMIT_S = 60.0
 
 
 def _lands(ctx: Context) -> bool:
-    """Return whether the vehicle descends to land, or flies to its landing's circle."""
+    """Return whether the vehicle flies an item of its landing, or descends to land."""
     state = ctx.state
     by_mission = state.mode == ctx.dialect.mission_mode and state.mission_seq in landing_items(
         ctx.verified_items
@@ -54,7 +54,7 @@ def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
     The estimate compares numbers of round trips.
     """
     windows = math.ceil(n_items / WINDOW)
-    # Round trips: number of items, windows of items, and for an upload the last item alone.
+    # Each transfer exchanges the number of items, then windows of items; an upload sends the last item alone.
     n_upload, n_read_back = 2 + windows, 1 + windows
     if dialect.uploads_atomically:
         return upload_s * n_upload / (n_upload + n_read_back)
@@ -73,7 +73,7 @@ def swap(
 
     No command is sent once another party has chosen a mode.
     """
-    begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
+    begin, stood_before_s = ctx.state, ctx.telemetry.stood_still_s
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
     flown = OldPlan.of(ctx)
     progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], flown.items[flown.seq :])
@@ -84,20 +84,20 @@ def swap(
     yield WaitUntil(lambda: ctx.state.mode in plan.own_modes, STALE_MODE_S)
     if ctx.state.mode not in plan.own_modes:
         return Swapped(describe_takeover(ctx.state), "theirs")
-    kept: FlyingAfterSwap = "old" if flown.items else "unknown"
+    unchanged: FlyingAfterSwap = "old" if flown.items else "unknown"
     if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
-        return Swapped("the vehicle is not flying [not-flying]", kept)
+        return Swapped("the vehicle is not flying [not-flying]", unchanged)
     swap_kind = swap_atomic if ctx.dialect.uploads_atomically else swap_append
     try:
         if takes_off(ctx) or _lands(ctx):
             # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, in_modes(plan.own_modes, armed=True))
-            return Swapped("the vehicle is taking off or landing [landing]", kept)
+            return Swapped("the vehicle is taking off or landing [landing]", unchanged)
         done: Swapped = yield from swap_kind(ctx, plan)
     except TakenOver as why:
         done = Swapped(str(why), "theirs")
     except NotInControl as why:
         done = Swapped(str(why), "hold" if plan.holds else "unknown")
     took_s = None if plan.current_since_s is None else max(plan.current_since_s - begin.time_boot_s, 0.0)
-    stood_s = ctx.telemetry.stood_still_s - stood_s
+    stood_s = ctx.telemetry.stood_still_s - stood_before_s
     return replace(done, stood_still_s=stood_s, took_s=took_s if done.failure is None else None)

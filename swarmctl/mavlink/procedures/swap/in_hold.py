@@ -22,13 +22,13 @@ from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 HOLD_LIMIT_S = 120.0
-"""Longest hold: holding uses battery. After this time no further step begins, and the agent decides."""
+"""time in hold after which no further upload begins, because holding uses battery; then the agent decides"""
 
 
 def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swapped]:
     """Hold, upload, read back, set the current item, fly; after a failure do the same with the old mission.
 
-    Raises NotInControl.
+    After a second failure the vehicle stays in hold. Raises NotInControl.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     failure = yield from enter_hold(ctx, plan)
@@ -77,7 +77,7 @@ def _fly_from_hold(
     first_item: Callable[[], int],
     is_over: Callable[[], bool],
 ) -> Procedure[str | None]:
-    """Upload to a holding vehicle and make it fly from `first_item()`, called after the upload.
+    """Upload `items` to a holding vehicle, then make it fly from item `first_item()`.
 
     Return the failure, with the vehicle in hold again. Raises NotInControl.
     """

@@ -1,7 +1,7 @@
-"""Route progress: position of a flying vehicle on its new route, and the item ahead. No I/O.
+"""Route progress: position of a flying vehicle on a route, and the item ahead. No I/O.
 
-A new route begins with the part that it shares with the flown route. The vehicle flies on until the new route
-is current, and may pass the first new items in this time. The vehicle never flies back to a passed item.
+A new route may begin with a part of the flown route. The vehicle flies on until the new route is current, and
+may pass items of that part in this time. So the swap looks for the next item ahead.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CORNER_MARGIN_S = 0.75
 MAX_CROSS_TRACK_M = 12.0
 """greatest distance from a route at which a vehicle counts as on that route"""
 SAME_PLACE_M = 1.0
-"""greatest distance from the old route at which a corner counts as on that route"""
+"""greatest distance from a route at which an item counts as on that route"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class RoutePosition:
     past_splice_m: float = -math.inf
     """distance past the splice point, where the new route leaves the flown route; negative before"""
     item_m: float = math.inf
-    """distance along the route to the next item"""
+    """distance along the route to the next item; negative past that item"""
 
     @property
     def is_late(self) -> bool:
@@ -45,7 +45,7 @@ class RoutePosition:
 
 
 class RouteProgress:
-    """A new route (items with positions) from the vehicle's position at `begin` on.
+    """A route from the vehicle's position at `begin` over `items`, up to the first item without a position.
 
     `flown`: items of the route before the swap, from the current item on; empty if unknown.
     """
@@ -70,7 +70,7 @@ class RouteProgress:
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
     def _n_common_corners(self, flown: Sequence[PlanarPoint]) -> int:
-        """Return the number of corners at the begin of the new route that the flown route shares."""
+        """Return how many of the first corners of the new route lie on the flown route."""
         if len(flown) < 2:
             return 0
         return sum(
@@ -110,7 +110,7 @@ class RouteProgress:
         )
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
-        """Return whether the vehicle is near the leg to item number `item`, or near the last leg."""
+        """Return whether the vehicle is near the leg to item `item`; a greater number means the last leg."""
         lat_lon, item = _lat_lon(state), min(item, len(self._points) - 2)
         if self._frame is None or lat_lon is None or item < 0:
             return False
@@ -123,7 +123,7 @@ class RouteProgress:
         ends_m = self._along_m[1:]
         item = min(sum(end_m < along_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
         if along_m > self._splice_m:
-            # The vehicle has followed the old route past the splice point. Only the way back is planned.
+            # The vehicle has followed the old route past the splice point, which stays the next item.
             item = min(item, self._n_common - 1)
         since_corner_m = along_m - self._along_m[item] if item else math.inf
         corner_m = min(abs(ends_m[item] - along_m), since_corner_m)

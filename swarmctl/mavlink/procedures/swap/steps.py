@@ -18,8 +18,11 @@ or more."""
 MOVE_WAIT_S = 10.0
 """longest wait until the vehicle flies to its new item"""
 MAX_CROSS_TRACK_TURNING_M = 150.0
-"""longest cross-track distance of a fixed wing in a turn or a circle of its plan"""
-PAST_SPLICE = "the vehicle has flown past the point where the new plan leaves the old one [past-splice]"
+"""greatest cross-track distance of a fixed wing in a turn or a circle of its plan"""
+PAST_SPLICE = (
+    "the change came too late: the vehicle has passed the splice point of the new plan, "
+    f"or is more than {MAX_CROSS_TRACK_M:g} m off the new plan [past-splice]"
+)
 NOT_ON_OLD_MISSION = "cannot confirm that the vehicle is still on its previous mission"
 POSITION_UNKNOWN = (
     "the vehicle reports no position, so the next item of the new plan is unknown [no-position]"
@@ -67,7 +70,7 @@ class SwapPlan:
     leaves_ahead: bool
     """True if the plan begins like the flown plan, up to a splice point ahead of the vehicle"""
     own_modes: set[str]
-    """modes that this program has set; the swap adds the modes that it sets"""
+    """modes that count as set by this program; the swap adds the modes that it sets"""
     holds: bool = False
     """True if this swap has put the vehicle into hold, as confirmed by a heartbeat"""
     current_since_s: float | None = None
@@ -85,16 +88,16 @@ class SwapPlan:
         return self._position
 
     def lacks_position(self, ctx: Context) -> bool:
-        """Return whether the plan begins at the vehicle's next item, but the position is unknown."""
+        """Return whether the plan needs a position (`leaves_ahead`), but the position is unknown."""
         return self.leaves_ahead and not ctx.state.has_position
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
-        """Return the index of the waypoint to fly to: the next waypoint ahead, or 0 off the plan."""
+        """Return the index of the next waypoint; 0 if the vehicle is late and not `leaves_ahead`."""
         at = self.position(ctx, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
 
     def is_past_splice(self, ctx: Context, round_trip_s: float) -> bool:
-        """Return whether the vehicle is past the splice point when a message sent now takes effect."""
+        """Return whether the vehicle is past the splice point or off the plan when a message takes effect."""
         return self.leaves_ahead and self.position(ctx, round_trip_s).is_late
 
     def mark_current(self, ctx: Context) -> None:
@@ -112,7 +115,7 @@ def takes_off(ctx: Context) -> bool:
 def confirm_flying(ctx: Context, first: int) -> Procedure[str | None]:
     """Wait until the vehicle flies to item `first` or a later item; return the failure.
 
-    Without a position the current item is the only evidence.
+    Without a position, mode and current item are the only evidence.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     # The last position may be from before the hold.
@@ -140,7 +143,7 @@ def _is_under_way(ctx: Context, first: int) -> bool:
 
 
 def end_in_hold(ctx: Context, plan: SwapPlan, failure: str) -> Procedure[Swapped]:
-    """Set hold mode as the last resort. Raises NotInControl if the vehicle does not hold."""
+    """Set hold mode after a failure; return the outcome. Raises NotInControl if the vehicle does not hold."""
     no_hold = yield from enter_hold(ctx, plan)
     if no_hold:
         raise NotInControl(f"{failure}; the vehicle does not hold either: {no_hold} [no-hold]")
