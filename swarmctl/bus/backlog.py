@@ -22,6 +22,7 @@ class QueuedMessage(NamedTuple):
 
     sender: int
     act: str
+    """act and kind, such as `inform/state`"""
     decoded: DecodedFrame
     to: tuple[int, ...]
     """receivers in this process"""
@@ -45,8 +46,8 @@ class Backlog:
     def append(self, message: QueuedMessage) -> list[QueuedMessage]:
         """Append a message; return the messages dropped for lack of memory.
 
-        Above the limit the older half is dropped, except the newest state and intent of each sender to each
-        receiver.
+        Above the limit the older part is dropped, down to half the limit. The newest state and intent of each
+        sender to each receiver stay.
         """
         self._waiting.append(message)
         self._n_bytes += message.n_bytes
@@ -71,7 +72,7 @@ class Backlog:
             else:
                 dropped.append(message)
         self._waiting, self._n_bytes = kept, n_bytes
-        # At least a quarter is free now, so a very large swarm does not search the queue at each message.
+        # Usually a quarter is free now, so a very large swarm does not search the queue at each message.
         self._limit_bytes = max(self._min_limit_bytes, 4 * newest_bytes)
         return dropped
 

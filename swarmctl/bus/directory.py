@@ -1,6 +1,6 @@
 """Directory of the swarms that this user flies on this machine now, by the swarm's name.
 
-Each flight has a locked file in a folder of its user. A file without a lock is a stale record of a killed
+Each flight has a locked file in the user's folder. A file without a lock is a stale record of a killed
 flight: readers ignore the file, and the next flight removes it. After a flight an empty file keeps the time
 of the flight's end.
 """
@@ -138,7 +138,7 @@ def _is_stale(file: TextIO) -> bool:
 def _folder() -> Path:
     """Return the directory's folder; create a missing folder.
 
-    Raises OSError if another user can write to the folder: a forged record would redirect commands.
+    Raises OSError if another user owns or can write to the folder: a forged record would redirect commands.
     """
     # Not below XDG_RUNTIME_DIR, which differs between a shell and a flight under cron or sudo.
     folder = Path(tempfile.gettempdir()) / f"swarmctl-{os.getuid()}"

@@ -20,7 +20,7 @@ _FORM = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class BusEndpoint:
-    """An address on the network; port 0 stands for any free port."""
+    """An address and a protocol; port 0 stands for any free port."""
 
     host: str
     port: int
@@ -37,8 +37,8 @@ class BusEndpoint:
         return self.protocol in CERTIFICATE_PROTOCOLS
 
     @property
-    def reachable(self) -> BusEndpoint:
-        """The endpoint to connect to from this machine."""
+    def client_endpoint(self) -> BusEndpoint:
+        """Endpoint to which a client on this machine connects."""
         return replace(self, host={"0.0.0.0": "127.0.0.1", "::": "::1"}.get(self.host, self.host))
 
     def __str__(self) -> str:

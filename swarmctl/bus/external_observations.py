@@ -1,8 +1,8 @@
 """Receiver of payloads' reports: one key for each vehicle, for puts and for queries.
 
-A query gets an answer, a put gets none (formats: `swarmctl.bus.sensor_reports`). An accepted report becomes
-an observation of the vehicle's agent, also on the ground and after the flight, because other vehicles use
-the observation. Refused reports are counted. The program shows each reason once, and again after a pause.
+A query under exactly this key gets an answer, a put gets none (formats: `swarmctl.bus.sensor_reports`). An
+accepted report becomes an observation of the vehicle's agent, also on the ground and after the flight.
+Refused reports are counted. The program shows each reason once, and again after a pause.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PER_S = 50.0
 BURST = 50
 """limits on the reports to one vehicle, accepted or refused: PER_S a second, BURST at once"""
 SHOWN_AGAIN_AFTER_S = 10.0
-"""time without a refusal for the same reason, after which a new refusal is shown"""
+"""time without a refusal for the same reason, after which a further refusal is shown"""
 MAX_REASON_CHARS = 400
 TIMEOUT_S = 3.0
 """longest wait for an answer; an agent answers as soon as the report arrives"""
@@ -41,7 +41,7 @@ class ReportReceiver:
     """The receiver of one vehicle, active until the transport is closed.
 
     clock: wall clock [s since 1970], for the check of a report's time
-    post: receiver of an accepted report's cells and source
+    post: function that takes an accepted report's cells and source
     tolerance_s: largest lead of a payload's clock [s]
     """
 
@@ -113,7 +113,7 @@ class ReportReceiver:
 
 
 async def send_report(bus: Transport, swarm: str, uav: int, report: Report) -> ReportAnswer | None:
-    """Send a report and return the answer; None if no agent receives reports for this vehicle.
+    """Send a report and return the answer; None if the report reached no agent.
 
     Raises TimeoutError, and ValueError for an answer that cannot be decoded.
     """

@@ -34,7 +34,7 @@ MAX_LENGTH = 200
 MAX_DIGITS = 3
 """greatest number of digits of a system id"""
 RequestKind = Literal["weights", "order"]
-"""kind of request of an operator"""
+"""kind of an operator's request"""
 REQUEST_KINDS: tuple[RequestKind, ...] = ("weights", "order")
 
 

@@ -113,12 +113,12 @@ class Network:
         self._members: dict[int, _Member] = {}
         self._receiver_mask = lru_cache(maxsize=1024)(self._receptions.mask)
         # With a radio model or relaying, each receiver needs the general path.
-        self._is_plain = self._radio is None and not options.relay
+        self._has_fast_path = self._radio is None and not options.relay
         self._queue = Backlog()
         """messages between UAVs of this process"""
         self._slow_queue = Backlog()
         """requests for missed observations and their answers: long, and less urgent"""
-        self._with_news: deque[_Member] = deque()
+        self._members_with_news: deque[_Member] = deque()
         self._is_delivery_scheduled = False
         self._in_flight: list[tuple[float, int, Callable[[], None]]] = []
         """(time of arrival, number in the order of sending, delivery)"""
@@ -126,7 +126,7 @@ class Network:
         self._closed = False
 
     def join(self, uav: int, on_news: OnNews) -> int:
-        """Add a UAV, and deliver new observations of other UAVs to `on_news`; return its incarnation."""
+        """Add a UAV and return its incarnation; `on_news` gets the new observations of other UAVs."""
         # The incarnation, in milliseconds of the wall clock, grows with each start of the program.
         incarnation = round(self._clock.unix_s() * 1000.0)
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(4, uav)))
@@ -150,7 +150,7 @@ class Network:
         return incarnation
 
     def publish(self, uav: int, message: AgentMessage, against: frozenset[Cell] = frozenset()) -> int:
-        """Send a message to all UAVs in communication range; return the number of these UAVs.
+        """Send a message to all UAVs in communication range; return the number of receivers.
 
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
@@ -214,7 +214,7 @@ class Network:
     def _report_bug(self, member: _Member, sender: int | None) -> None:
         """Report the exception that is being handled."""
         member.node.refuse(RefusalReason.MALFORMED, sender)
-        text = f"a bug in handling a message; the message is ignored: {traceback.format_exc(limit=-2)}"
+        text = f"a bug in this program; please report it; a message is lost: {traceback.format_exc(limit=-2)}"
         self._show(member, [("bug", text)])
 
     def _perform(self, member: _Member, output: NodeOutput) -> None:
@@ -264,27 +264,27 @@ class Network:
         """Queue a message for receivers in this process; put it on the transport for other receivers."""
         if self._closed:
             return
-        here = to if len(self._members) == len(self._uavs) else tuple(u for u in to if u in self._members)
-        if here:
+        local = to if len(self._members) == len(self._uavs) else tuple(u for u in to if u in self._members)
+        if local:
             decoded = self._decode(data)
             takes_long = isinstance(decoded.frame.content, SnapshotAsked | Snapshot)
             backlog = self._slow_queue if takes_long else self._queue
-            for dropped in backlog.append(QueuedMessage(sender, act, decoded, here)):
+            for dropped in backlog.append(QueuedMessage(sender, act, decoded, local)):
                 self._count_lost(dropped)
             self._schedule_delivery()
-        if len(here) < len(to):
+        if len(local) < len(to):
             for uav in to:
                 if uav not in self._members:
                     self._transport.put(keys.uav_message(self._swarm, uav, act, sender), data)
 
     def _count_lost(self, queued: QueuedMessage) -> None:
-        """Count a message dropped from a full queue."""
+        """Count a message dropped from a full queue as lost for each receiver."""
         for member in map(self._members.__getitem__, queued.to):
             lost = member.node.counters.lost
             if not lost[LossReason.OVERLOAD]:
                 text = (
-                    "this machine is too slow for the swarm's messages; some are dropped and requested again "
-                    "(shown once; `lost` in the summary counts all) [bus-overload]"
+                    "this machine is too slow for the swarm's messages; some are dropped, and missing "
+                    "observations are requested again (`lost` in the summary counts all) [bus-overload]"
                 )
                 self._show(member, [(LossReason.OVERLOAD, text)])
             lost[LossReason.OVERLOAD] += 1
@@ -307,16 +307,16 @@ class Network:
         slow_slice_s = SLOW_SLICE_S if self._queue else TURN_S
         for queued in _within(TURN_S, self._queue):
             self._deliver_message(queued, now_s, unix_s)
-        for member in _within(TURN_S, self._with_news):
+        for member in _within(TURN_S, self._members_with_news):
             self._deliver_news(member)
         for queued in _within(slow_slice_s, self._slow_queue):
             self._deliver_message(queued, now_s, unix_s)
-        if self._queue or self._with_news or self._slow_queue:
+        if self._queue or self._members_with_news or self._slow_queue:
             self._schedule_delivery()
 
     def _deliver_message(self, queued: QueuedMessage, now_s: float, unix_s: float) -> None:
         sender, act, decoded, _ = queued
-        for uav in self._take_plain(queued, now_s, unix_s):
+        for uav in self._deliver_fast(queued, now_s, unix_s):
             member = self._members[uav]
             try:
                 output = member.node.receive_decoded(sender, act, decoded, now_s, unix_s)
@@ -325,10 +325,10 @@ class Network:
             except Exception:  # noqa: BLE001 - a bug with one message does not affect the others
                 self._report_bug(member, sender)
 
-    def _take_plain(self, queued: QueuedMessage, now_s: float, unix_s: float) -> Collection[int]:
+    def _deliver_fast(self, queued: QueuedMessage, now_s: float, unix_s: float) -> Collection[int]:
         """Deliver to all receivers that need no further action; return the remaining receivers."""
         sender, act, decoded, to = queued
-        if not self._is_plain:
+        if not self._has_fast_path:
             return to
         taken_mask = self._receptions.take(sender, act, decoded, self._receiver_mask(to), now_s, unix_s)
         taken = self._receptions.uavs(taken_mask)
@@ -343,7 +343,7 @@ class Network:
 
     def _add_news(self, member: _Member, news: Sequence[BeliefItem]) -> None:
         if news and not member.news:
-            self._with_news.append(member)
+            self._members_with_news.append(member)
         member.news += news
 
     def _deliver_news(self, member: _Member) -> None:

@@ -137,7 +137,7 @@ def find(
             )
         listen = parse_endpoint(config.communication.listen)
         if listen.port != 0:
-            return Station(config.name, listen.reachable)
+            return Station(config.name, listen.client_endpoint)
     running = directory.running_swarms()
     named = [entry for entry in running if swarm in (None, entry.swarm)]
     if len(named) == 1:

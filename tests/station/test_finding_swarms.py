@@ -187,7 +187,7 @@ def test_an_endpoint_open_to_other_machines_is_a_warning(listen: str, warned: bo
     async def scene() -> None:
         with open_bus("test", listen, lines.append) as bus:
             found = [entry.endpoint for entry in directory.running_swarms()]
-            assert found == ([bus.endpoint.reachable] if bus.endpoint is not None else [])
+            assert found == ([bus.endpoint.client_endpoint] if bus.endpoint is not None else [])
 
     asyncio.run(scene())
     assert any("[open-endpoint]" in text for text in lines) is warned

@@ -157,7 +157,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     if here is None:
         return None
     task, vehicle = state.task, state.vehicle
-    begins_m_s = vehicle.ground_speed_m_s if state.route is not None else 0.0
+    initial_m_s = vehicle.ground_speed_m_s if state.route is not None else 0.0
     way = waypoints_of(task, plan)
     if task.wings is not None:
         return to_shared_frame(
@@ -166,7 +166,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     if _climbs_vertically(state, here, plan):
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, way, task.arrival.speed_m_s))
     stop = stop_for_new_plan(state)
-    flight = fly_with_stop(here, plan.height_m, way, task.arrival.speed_m_s, begins_m_s, stop)
+    flight = fly_with_stop(here, plan.height_m, way, task.arrival.speed_m_s, initial_m_s, stop)
     return to_shared_frame(state, flight)
 
 
@@ -202,8 +202,8 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, way, speed_m_s)
             remaining = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
-            begins_m_s = state.vehicle.ground_speed_m_s
-            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, begins_m_s, stop_ahead(state))
+            initial_m_s = state.vehicle.ground_speed_m_s
+            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopping_point(state, here)
             return Trajectory((0.0, HOLD_DURATION_S), (stop, stop))

@@ -8,8 +8,7 @@ Vehicles with the same goal arrive at different heights, and a landing descends 
 | higher | lands |
 | lower, cannot change its plan (lands or holds) | waits if the conflict is less than 15 s ahead |
 | lower, can change its plan (en route) | waits if the conflict is less than 6 s ahead |
-| at the same height (1 m), lower system id | as for a lower vehicle |
-| at the same height (1 m), higher system id | lands |
+| at the same height within 1 m | lands if its system id is lower; otherwise as for a lower vehicle |
 
 A vehicle en route avoids all later conflicts (`route_deconfliction`). Below 5 m no wait begins. An urgent
 failsafe prevents or ends a wait. While the link is lost, the queue does nothing. A fixed wing does not wait,
@@ -153,17 +152,13 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     ]
     if not clashes or _hold_would_block(state, here, others):
         return state, []
-    counts, n = state.deconfliction, len(clashes)
+    counts, n, reports = state.deconfliction, len(clashes), state.neighbours
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
     state, ordered = command(
         replace(state, n_holds=state.n_holds + 1, deconfliction=counts),
         ev.FlightOrder.HOLD,
         interrupted_plan=state.route,
-        gave_way_to={
-            clash.other: report
-            for clash in clashes
-            if (report := state.neighbours.get(clash.other)) is not None
-        },
+        gave_way_to={clash.other: reports[clash.other] for clash in clashes if clash.other in reports},
         holding_since_boot_s=now_s,
         resume_earliest_boot_s=now_s + MIN_WAIT_S,
     )
@@ -174,7 +169,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
-    """Return the time within which a conflict counts [s]: shorter if the other vehicle can avoid it later."""
+    """Return the time within which a conflict counts [s]; shorter if the other vehicle can avoid it later."""
     return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
 
 

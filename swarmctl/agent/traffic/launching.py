@@ -45,9 +45,7 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
-        messages.append(
-            ev.NotifyOperator("the wait on the ground is over; the vehicle launches [launch-clear]")
-        )
+        messages.append(ev.NotifyOperator("the wait is over; the vehicle launches [launch-clear]"))
     if state.launch_ignored and (ignored := _route_clashes(state, known_intents(state))):
         messages.append(
             ev.NotifyOperator(

@@ -223,14 +223,11 @@ def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str
 
 
 def _first_free_step(
-    vehicle: ReturningVehicle,
-    start_steps: Mapping[ReturningVehicle, int],
-    from_step: int,
-    horizontal_m: float,
+    vehicle: ReturningVehicle, starts: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
 ) -> int:
     """Return the first start without a conflict [steps], not before `from_step`."""
     taken = set[int]()
-    for other, start_step in start_steps.items():
+    for other, start_step in starts.items():
         taken.update((_conflicting_delays(other, vehicle, horizontal_m) + start_step).tolist())
     step = from_step
     while step in taken:

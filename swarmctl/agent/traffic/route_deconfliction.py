@@ -11,8 +11,7 @@ A new plan of a flying vehicle is compared with the recent intents of other vehi
 
 Two plans can still conflict if both were taken at the same time, or if times have shifted. Both vehicles
 compare the same two intents by the same rule, without a further message. A vehicle that cannot change its
-plan has priority, otherwise the lower system id (`separation.watch.gives_way_to`). The vehicle without
-priority plans again, and compares its new plan with all intents as above.
+plan has priority, otherwise the lower system id (`watch.gives_way_to`). The other vehicle plans again.
 """
 
 from __future__ import annotations
@@ -98,24 +97,23 @@ def clashes_with(
     near = {
         uav: intent
         for uav, intent in others.items()
-        if mine.is_within(intent.bounds, _search_margins(intent, limits))
+        if mine.is_within(intent.bounds, _margins(intent, limits))
     }
     wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.around_m)}
     return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
 
 
-def _search_margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
+def _margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
+    """Return the margins in time, east, north and up [s, m]."""
     kept = intent.limits(limits) if any(intent.around_m) else limits
     return TIME_TOLERANCE_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
 
 
-def _separates(
-    flight: Trajectory, present_flight: Trajectory | None, other: Trajectory, limits: Limits
-) -> bool:
+def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Return whether a flight separates two vehicles that are close now.
 
-    After SEPARATES_WITHIN_S the flight is clear. In addition, one of two conditions holds: the distance never
-    falls below its present value or the limits; or the flight is better than the present one by BETTER_BY.
+    After SEPARATES_WITHIN_S the flight keeps the limits. Before, the vehicles come no closer than now or than
+    the limits, or the least distance is greater than on the present flight by BETTER_BY.
     """
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + SEPARATES_WITHIN_S)
@@ -128,7 +126,7 @@ def _separates(
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     if least >= min(now, 1.0) - 1e-6:
         return True
-    present_least = None if present_flight is None else least_share(present_flight, other, limits)
+    present_least = None if present is None else least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY
 
 
@@ -192,10 +190,7 @@ def _gives_way(state: AgentState, other: int) -> bool:
 
 
 def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResult:
-    """Take, change or defer the new plan of a decision in flight, by the table of the module.
-
-    A plan that is taken is broadcast as the own intent and uploaded.
-    """
+    """Take, change or defer the new plan of a decision in flight, by the table of the module."""
     state, effects = decided
     swap = next((effect for effect in effects if isinstance(effect, ev.SwapMission)), None)
     if swap is None or state.phase is not Phase.FLYING:
@@ -240,7 +235,7 @@ def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
 
 
 def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
-    """Return a plan with a new height in a form that reaches this height early; otherwise the plan itself."""
+    """Return the plan; a plan with a new height reaches this height early."""
     here, route = position_of(before), before.route
     if here is None or before.task.wings is not None:
         return plan
@@ -312,7 +307,7 @@ def _may_hold(state: AgentState) -> bool:
 
 
 def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
-    """Hold as in collision avoidance, for at least RETRY_S."""
+    """Order a hold for at least RETRY_S; collision avoidance ends the hold."""
     now_s = state.vehicle.time_boot_s
     state, ordered = command(
         state,

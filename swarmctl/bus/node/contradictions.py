@@ -1,7 +1,7 @@
 """Contradictions between a UAV's own observations and those of other UAVs. No I/O.
 
 The cause is a forged report or a sensor error. Beliefs merge both observations, because neither is known to
-be right. Only sensors that are configured as perfect contradict each other.
+be right. Without perfect sensors (`NodeOptions.perfect_sensors`) no contradiction is found.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Notice = tuple[str, str]
 
 
 class Contradictions:
-    """Contradictions found by one UAV; `flagged` counts their cells, by the reporting UAV."""
+    """Contradictions found by one UAV; `flagged`: number of contradicting cells, by the reporting UAV."""
 
     def __init__(
         self, uav: int, column: ReceptionColumn, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]
@@ -39,30 +39,30 @@ class Contradictions:
         for row, col, occupied in seen.cells:
             self._sightings.record(self._place, row * self._cols + col, occupied=occupied)
 
-    def has_none(self, decoded: DecodedFrame) -> bool:
+    def agrees_with_own(self, decoded: DecodedFrame) -> bool:
         """Return whether an observation contradicts no own observation."""
         if not self._sightings.has_any(self._place):
             return True
         return not self._sightings.conflicting_places(decoded.clear, decoded.occupied) >> self._place & 1
 
     def find(self, decoded: DecodedFrame) -> Iterator[Notice]:
-        """Yield a notice if a new frame contradicts the UAV's own observations."""
+        """Yield a notice if a new frame contradicts the UAV's own observations, and count its cells."""
         return self._find(decoded, None)
 
     def find_earlier(self, frames: Iterable[DecodedFrame], cells: Iterable[Cell]) -> Iterator[Notice]:
         """Yield notices for earlier frames that contradict the UAV's new observation of `cells`."""
-        concerned = {row * self._cols + col for row, col in cells}
+        new_cells = {row * self._cols + col for row, col in cells}
         for decoded in frames:
-            yield from self._find(decoded, concerned)
+            yield from self._find(decoded, new_cells)
 
-    def _find(self, decoded: DecodedFrame, concerned: set[int] | None) -> Iterator[Notice]:
+    def _find(self, decoded: DecodedFrame, compared_cells: set[int] | None) -> Iterator[Notice]:
         observer = decoded.frame.sender
         if observer == self._uav or not self._sightings.has_any(self._place):
             return
         clear, occupied = self._cells_of(decoded)
         conflicting = self._sightings.conflicting_cells(self._place, clear, occupied)
-        if concerned is not None:
-            conflicting &= concerned
+        if compared_cells is not None:
+            conflicting &= compared_cells
         if conflicting:
             self._flagged[observer] += len(conflicting)
             cell = min(conflicting)

@@ -1,4 +1,4 @@
-"""Decoding of frames, once for all nodes of a process. No I/O."""
+"""Decoding of frames, for most frames once for all nodes of a process. No I/O."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
     source: Source
     """sender and incarnation"""
     seq: int = 0
-    """number of an observation; 0 in all other frames"""
+    """sequence number of an observation; 0 in all other frames"""
     clear: frozenset[int] = frozenset()
     """row · cols + col of the cells observed as clear; empty for other frames than observations"""
     occupied: frozenset[int] = frozenset()
     """row · cols + col of the cells observed as occupied"""
     mark: int = 0
-    """hash of the observation's name and content"""
+    """hash of the observation's name and content; 0 in all other frames"""
 
 
 DecodeFrame = Callable[[bytes], DecodedFrame]
@@ -53,11 +53,11 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
 
     def decode(data: bytes) -> DecodedFrame:
         frame = codec.decode(data)
-        is_relayed = isinstance(frame.content, Observation | Checkpoint | StateShared | IntentShared)
-        if is_relayed and len(data) > MAX_INNER_BYTES:
+        is_relayable = isinstance(frame.content, Observation | Checkpoint | StateShared | IntentShared)
+        if is_relayable and len(data) > MAX_INNER_BYTES:
             raise MessageRefused(
                 RefusalReason.OVERSIZE,
-                f"{len(data)} bytes; a frame of more than {MAX_INNER_BYTES} cannot be relayed",
+                f"{len(data)} bytes; a frame of more than {MAX_INNER_BYTES} bytes cannot be relayed",
             )
         source, content = (frame.sender, frame.incarnation), frame.content
         if isinstance(content, Observation):
@@ -65,8 +65,8 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
             with _refuse_outside():
                 indexed(content, rows, cols)
             clear, occupied = (
-                frozenset(row * cols + col for row, col, state in content.cells if state == wanted)
-                for wanted in (False, True)
+                frozenset(row * cols + col for row, col, occupied in content.cells if occupied == is_occupied)
+                for is_occupied in (False, True)
             )
             mark = mark_of(content)
             return DecodedFrame(frame, frame.act, data, source, content.seq, clear, occupied, mark)

@@ -19,6 +19,7 @@ class NodeOptions:
     k: int | None = None
     """number of nearest UAVs that each UAV sends to; None: all"""
     relay: bool = False
+    """True: each UAV passes on new observations of other UAVs at once"""
     sync_every_s: float = 3.0
     """period of requests for missed observations; 0: no requests"""
     round_trip_s: float = 0.0
@@ -57,14 +58,14 @@ class NetworkCounters:
     received: int = 0
     """accepted frames"""
     relayed: int = 0
-    """observations of other UAVs that were relayed at once"""
+    """observations and checkpoints of other UAVs that were relayed at once"""
     snapshots_asked: int = 0
     snapshots_served: int = 0
     lost: Counter[str] = field(default_factory=Counter)
-    """sent or received messages that the radio model dropped, by cause"""
+    """messages lost by the radio model or by overload, by cause"""
     refused: Counter[str] = field(default_factory=Counter)
-    """messages refused, by reason"""
+    """refused messages and frames, by reason"""
     refused_from: Counter[int] = field(default_factory=Counter)
-    """messages refused, by sender"""
+    """refused messages and frames, by the UAV that sent or relayed them"""
     flagged: Counter[int] = field(default_factory=Counter)
-    """cells of contradicting reports, by the reporting UAV"""
+    """contradicting cells, by the reporting UAV; at least 1 after one name with two contents"""

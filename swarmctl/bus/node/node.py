@@ -1,11 +1,11 @@
 """One UAV's part in the swarm's network, as a state machine: frames and time in, frames out. No I/O.
 
-The node numbers and stores its agent's observations, checks the messages of other UAVs, and replicates all
-observations to all UAVs. It requests missing observations from a peer:
+The node sends and stores its agent's observations, checks the messages of other UAVs, and replicates all
+observations to all UAVs. The node requests missing observations from a peer:
 
 - at the peer's first message, and at the first message after a silence
-- when a sequence number is missing
-- every few seconds, from one neighbour whose knowledge differs
+- when the peer has an observation that is missing here
+- every few seconds, from one neighbour whose observations seem to differ
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from swarmctl.bus.node.exchange import NetworkCounters, NodeOptions, NodeOutput
 from swarmctl.bus.node.peer import (
     MIN_REQUEST_PAUSE_S,
     REQUESTS_PER_S,
-    WORK_PER_CHECKPOINT,
-    WORK_PER_FRAME,
+    WORK_PER_OBSERVATION,
+    WORK_PER_OTHER_FRAME,
     PeerRecord,
     check_age,
     check_source,
@@ -83,7 +83,7 @@ class Node:
         self._sender = Sender(uav, incarnation, codec, self._counters)
         self._options = options
         self._decode = decode or frame_decoder(codec, options.rows, options.cols)
-        self._self = (uav, incarnation)
+        self._own_source = (uav, incarnation)
         others = set(others) - {uav}
         table = table or ReceptionTable((uav, *others), options)
         self._column = column = ReceptionColumn(table, uav)
@@ -151,7 +151,7 @@ class Node:
             self._sender.position = message.lat_deg, message.lon_deg
             state = msgspec.structs.replace(
                 message,
-                last_seq=self._replica.of(self._self).latest,
+                last_seq=self._replica.of(self._own_source).latest,
                 knows=self._column.fingerprint,
                 refused=self._counters.refused.total(),
                 flagged=tuple(sorted(self._counters.flagged)),
@@ -161,26 +161,26 @@ class Node:
         return output
 
     def _one_silent(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
-        """Return one silent UAV beyond the communication range, chosen at random.
+        """Return a random UAV outside of the communication range and without recent news; () if none.
 
         Without these messages two groups would stay separate if every UAV has `k` neighbours in its group.
         """
         if not receivers or self._options.sync_every_s == 0.0 or len(receivers) == len(self._peers):
             return ()
-        silent = self._column.silent(now_s)
-        unheard = [
+        is_ranked_last = self._column.is_ranked_last(now_s)
+        silent = [
             u
             for u, p in self._peers.items()
-            if u not in receivers and (p.state_frame is None or silent[p.row])
+            if u not in receivers and (p.state_frame is None or is_ranked_last[p.row])
         ]
-        return (unheard[int(self._rng.integers(len(unheard)))],) if unheard else ()
+        return (silent[int(self._rng.integers(len(silent)))],) if silent else ()
 
     def _store_own(self, own: BeliefItem, data: bytes) -> None:
-        self._replica.take(self._replica.of(self._self), own, self._decode(data))
+        self._replica.take(self._replica.of(self._own_source), own, self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
-        """Make a checkpoint; send it if it replaces enough frames, so that other UAVs drop these frames."""
-        record, o = self._replica.of(self._self), self._options
+        """Make a checkpoint; send a checkpoint that is short enough or replaces many frames."""
+        record, o = self._replica.of(self._own_source), self._options
         contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
         made = checkpoint(record.checkpoint, seen, o.cols, o.rows * o.cols)
@@ -189,8 +189,8 @@ class Node:
         data = self._sender.frame(made, unix_s)
         self._store_own(made, data)
         # With requests disabled, no checkpoint is sent: a checkpoint would deliver missed observations.
-        is_worth_it = len(data) <= self._sent_since_bytes or made.upto >= self._last_sent_upto + COMPACT_AFTER
-        if is_worth_it and self._requests.is_enabled:
+        is_long_due = made.upto >= self._last_sent_upto + COMPACT_AFTER
+        if (len(data) <= self._sent_since_bytes or is_long_due) and self._requests.is_enabled:
             self._last_sent_upto, self._sent_since_bytes = made.upto, 0
             self._deferred[made.source] = made
             self._send(output, Relayed((data,)), to, unix_s)
@@ -248,7 +248,7 @@ class Node:
     def _admit(
         self, peer: PeerRecord, sender: int, act: str, decoded: DecodedFrame, now_s: float, unix_s: float
     ) -> None:
-        """Raise MessageRefused for a forged, stale or repeated message, or above the rate limit."""
+        """Admit a message, or raise MessageRefused; after a silence of the peer, schedule a request."""
         frame = decoded.frame
         check_source(decoded, sender, act)
         check_time(frame, unix_s, self._options)
@@ -299,8 +299,8 @@ class Node:
     def _take(
         self, output: NodeOutput, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame
     ) -> bool:
-        """Store an observation or checkpoint; return whether it is new."""
-        if decoded.source == self._self:
+        """Store an observation or checkpoint; return whether it is new. Raises MessageRefused."""
+        if decoded.source == self._own_source:
             if isinstance(item, Observation) and item.seq > record.latest:
                 raise MessageRefused(
                     RefusalReason.TWO_CONTENTS,
@@ -324,12 +324,12 @@ class Node:
     def _take_all_relayed(
         self, output: NodeOutput, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
     ) -> list[bytes]:
-        """Handle relayed frames; return the new frames. A refused frame does not affect other frames."""
+        """Handle relayed frames, and return the new frames; skip the rest after too many refused frames."""
         fresh, n_refused, peer = [], 0, self._peers[sender]
         for data in frames:
             try:
                 decoded = self._decode(data)
-                peer.add_work(WORK_PER_FRAME if decoded.seq else WORK_PER_CHECKPOINT, now_s)
+                peer.add_work(WORK_PER_OBSERVATION if decoded.seq else WORK_PER_OTHER_FRAME, now_s)
                 if self._take_relayed(output, decoded, now_s, unix_s):
                     fresh.append(data)
             except MessageRefused as refused:
@@ -341,12 +341,13 @@ class Node:
         return fresh
 
     def _take_relayed(self, output: NodeOutput, decoded: DecodedFrame, now_s: float, unix_s: float) -> bool:
-        """Handle a relayed frame; return whether it has a new observation."""
+        """Handle a relayed frame; return whether it is a new observation or checkpoint."""
         frame = decoded.frame
         check_time(frame, unix_s, self._options)
         peer = None if frame.sender == self.uav else self._peer(frame.sender)
         seen = frame.content
-        if isinstance(seen, Observation) and peer is not None and self._contradictions.has_none(decoded):
+        agrees = self._contradictions.agrees_with_own
+        if isinstance(seen, Observation) and peer is not None and agrees(decoded):
             record = self._replica.of(decoded.source)
             if record.is_next(decoded):  # nearly always
                 self._replica.append(record, decoded)
@@ -411,8 +412,8 @@ class Node:
     def _send_requests(self, output: NodeOutput, now_s: float, unix_s: float) -> None:
         for peer in self._requests.due(now_s):
             if not self._agrees(peer, now_s):
-                item = ((u, p.state_frame) for u, p in self._peers.items())
-                states = tuple((u, state.frame.unix_s) for u, state in item if state is not None)
+                frames = ((u, p.state_frame) for u, p in self._peers.items())
+                states = tuple((u, decoded.frame.unix_s) for u, decoded in frames if decoded is not None)
                 self._send(output, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
                 self._counters.snapshots_asked += 1
                 self._requests.asked(peer, now_s)

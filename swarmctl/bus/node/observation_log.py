@@ -17,7 +17,7 @@ _numbers = itertools.count(1)
 
 
 class ObservationLog:
-    """The observations with numbers above `base`, without a gap; each user keeps an end index."""
+    """The observations with numbers above `base`, without a gap; each UAV keeps its own end."""
 
     __slots__ = ("__weakref__", "_frames", "base", "number")
 
@@ -28,18 +28,18 @@ class ObservationLog:
         self._frames = list(frames)
 
     def accepts(self, decoded: DecodedFrame) -> bool:
-        """Append an observation if it follows the last; return whether the log holds this observation."""
+        """Append an observation if its number is the next; return whether the log has this observation."""
         at = decoded.seq - self.base - 1
         if at == len(self._frames):
             self._frames.append(decoded)
         return self._frames[at] is decoded or self._frames[at].data == decoded.data
 
     def fork(self, decoded: DecodedFrame) -> ObservationLog:
-        """Return a log of the observations before this observation, and this observation."""
+        """Return a new log with the observations before this observation, and this observation."""
         return ObservationLog(self.base, (*self.between(0, decoded.seq - 1), decoded))
 
     def between(self, after: int, upto: int) -> Sequence[DecodedFrame]:
-        """Return the observations with these sequence numbers, `after` excluded."""
+        """Return the observations with sequence numbers above `after`, up to and with `upto`."""
         return self._frames[max(after - self.base, 0) : upto - self.base]
 
 

@@ -1,4 +1,4 @@
-"""Own observations of the UAVs of a process, by cell. The sensors count as perfect. No I/O."""
+"""Observations that each UAV of a process made with its own sensor, by cell; only perfect sensors. No I/O."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 class OwnSightings:
-    """Bit masks of UAVs by cell, to compare a reported cell with all sightings at once; bit i is place i."""
+    """Masks of UAVs by cell, to compare a report with all sightings at once; bit i: the UAV at place i."""
 
     def __init__(self) -> None:
         self._clear: dict[int, int] = {}
@@ -15,11 +15,11 @@ class OwnSightings:
         """bit mask of the UAVs with at least one sighting"""
 
     def record(self, place: int, cell: int, *, occupied: bool) -> None:
-        now, before = (self._occupied, self._clear) if occupied else (self._clear, self._occupied)
-        now[cell] = now.get(cell, 0) | 1 << place
+        same, opposite = (self._occupied, self._clear) if occupied else (self._clear, self._occupied)
+        same[cell] = same.get(cell, 0) | 1 << place
         self._places |= 1 << place
-        if cell in before:
-            before[cell] &= ~(1 << place)
+        if cell in opposite:
+            opposite[cell] &= ~(1 << place)
 
     def has_any(self, place: int) -> bool:
         """Return whether the UAV at this place has a sighting."""
@@ -34,21 +34,21 @@ class OwnSightings:
         self._places ^= 1 << place
 
     def conflicting_places(self, clear: Iterable[int], occupied: Iterable[int]) -> int:
-        """Return the bit mask of the UAVs that observed one of these cells otherwise."""
+        """Return the bit mask of the UAVs with the opposite sighting of at least one of these cells."""
         places = 0
-        for cells, contrary in ((clear, self._occupied), (occupied, self._clear)):
-            if contrary:
+        for cells, opposite in ((clear, self._occupied), (occupied, self._clear)):
+            if opposite:
                 for cell in cells:
-                    places |= contrary.get(cell, 0)
+                    places |= opposite.get(cell, 0)
         return places
 
     def conflicting_cells(self, place: int, clear: Iterable[int], occupied: Iterable[int]) -> set[int]:
-        """Return the cells that the UAV at this place observed otherwise."""
+        """Return the cells of which the UAV at this place has the opposite sighting."""
         pairs = ((clear, self._occupied), (occupied, self._clear))
         return {
             cell
-            for cells, contrary in pairs
-            if contrary
+            for cells, opposite in pairs
+            if opposite
             for cell in cells
-            if contrary.get(cell, 0) >> place & 1
+            if opposite.get(cell, 0) >> place & 1
         }

@@ -23,11 +23,11 @@ from swarmctl.core.frames import Frame, IntentShared, MessageRefused, RefusalRea
 
 MAX_BYTES = 8_000_000
 """greatest number of bytes from one sender in `RATE_PERIOD_S`"""
-WORK_PER_FRAME, WORK_PER_CHECKPOINT = 1, 20
+WORK_PER_OBSERVATION, WORK_PER_OTHER_FRAME = 1, 20
 """steps of work for a frame inside a message, in addition to the steps for the message"""
 MIN_REQUEST_PAUSE_S = 1.0
 MAX_REQUEST_PAUSE_S = 8.0
-"""first and longest pause between requests to a peer; answers without news double the pause"""
+"""first and longest pause between requests to a peer; each request doubles the pause, news resets it"""
 REQUESTS_PER_S, REQUESTS_BURST = 4.0, 16
 """limit on the requests of one peer: in the long run [1/s], and at once"""
 REPLAY_WINDOW = 1024
@@ -48,7 +48,7 @@ def check_source(decoded: DecodedFrame, sender: int, act: str) -> None:
 
 
 def check_time(frame: Frame, unix_s: float, options: NodeOptions) -> None:
-    """Raise MessageRefused if the frame's time is in the future."""
+    """Raise MessageRefused if the frame's time is in the future by more than the clocks' tolerance."""
     ahead_s = frame.unix_s - unix_s
     if ahead_s > options.clock_tolerance_s:
         raise MessageRefused(
@@ -89,14 +89,15 @@ class PeerRecord(msgspec.Struct, gc=False):
     ask_after_s: float = -math.inf
     """earliest time of the next request to the peer"""
     request_pause_s: float = MIN_REQUEST_PAUSE_S
-    requests: TokenBucket | None = None
+    request_bucket: TokenBucket | None = None
+    """limit on the peer's requests; None before the first request"""
     record: SourceRecord | None = None
     """observations of the peer's current incarnation; None until first needed"""
 
     def admit(self, frame: Frame, now_s: float) -> bool:
-        """Accept a message; return whether it is the peer's first message, or the first after a silence.
+        """Accept a message; return whether it is the first of its incarnation, or the first after a silence.
 
-        Raises MessageRefused for a repeated message, and above the rate limit.
+        Raises MessageRefused for a repeated message, for an earlier incarnation, and above the rate limit.
         """
         n, column, row = frame.n, self.column, self.row
         if frame.incarnation != column.incarnation[row]:
@@ -170,15 +171,15 @@ class PeerRecord(msgspec.Struct, gc=False):
             )
 
     def asked(self, now_s: float) -> None:
-        """Record a request to the peer; the pause until the next request doubles without news."""
+        """Record a request to the peer, and double the pause after the next request."""
         self.ask_after_s = now_s + self.request_pause_s
         self.request_pause_s = min(2.0 * self.request_pause_s, MAX_REQUEST_PAUSE_S)
 
     def may_ask(self, now_s: float) -> bool:
         """Count a request of the peer; return whether the request is within the rate limit."""
-        if self.requests is None:
-            self.requests = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
-        return self.requests.try_take(now_s)
+        if self.request_bucket is None:
+            self.request_bucket = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
+        return self.request_bucket.try_take(now_s)
 
     def update_state(self, decoded: DecodedFrame, now_s: float) -> None:
         """Store the peer's state, received directly or relayed, unless a newer state is known."""
@@ -191,9 +192,9 @@ class PeerRecord(msgspec.Struct, gc=False):
             column.set_state(decoded, frame.content, row, now_s)
 
     def update_knowledge(self, state: StateShared, now_s: float) -> bool:
-        """Compare a peer's state with the observations held here; return whether some are missing here."""
+        """Compare a peer's state with the observations here; return whether the peer's own are missing."""
         column, row = self.column, self.row
-        column.own_state_s[row] = now_s
+        column.direct_state_s[row] = now_s
         if column.has_held(state.knows):
             column.agreed_s[row] = now_s
         has_more = column.upto[row] < state.last_seq
@@ -202,8 +203,8 @@ class PeerRecord(msgspec.Struct, gc=False):
         return has_more
 
     def mark_ahead(self) -> None:
-        """Record that the peer holds observations that are missing here; its last state counts no longer."""
-        self.column.own_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
+        """Record that the peer has observations that are missing here, and ignore the peer's last state."""
+        self.column.direct_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
     @property
     def state_frame(self) -> DecodedFrame | None:
@@ -222,20 +223,17 @@ class PeerRecord(msgspec.Struct, gc=False):
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 
     def agrees(self, now_s: float) -> bool:
-        """Return whether the peer's recent reports name no observation that is missing here.
-
-        Communication may be one-way, so old reports do not count.
-        """
+        """Return whether the peer's recent states show no observation that is missing here."""
         column, row, state = self.column, self.row, self.state
         if now_s - column.agreed_s[row] <= SILENT_AFTER_S:
             return True
-        if state is None or now_s - column.own_state_s[row] > SILENT_AFTER_S:
+        if state is None or now_s - column.direct_state_s[row] > SILENT_AFTER_S:
             return False
         return column.has_held(state.knows)
 
 
 def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
-    """Return the frames of states newer than `known` (UAV -> unix time [s]), with these UAVs' intents."""
+    """Return the frames of states newer than `known` (UAV -> unix time [s]), and the same UAVs' intents."""
     newer = [
         (peer, decoded)
         for peer in peers

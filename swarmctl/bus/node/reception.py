@@ -2,9 +2,9 @@
 
 A hundred UAVs in one process that observe five times a second receive fifty thousand observations a second.
 Nearly every message is the sender's next message with its next observation, and needs no answer. The tables
-have the numbers for this check: one row for each sender, one place in the row for each receiver.
-`ReceptionTable.take` checks and updates a whole row at once. Each node reads and writes single numbers
-through its `ReceptionColumn`.
+have the numbers to recognise such a message: one row for each sender, one column for each receiver. Rows and
+columns are in the order of system ids; a UAV's index in this order is its place. `ReceptionTable.take` checks
+and updates a whole row at once. Each node reads and writes single numbers through its `ReceptionColumn`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ WORK_PER_MESSAGE = 5
 MAX_WORK_PER_PERIOD, RATE_PERIOD_S = 10_000, 10.0
 """limit on the steps of work that a sender causes at a receiver in a period; more messages are refused"""
 N_FINGERPRINTS = 2048
-"""number of kept earlier fingerprints: while all UAVs send, no two UAVs hold exactly the same set"""
+"""number of a UAV's earlier fingerprints kept, because the set of a sender is often a little older"""
 EMPTY_FINGERPRINT = 0
 """fingerprint of an empty set of observations"""
 
@@ -41,11 +41,11 @@ T = TypeVar("T")
 
 
 class IndexedValues(Protocol[T]):
-    """Values by place."""
+    """Numbers or objects by index."""
 
-    def __getitem__(self, place: int, /) -> T: ...
+    def __getitem__(self, index: int, /) -> T: ...
 
-    def __setitem__(self, place: int, number: T, /) -> None: ...
+    def __setitem__(self, index: int, value: T, /) -> None: ...
 
 
 ReceiverMask = NDArray[np.bool_]
@@ -77,7 +77,7 @@ class ReceptionTable:
         self.lat_deg = np.full((n, n), np.nan)
         self.lon_deg = np.full((n, n), np.nan)
         self.state_s = np.full((n, n), -np.inf)
-        self.own_state_s = np.full((n, n), -np.inf)
+        self.direct_state_s = np.full((n, n), -np.inf)
         self.agreed_s = np.full((n, n), -np.inf)
         # (receiver,)
         self.fingerprint = np.zeros(n, np.int64)
@@ -111,20 +111,21 @@ class ReceptionTable:
     ) -> ReceiverMask:
         """Deliver a message to the receivers that need no further action; return the mask of these receivers.
 
-        For such a receiver the message is the sender's next observation, or a state without consequences.
-        Nothing changes for the remaining receivers: pass the message to `Node.receive_decoded` for each of
-        them. Both paths give the same result. `receivers` does not include the sender.
+        For such a receiver the message is the sender's next observation, or a newer state without an own
+        observation that is missing at the receiver. Nothing changes for the remaining receivers: pass the
+        message to `Node.receive_decoded` for each of them. Both paths give the same result. `receivers` does
+        not include the sender.
         """
         frame, content = decoded.frame, decoded.frame.content
-        is_its_own = frame.sender == sender and decoded.act == act
+        matches_key = frame.sender == sender and decoded.act == act
         is_in_time = -self._clock_tolerance_s <= unix_s - frame.unix_s <= STALE_S
-        if not (is_its_own and is_in_time and isinstance(content, Observation | StateShared)):
+        if not (matches_key and is_in_time and isinstance(content, Observation | StateShared)):
             return np.zeros_like(receivers)
         row = self._places[sender]
         takes = self._is_next(row, frame, receivers, now_s)
         if isinstance(content, Observation):
             takes &= self.upto[row] == content.seq - 1
-            takes[_bits(self.sightings.conflicting_places(decoded.clear, decoded.occupied))] = False
+            takes[_set_bits(self.sightings.conflicting_places(decoded.clear, decoded.occupied))] = False
             self._append_to_logs(decoded, takes, self.log_number[row])
             self.upto[row] += takes
             self._toggle_mark(takes, decoded.mark)
@@ -134,7 +135,7 @@ class ReceptionTable:
             self.state[row, takes] = decoded
             self.failed[row, takes] = content.phase == "failed"
             self.lat_deg[row, takes], self.lon_deg[row, takes] = content.lat_deg, content.lon_deg
-            self.state_s[row, takes] = self.own_state_s[row, takes] = now_s
+            self.state_s[row, takes] = self.direct_state_s[row, takes] = now_s
             self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
         self.newest[row] += takes
         self.work[row] += WORK_PER_MESSAGE * takes
@@ -168,7 +169,7 @@ class ReceptionTable:
     def _append_to_logs(self, decoded: DecodedFrame, takes: ReceiverMask, numbers: NDArray[np.int64]) -> None:
         """Append an observation to the receivers' logs; nearly always all receivers share one log.
 
-        Receivers whose log holds another observation under this number are removed from `takes`.
+        Remove from `takes` the receivers without a shared log, or with another observation of this number.
         """
         remaining = takes.copy()
         while remaining.any():
@@ -186,8 +187,8 @@ class ReceptionTable:
         self.n_fingerprints += receivers
 
 
-def _bits(bits: int) -> list[int]:
-    return [place for place in range(bits.bit_length()) if bits >> place & 1] if bits else []
+def _set_bits(mask: int) -> list[int]:
+    return [i for i in range(mask.bit_length()) if mask >> i & 1] if mask else []
 
 
 class ReceptionColumn:
@@ -204,7 +205,7 @@ class ReceptionColumn:
             table.received_s,
             table.work_period_end_s,
             table.state_s,
-            table.own_state_s,
+            table.direct_state_s,
             table.agreed_s,
         ):
             times[:, at] = -np.inf
@@ -224,9 +225,9 @@ class ReceptionColumn:
         """work that the sender's messages caused in this period"""
         self.work_period_end_s: IndexedValues[float] = _values(table.work_period_end_s[:, at])
         self.upto: IndexedValues[int] = _values(table.upto[:, at])
-        """number up to which all observations of the sender's current incarnation are held"""
+        """number up to which this UAV has all observations of the sender's current incarnation"""
         self.in_order: IndexedValues[bool] = _values(table.in_order[:, at])
-        """True if log `log_number` holds all held observations, with none beyond a gap"""
+        """True if this UAV has no observation of the sender beyond a gap, so log `log_number` can grow"""
         self.log_number: IndexedValues[int] = _values(table.log_number[:, at])
         self.state: IndexedValues[DecodedFrame | None] = table.state[:, at]
         """newest known state, received directly or relayed"""
@@ -237,27 +238,27 @@ class ReceptionColumn:
         """True if that state reports the phase `failed`"""
         self.state_s: IndexedValues[float] = _values(table.state_s[:, at])
         """reception time of that state"""
-        self.own_state_s: IndexedValues[float] = _values(table.own_state_s[:, at])
-        """reception time of the last direct state; -inf if the sender certainly holds missing observations"""
+        self.direct_state_s: IndexedValues[float] = _values(table.direct_state_s[:, at])
+        """reception time of the last direct state; -inf after `PeerRecord.mark_ahead`"""
         self.agreed_s: IndexedValues[float] = _values(table.agreed_s[:, at])
-        """last time of a report that the sender holds no observation that is missing here"""
+        """time of the last direct state that shows no missing observation; -inf after a later sign of one"""
         self._fingerprint: IndexedValues[int] = _values(table.fingerprint[at : at + 1])
         self._fingerprints: IndexedValues[int] = _values(table.fingerprints[at])
         self._n_fingerprints: IndexedValues[int] = _values(table.n_fingerprints[at : at + 1])
 
     @property
     def fingerprint(self) -> int:
-        """Hash of the set of held observations, independent of their storage; 63 bits."""
+        """Hash of the set of this UAV's observations, 63 bits; the order of arrival has no effect."""
         return self._fingerprint[0]
 
     def toggle_mark(self, mark: int) -> None:
-        """Add the mark of a new observation to the fingerprint, or remove it."""
+        """Add marks to the fingerprint, or remove marks: both are exclusive or."""
         self._fingerprint[0] ^= mark
         self._fingerprints[self._n_fingerprints[0] % N_FINGERPRINTS] = self._fingerprint[0]
         self._n_fingerprints[0] += 1
 
     def has_held(self, fingerprint: int) -> bool:
-        """Return whether exactly this set was held recently; a UAV with this set has nothing new."""
+        """Return whether a sender with this fingerprint has no observation that is missing here."""
         if fingerprint in (EMPTY_FINGERPRINT, self._fingerprint[0]):
             return True
         return bool((self.table.fingerprints[self.place] == fingerprint).any())
@@ -268,21 +269,21 @@ class ReceptionColumn:
         self.lat_deg[place], self.lon_deg[place] = state.lat_deg, state.lon_deg
         self.state_s[place] = now_s
 
-    def silent(self, now_s: float) -> ReceiverMask:
-        """Return the UAVs with a known state but no news for `RANKED_LAST_AFTER_S`."""
+    def is_ranked_last(self, now_s: float) -> ReceiverMask:
+        """Return the mask of the UAVs with a known state but no news for `RANKED_LAST_AFTER_S`."""
         table, at = self.table, self.place
         last_s = np.maximum(table.received_s[:, at], table.state_s[:, at])
-        silent: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > RANKED_LAST_AFTER_S)
-        return silent
+        mask: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > RANKED_LAST_AFTER_S)
+        return mask
 
     def nearest(self, position: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
         """Return the `k` UAVs nearest to `position`, without UAVs in the phase `failed`."""
         table, at = self.table, self.place
-        flies = ~table.failed[:, at]
-        flies[at] = False
-        silent = self.silent(now_s)
-        positions = table.lat_deg[flies, at], table.lon_deg[flies, at]
-        return nearest_uavs(position, table.system_ids[flies], positions, silent[flies], k)
+        mask = ~table.failed[:, at]
+        mask[at] = False
+        is_ranked_last = self.is_ranked_last(now_s)
+        positions = table.lat_deg[mask, at], table.lon_deg[mask, at]
+        return nearest_uavs(position, table.system_ids[mask], positions, is_ranked_last[mask], k)
 
     def pop_n_taken(self) -> int:
         """Return the number of messages that the table has delivered since the last call."""
@@ -292,10 +293,7 @@ class ReceptionColumn:
 
 
 def _values(table: NDArray[Any]) -> Any:
-    """Return a view of the same memory for access to single values.
-
-    The view is three times as fast as the array, and its values are Python's own numbers.
-    """
+    """Return a view for single values as Python's own numbers, three times as fast as the array."""
     return memoryview(table)  # type: ignore[arg-type]
 
 
@@ -303,14 +301,14 @@ def nearest_uavs(
     position: LatLon | None,
     uavs: NDArray[np.int64],
     positions: tuple[NDArray[np.float64], NDArray[np.float64]],
-    silent: NDArray[np.bool_],
+    is_ranked_last: NDArray[np.bool_],
     k: int | None,
 ) -> tuple[int, ...]:
-    """Return the `k` nearest of `uavs` by last known position, nearest first. `k` None: all UAVs.
+    """Return the `k` nearest of `uavs` by last known position, nearest first.
 
     The paper defines the communication range as a number of UAVs. `uavs` ascend; `positions` are latitudes
-    and longitudes [deg], or NaN if unknown. UAVs with a known position come first, then UAVs without a
-    position, then silent UAVs.
+    and longitudes [deg], or NaN if unknown. UAVs without a position come after UAVs with a position, and UAVs
+    in `is_ranked_last` come last. If `k` is None or at least their number, all `uavs` return in their order.
     """
     if k is None or k >= uavs.size:
         return tuple(uavs.tolist())
@@ -318,5 +316,5 @@ def nearest_uavs(
     if position is not None:
         known = np.flatnonzero(~np.isnan(positions[0]))
         metres[known] = distances_m(position, positions[0][known], positions[1][known])
-    order = np.lexsort((uavs, metres, silent))
+    order = np.lexsort((uavs, metres, is_ranked_last))
     return tuple(uavs[order[:k]].tolist())
