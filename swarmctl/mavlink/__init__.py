@@ -1,4 +1,4 @@
-"""MAVLink conversations without I/O: bytes and `now` come in, messages and results come out.
+"""MAVLink conversations without I/O: messages and times go in, messages and results come out.
 
 | module | contents |
 |---|---|
@@ -6,7 +6,8 @@
 | `telemetry` | presence, state, texts, streams, mission and instruments of a vehicle |
 | `procedures` | sequences of conversations: launch, land, `procedures.swap` |
 | `dialects` | differences between autopilots |
-| `session` | all of these for one vehicle |
+| `session`, `events` | all of these for one vehicle; events of a session |
+| `firmware` | firmware and airframe of a vehicle |
 
 Imports core and pymavlink; uses no sockets, no asyncio and no clock.
 Begin with `protocol.conversation`, `protocol.procedure` and `session`.

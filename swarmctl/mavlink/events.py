@@ -40,7 +40,7 @@ class FirstHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """New state: after a position, a change of mode or arming, or about every second without positions."""
+    """New state: with each position, else about once a second; at once after a change of mode or mission."""
 
     state: VehicleState
 

@@ -40,8 +40,8 @@ def dialect_for(autopilot: int, vehicle_type: int) -> Dialect:
     if dialect is None:
         name = _AUTOPILOTS.get(autopilot) or f"another autopilot ({_in_words('MAV_AUTOPILOT', autopilot)})"
         raise Unsupported(
-            f"a {_in_words('MAV_TYPE', vehicle_type)} of {name} is not supported; expected a multicopter "
-            "or a fixed wing of ArduPilot or PX4"
+            f"vehicle type {_in_words('MAV_TYPE', vehicle_type)} of {name} is not supported; expected a "
+            "multicopter or a fixed wing of ArduPilot or PX4"
         )
     return dialect
 

@@ -104,7 +104,7 @@ class ArduPilot:
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        # The vehicle sets item 0 to home. An item 0 sent with another command is lost.
+        # The vehicle sets item 0 to home, so only the command of item 0 is compared.
         return differences(
             sent, found, first, lambda seq, a, b: a.command == b.command if seq == 0 else self._same(a, b)
         )
@@ -113,15 +113,15 @@ class ArduPilot:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
     def _same(self, sent: MissionItem, found: MissionItem) -> bool:
-        """Return whether two items are stored alike; ArduPilot stores altitudes in whole centimetres."""
-        kept = self.as_stored(sent)
-        # ArduPilot cuts in float32: 20.3 loses a whole centimetre (20.29).
-        z_gap_m = abs(kept.z) - abs(found.z)
-        z_fits = -1e-3 <= z_gap_m <= _CENTIMETRE_M + 1e-3 and kept.z * found.z >= 0
-        return z_fits and replace(kept, z=0.0) == replace(self.as_stored(found), z=0.0)
+        """Return whether the found item is the sent item, as ArduPilot stores it."""
+        stored = self.as_stored(sent)
+        # ArduPilot cuts altitudes to centimetres in float32: 20.3 m loses a whole centimetre (20.29 m).
+        z_loss_m = abs(stored.z) - abs(found.z)
+        z_fits = -1e-3 <= z_loss_m <= _CENTIMETRE_M + 1e-3 and stored.z * found.z >= 0
+        return z_fits and replace(stored, z=0.0) == replace(self.as_stored(found), z=0.0)
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Return an item as ArduPilot stores it.
+        """Return an item as ArduPilot stores it, but with the altitude as sent.
 
         The frame loses `_INT`, and is 0 for items without a position. A landing's param4 reads back as 1,
         but is set to 0 here.
@@ -134,8 +134,8 @@ class ArduPilot:
 class ArduCopter(ArduPilot):
     """`Dialect` of ArduCopter."""
 
-    # Hold mode is GUIDED: without radio control LOITER reads the stick as "down" and lands hard. BRAKE
-    # also holds, but a launch needs GUIDED.
+    # Hold mode is GUIDED: without radio control LOITER reads the throttle stick as "down" and lands hard.
+    # BRAKE also holds, but a launch needs GUIDED.
     mode_names = modes("COPTER_MODE")
     land_command = None
     # A leg that does not follow a completed leg begins at rest, at the stopping point
@@ -151,7 +151,7 @@ class ArduCopter(ArduPilot):
         return (HOME, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Return an item as stored; a waypoint keeps only param1, cut to an integer."""
+        """Return an item as stored; of its parameters a waypoint keeps only param1, cut to an integer."""
         item = super().as_stored(item)
         if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
             return item

@@ -44,7 +44,7 @@ class ArduPlane(ArduPilot):
     # SPEED_TYPE_GROUNDSPEED would set the minimum ground speed (`Plane::do_change_speed`).
     speed_type = int(mavlink.SPEED_TYPE_AIRSPEED)
     first_seq = 1
-    """AUTO resumes the mission at its last item"""
+    """AUTO resumes a mission at the item that was flown last"""
     arms_at_any_item = False
     """after a landing in AUTO, the current item is still the landing, and arming fails ("In landing
     sequence", `AP_Arming_Plane::pre_arm_checks`)"""
@@ -52,8 +52,8 @@ class ArduPlane(ArduPilot):
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Return home placeholder, take-off, waypoints, landing at the goal, and landing at home.
 
-        Each landing begins with a DO_LAND_START. RTL leads to the landing nearest to home, so only a return
-        flies the last landing. A command to land leads to the landing nearest to the vehicle.
+        Each landing begins with a DO_LAND_START. RTL leads to the landing nearest to home. A command to land
+        leads to the landing nearest to the vehicle.
         """
         at_goal, at_home = plane_approaches(plan)
         # The vehicle climbs straight on and ignores the position of the item (`Plane::do_takeoff`).
@@ -67,7 +67,7 @@ class ArduPlane(ArduPilot):
         )
 
     def as_stored(self, item: MissionItem) -> MissionItem:
-        """Return an item as stored; a waypoint keeps only its radii, param2 and param3, as bytes."""
+        """Return an item as stored; of its parameters a waypoint keeps only param2 and param3, as bytes."""
         item = super().as_stored(item)
         if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
             return item
@@ -76,7 +76,7 @@ class ArduPlane(ArduPilot):
 
 
 def _waypoints(plan: FlightPlan) -> Iterator[MissionItem]:
-    """Yield the waypoints; param2 is the distance at which the turn begins, for an arc inside the corner."""
+    """Yield the waypoints; a turn begins param2 [m] before its waypoint, for an arc inside the corner."""
     frame = LocalFrame(plan.track[0].lat_deg, plan.track[0].lon_deg)
     points = [frame.to_local(p.lat_deg, p.lon_deg) for p in plan.track]
     last = len(points) - 1

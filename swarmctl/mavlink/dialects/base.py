@@ -26,7 +26,7 @@ class Readiness:
     ekf_flags: int | None
     """EKF_STATUS_REPORT.flags"""
     complaints: tuple[str, ...]
-    """the newest "PreArm: ..." texts"""
+    """last texts of the vehicle about failed pre-arm checks"""
 
 
 class Dialect(Protocol):
@@ -67,7 +67,7 @@ class Dialect(Protocol):
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
-        """Rates to request, by message id."""
+        """Rates to request [Hz], by message id."""
 
     @property
     def readiness_ids(self) -> tuple[int, ...]:
@@ -90,15 +90,15 @@ class Dialect(Protocol):
 
     @property
     def first_waypoint_seq(self) -> int:
-        """Item at which a flying vehicle starts a mission."""
+        """Index of the first waypoint, after home placeholder and take-off."""
 
     @property
     def uncounted_items(self) -> int:
-        """Number of items that MISSION_CURRENT.total leaves out: home."""
+        """Number of items that MISSION_CURRENT.total leaves out: 1 with a home placeholder, else 0."""
 
     @property
     def upload_timeout_s(self) -> float:
-        """Longest time for which the vehicle keeps an interrupted upload open after its last message [s]."""
+        """Longest time for which the vehicle keeps an interrupted transfer open [s]."""
 
     @property
     def uploads_atomically(self) -> bool:

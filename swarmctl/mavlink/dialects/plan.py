@@ -1,4 +1,4 @@
-"""Common steps of the dialects from a plan to a mission: checked points, and items at points."""
+"""Steps from a plan to a mission, and comparison of missions, common to the dialects."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def plane_approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
 
 
 def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
-    """Raise ValueError if a point of a plan is no valid position."""
+    """Raise ValueError if a point or the take-off altitude of a plan is invalid."""
     for label, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
         _check_point(label, point)
     if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):

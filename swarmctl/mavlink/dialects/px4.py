@@ -1,6 +1,6 @@
 """PX4 1.15: the common part of multicopters and fixed wings, and multicopters.
 
-Facts observed in software-in-the-loop and read in its sources.
+Facts observed in software-in-the-loop and read in PX4's sources.
 """
 
 from __future__ import annotations

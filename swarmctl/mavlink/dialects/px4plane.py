@@ -1,6 +1,6 @@
 """PX4 1.14 to 1.16, fixed wings.
 
-Facts read in its sources: `navigator/` (mission, rtl, feasibility checks), `mavlink/mavlink_mission.cpp`,
+Facts read in PX4's sources: `navigator/` (mission, rtl, feasibility checks), `mavlink/mavlink_mission.cpp`,
 `fw_pos_control/`.
 """
 
@@ -31,7 +31,7 @@ NO_POSITION_FRAME = int(mavlink.MAV_FRAME_MISSION)
 BY_HEADING, BY_TANGENT = 1.0, 1.0
 """param1 and param4 of LOITER_TO_ALT: leave the circle towards the next item, along the tangent"""
 JUMP_REPEATS = 1000.0
-"""number of repeats of a jump; PX4 keeps its count after a flight and after another upload of the mission"""
+"""number of repeats of a jump; PX4 counts repeats across flights and uploads of the same mission"""
 BEYOND_M = 30.0
 """Distance of the last waypoint beyond the goal, so that the vehicle overflies the goal. PX4 turns before it
 reaches a waypoint, at a distance that grows with speed (`NPFG::switchDistance`, 34 m at 15 m/s)."""
@@ -51,7 +51,7 @@ class Px4Plane(Px4):
 
         A mission may have only one DO_LAND_START. A return (RTL_TYPE 1) leads to the first landing, so home's
         landing comes before the goal's. All landings come after the waypoints: PX4 1.14 treats all items
-        after DO_LAND_START as the landing. Waypoints there would make the vehicle fly on instead of return.
+        after DO_LAND_START as the landing, so a return would also fly waypoints there.
 
         After a landing PX4 continues with the next item, even on the ground, and does not disarm in mission
         mode (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`). So a jump leads from home's

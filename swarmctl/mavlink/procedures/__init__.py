@@ -1,1 +1,1 @@
-"""Procedures of several conversations: launch, land, upload and verify, fence, rally points, speed."""
+"""Procedures: sequences of conversations with one vehicle, such as launch, land, upload and swap."""

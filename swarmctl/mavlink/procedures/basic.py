@@ -1,7 +1,7 @@
 """Procedures of a ground station: identify, prepare, upload, hold, return, land, speed.
 
-An acknowledgement is no proof: a step is done when telemetry shows its effect. Longer procedures, such as
-`launch` and `swap`, have their own modules.
+An acknowledgement is no proof: a step is done when telemetry or a read-back shows its effect. Only a change
+of speed ends with its acknowledgement. `launch` and `swap` have their own modules.
 """
 
 from __future__ import annotations
@@ -70,11 +70,11 @@ def prepare(ctx: Context) -> Procedure[Done]:
         ready = yield WaitUntil(ctx.after_heartbeat(lambda s: s.ready), MODE_PERIOD_S)
         if ready and ctx.state.ready:
             return Done()
-        if has_heartbeat and _is_stopped_midway(ctx):
+        if has_heartbeat and _item_prevents_arming(ctx):
             yield ctx.dialect.set_current(ctx.peer, ctx.dialect.first_seq or 0, 0)
 
 
-def _is_stopped_midway(ctx: Context) -> bool:
+def _item_prevents_arming(ctx: Context) -> bool:
     """Return whether a disarmed vehicle in hold mode has a current item that prevents arming."""
     state, first = ctx.state, ctx.dialect.first_seq
     is_waiting = state.mode == ctx.dialect.hold_mode and not state.armed
@@ -97,8 +97,8 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
 def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     """Set hold mode.
 
-    `check_mode_first`: the first command also waits for a new heartbeat with one of this program's own modes.
-    The same applies to `return_home` and `land`.
+    `check_mode_first`: a new heartbeat also precedes the first command; a mode that has just changed stops
+    the procedure. The same applies to `return_home` and `land`.
     """
     return Done(
         (yield from _set_mode_urgently(ctx, ctx.dialect.hold_mode, check_mode_first=check_mode_first))
@@ -140,21 +140,22 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
 def _set_mode_urgently(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str | None]:
     """Set a mode at once, with several tries; return the failure.
 
-    Only the first command is sent without a new heartbeat; with `check_mode_first` that command also waits.
-    The procedure ends when a heartbeat shows a mode that is neither the earlier mode nor an own mode: another
-    party has chosen that mode.
+    The first command is sent without a new heartbeat, unless `check_mode_first` is set. The procedure ends
+    when a heartbeat shows a mode outside `allowed_modes`: another party has chosen that mode.
     """
     dialect, failure = ctx.dialect, None
-    own_modes = {mode, ctx.state.mode}
+    allowed_modes = {mode, ctx.state.mode}
     if ctx.interrupted or not check_mode_first:
         # The interrupted procedure may have changed the mode shortly before.
-        own_modes |= {dialect.hold_mode, dialect.mission_mode}
+        allowed_modes |= {dialect.hold_mode, dialect.mission_mode}
     if not check_mode_first:
-        own_modes |= {dialect.return_mode, dialect.land_mode}
+        allowed_modes |= {dialect.return_mode, dialect.land_mode}
     try:
         for attempt in range(MODE_TRIES):
             skip_first_check = attempt == 0 and not check_mode_first
-            failure = yield from set_mode(ctx, mode, in_modes(own_modes), skip_first_check=skip_first_check)
+            failure = yield from set_mode(
+                ctx, mode, in_modes(allowed_modes), skip_first_check=skip_first_check
+            )
             if failure is None:
                 break
     except NotInControl as why:

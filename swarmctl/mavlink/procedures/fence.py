@@ -1,7 +1,7 @@
 """Geofence of a vehicle: one inclusion polygon, as a mission of type fence.
 
 https://mavlink.io/en/services/mission.html#mission_types and MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION:
-every vertex carries the number of vertices. A read-back differs only in its frame (a fence has no altitude).
+every vertex carries the number of vertices. The read-back may have another frame, and has no altitude.
 """
 
 from __future__ import annotations

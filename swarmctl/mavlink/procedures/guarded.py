@@ -1,7 +1,8 @@
 """Guarded commands: commands that never override a pilot or another station.
 
 A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
-later. So a requested heartbeat precedes every guarded command and every repetition.
+later. So a requested heartbeat precedes every try of a guarded command, except a first try with
+`skip_first_check`.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ class NotInControl(Exception):
 
 
 class TakenOver(NotInControl):
-    """A heartbeat shows a mode or an arming that another party has chosen."""
+    """Another party has changed the mode, the arming or the mission."""
 
 
 def in_modes(modes: Set[str], *, armed: bool | None = None) -> StateCondition:
-    """Return the condition that the mode is one of `modes`, and that arming is as `armed` (None: any)."""
+    """Return the condition that the mode is one of `modes`, and that the vehicle is `armed` (None: any)."""
     return lambda s: s.mode in modes and armed in (None, s.armed)
 
 
@@ -45,16 +46,17 @@ def describe_takeover(state: VehicleState) -> str:
     """Return a message about a mode or an arming that this program has not commanded."""
     arming = "armed" if state.armed else "disarmed"
     return (
-        f"the mode is {state.mode}, {arming}: set by the pilot, a failsafe or another station; "
-        "no command is sent [taken-over]"
+        f"the vehicle is {arming} in mode {state.mode}, set by the pilot, a failsafe or another station; "
+        "no further command is sent [taken-over]"
     )
 
 
 def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
-    """Request a heartbeat and check that the vehicle's state is `expected`. Raises NotInControl."""
+    """Request a heartbeat and check that the vehicle's state fulfils `expected`. Raises NotInControl."""
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
         raise NotInControl(
-            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so the mode is unknown; no command is sent [silent]"
+            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so the mode is unknown; no further command is sent "
+            "[silent]"
         )
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
@@ -73,7 +75,7 @@ def set_mode(
     armed: bool | None = None,
     skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """Set a mode by `send_guarded` unless the mode is already set; return the failure."""
+    """Set a mode by `send_guarded` unless a new heartbeat shows this mode; return the failure."""
     factory = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
     after = in_modes({mode}, armed=armed)
     return (
@@ -96,15 +98,15 @@ def send_guarded(
 ) -> Procedure[str | None]:
     """Send a command and wait for its effect in telemetry; return the failure with the vehicle's warnings.
 
-    before: condition that a new heartbeat has to show before each try
-    after: condition that the command leads to
+    before: condition for each try, checked by a new heartbeat
+    after: condition that the command leads to; before a repetition, `after` ends the tries
     awaited: condition to wait for at the end (default: `after`)
-    skip_if_done: True sends nothing if `after` already holds
-    skip_first_check: True sends the first try without a new heartbeat
+    skip_if_done: True also checks `after` before the first try, and then sends nothing
+    skip_first_check: True sends the first try without a new heartbeat, in any state
 
-    Raises NotInControl if a heartbeat shows neither `before` nor `after`, or if no heartbeat arrives.
+    Raises NotInControl if a heartbeat shows another state, or if no heartbeat arrives.
     """
-    texts_before = ctx.telemetry.n_texts
+    n_texts_before = ctx.telemetry.n_texts
     expected = _either(before, after)
     result: CommandResult | None = None
     done = False
@@ -125,7 +127,7 @@ def send_guarded(
         yield wait(TEXT_WAIT_S)
     elif (yield from _await_effect(ctx, expected, awaited or after, wait_s)):
         return None
-    return _failure(ctx, result, texts_before)
+    return _failure(ctx, result, n_texts_before)
 
 
 def send_acknowledged(
@@ -161,8 +163,8 @@ def _either(one: StateCondition, other: StateCondition) -> StateCondition:
     return lambda s: one(s) or other(s)
 
 
-def _failure(ctx: Context, result: CommandResult, texts_before: int) -> str:
-    texts = [text for severity, text in ctx.telemetry.texts_since(texts_before) if severity <= WARNING]
+def _failure(ctx: Context, result: CommandResult, n_texts_before: int) -> str:
+    texts = [text for severity, text in ctx.telemetry.texts_since(n_texts_before) if severity <= WARNING]
     suffix = f" (the vehicle reports: {'; '.join(texts[-3:])})" if texts else ""
     no_effect = ", but telemetry shows no effect" if result.outcome is CommandOutcome.ACCEPTED else ""
     return f"{result.text}{no_effect}{suffix}"

@@ -25,14 +25,14 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 def land_by_mission(
     ctx: Context, land_command: int, *, check_mode_first: bool = False
 ) -> Procedure[str | None]:
-    """Make the vehicle fly to its nearest landing and land; return the failure.
+    """Make the vehicle fly to its nearest landing; return the failure.
 
-    A vehicle on the ground is disarmed instead, because a landing begins with a flight.
+    A vehicle on the ground is disarmed instead, because a command to land could make it take off.
     """
     dialect = ctx.dialect
     may_hold = {dialect.hold_mode} if ctx.interrupted or not check_mode_first else set()
     modes = {dialect.mission_mode, dialect.return_mode, ctx.state.mode} | may_hold
-    is_own_mode = in_modes(modes)
+    is_allowed = in_modes(modes)
     items = landing_items(ctx.verified_items)
 
     def lands(state: VehicleState) -> bool:
@@ -42,7 +42,7 @@ def land_by_mission(
         if ctx.state.landed is Landed.ON_GROUND:
             disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
             return (
-                yield from send_guarded(ctx, disarm, is_own_mode, lambda s: not s.armed, skip_if_done=True)
+                yield from send_guarded(ctx, disarm, is_allowed, lambda s: not s.armed, skip_if_done=True)
             )
         if items and lands(ctx.state):
             return None  # a second command would restart the approach
@@ -50,7 +50,7 @@ def land_by_mission(
             factory = command(ctx, land_command)
             return (
                 yield from send_guarded(
-                    ctx, factory, is_own_mode, lands, skip_first_check=not check_mode_first
+                    ctx, factory, is_allowed, lands, skip_first_check=not check_mode_first
                 )
             )
         circle_seq = nearest_landing(ctx.verified_items, ctx.state)
@@ -68,17 +68,17 @@ def land_by_mission(
 
 
 def _fly_from_item(
-    ctx: Context, seq: int, is_own_mode: StateCondition, *, check_mode_first: bool
+    ctx: Context, seq: int, is_allowed: StateCondition, *, check_mode_first: bool
 ) -> Procedure[str | None]:
     """Make the vehicle fly its mission from item `seq` on; return the failure."""
     failure = yield from send_guarded(
         ctx,
         lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt),
-        is_own_mode,
-        lambda s: is_own_mode(s) and s.mission_seq == seq,
+        is_allowed,
+        lambda s: is_allowed(s) and s.mission_seq == seq,
         skip_first_check=not check_mode_first,
     )
-    return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, is_own_mode, armed=True))
+    return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, is_allowed, armed=True))
 
 
 def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
@@ -102,15 +102,15 @@ def is_other_landing(items: tuple[MissionItem, ...], seq: int) -> bool:
 
 
 def nearest_landing(items: tuple[MissionItem, ...], state: VehicleState) -> int | None:
-    """Return the index of the nearest landing circle; None if the list has no landing.
+    """Return the index of the nearest landing circle; None if the list has none.
 
     While the vehicle's position is unknown, return the first circle.
     """
     position = None if state.lat_deg is None or state.lon_deg is None else (state.lat_deg, state.lon_deg)
 
     def distance_to_m(seq: int) -> float:
-        circle = items[seq].x / 1e7, items[seq].y / 1e7
-        return math.inf if position is None else distance_m(position, circle)
+        centre = items[seq].x / 1e7, items[seq].y / 1e7
+        return math.inf if position is None else distance_m(position, centre)
 
     return min(_circles(items), key=distance_to_m, default=None)
 
