@@ -103,6 +103,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     plan_id: int = 0
     replans: int = 0
     late_s: float | None = None
+    """predicted arrival after take-off [s]; None while within the time bound"""
     outcome: Text = ""
     trouble: Text = ""
     refused: int = 0
@@ -117,7 +118,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_ACKNOWLEDGED)] = ()
     """nearby UAVs whose messages arrived recently; an acknowledgement to each of them"""
     returns_to: tuple[float, float] | None = None
-    """landing spot of a UAV that returns, or that holds until its turn to return [deg]"""
+    """home of a UAV that returns, or that holds until its turn to return [deg]"""
     age_s: float = 0.0
     """age of position, height and velocity [s]; 0 while new values arrive from the vehicle"""
 
@@ -148,7 +149,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """The present or next flight of a UAV: straight from point to point."""
 
     plan_id: int
-    """number of the UAV's plan, as in its state; 0: no plan"""
+    """number of the plan that the UAV flies or uploads; 0: no plan"""
     points: Annotated[tuple[IntentPoint, ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
     """points with increasing times; empty: the flight is unknown"""
     may_change: bool = True

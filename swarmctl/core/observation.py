@@ -1,7 +1,7 @@
 """Observations of the area, each with a name, and checkpoints that replace many observations.
 
 An observer numbers its observations from 1 on. After a restart the numbers begin again at 1, under a greater
-incarnation number. So (observer, incarnation, seq) never names two observations.
+incarnation number. So (observer, incarnation, seq) is the name of one observation.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Source = tuple[int, int]
 MAX_CELLS = 512
 """most cells of one observation"""
 MAX_PACKED_BYTES = 40_000
-"""longest checkpoint; if a checkpoint would be longer, the observer sends its observations one by one"""
+"""longest packed counts [bytes]; observations that would need more are not replaced by a checkpoint"""
 MAX_LOOKS = 65_535
 """most looks at a cell in a checkpoint: the sums over all UAVs and incarnations stay within 32 bits"""
 
@@ -43,7 +43,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
     time_s: float
     """observer's run clock [s]"""
     cells: Annotated[tuple[tuple[Index, Index, bool], ...], msgspec.Meta(max_length=MAX_CELLS)]
-    """(row, col, occupied), each cell once"""
+    """(row, col, occupied)"""
     incarnation: Incarnation = 0
     """number that grows with each start of the observer's program"""
 
@@ -175,7 +175,7 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
         if row >= rows or col >= cols or row < 0 or col < 0:
             raise ValueError(
                 f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) "
-                f"is outside the area of {rows} × {cols} cells; check that all use the same configuration"
+                f"is outside the area of {rows} × {cols} cells; give all vehicles the same configuration"
             )
     looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL_INDEX_DTYPE).tobytes()
     occupied = np.array(

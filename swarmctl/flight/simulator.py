@@ -23,8 +23,7 @@ from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
-"""battery capacity of simulated ArduPilot vehicles [mAh]. Swarms stacked hundreds of metres high need this
-flight time; a simulated PX4 has the same."""
+"""battery capacity of simulated ArduPilot vehicles [mAh]; a swarm stacked hundreds of metres high needs it"""
 
 
 @dataclass(frozen=True, slots=True)
