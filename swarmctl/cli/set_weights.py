@@ -28,10 +28,7 @@ def set_weights(
     uav: UavsOption = None,
     all_vehicles: AllOption = False,
     w: Annotated[
-        float | None,
-        typer.Option(
-            "--w", help="Weight of exposure against length: 0 shortest route, 1 least exposed route."
-        ),
+        float | None, typer.Option("--w", help="Weight of exposure: 0 shortest route, 1 least exposed route.")
     ] = None,
     firing_strength: Annotated[
         str,

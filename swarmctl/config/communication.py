@@ -56,8 +56,7 @@ class PartitionSection(Section):
     """
 
     from_s: float = Field(
-        ge=0.0,
-        description="Begin, in simulated seconds since the start [s]. A message's time of sending decides.",
+        ge=0.0, description="First sending time of the period, in simulated seconds since the start [s]."
     )
     until_s: float | None = Field(
         None,

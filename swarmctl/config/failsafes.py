@@ -26,8 +26,7 @@ class Rules(Section):
         "Outside the fence every vehicle returns.",
     )
     not_following: NotFollowing | None = Field(
-        NotFollowing(),
-        description="Not following: a vehicle in its mission mode is off its route, or does not move.",
+        NotFollowing(), description="Not following: a vehicle in mission mode leaves its route or stops."
     )
     gps_loss: GpsLoss | None = Field(
         GpsLoss(), description="Loss of the GPS fix or position: a warning, later a landing or a return."

@@ -29,10 +29,7 @@ class NoNetwork(ValueError):
 
 
 def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
-    """Return the keys of `name`, such as `uav3` or `operator`; None if communication.keys is not set.
-
-    Raises KeyringError.
-    """
+    """Return the keys of `name` (`uav3`, `operator`) or None without keys. Raises KeyringError."""
     folder = swarm.communication.keys
     return None if folder is None else load_keyring(Path(folder), name, now)
 
@@ -63,7 +60,7 @@ def as_agent(
 def as_station(
     swarm: Swarm, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """Return the network of a ground station. In a mesh the station connects, and accepts no connections.
+    """Return the network of a ground station. In a mesh the station opens a connection to every agent.
 
     `connect` replaces `communication.router`. Raises NoNetwork.
     """

@@ -29,8 +29,8 @@ class Links(Section):
     signing_key: str | None = Field(
         None,
         description="File with the MAVLink signing key of the vehicles, relative to the folder of the "
-        "command: 64 hexadecimal digits, base64 as in Mission Planner, or `passphrase: WORDS`. Other "
-        "messages are refused, except a radio's RADIO_STATUS. Default: no signing.",
+        "command: 64 hexadecimal digits, base64 as in Mission Planner, or `passphrase: WORDS`. Messages "
+        "not signed with this key are refused, except RADIO_STATUS. Default: no signing.",
     )
     signing_link_id: int = Field(
         0,
@@ -43,9 +43,8 @@ class Links(Section):
         None,
         ge=2.0,
         le=10.0,
-        description="Position rate requested from each vehicle [Hz]. A rate below the default also lowers "
-        "the rates of other messages. Default: 4 (ArduPilot) or 5 (PX4). Use 2 for a radio that several "
-        "vehicles share.",
+        description="Requested position rate of each vehicle [Hz]; a low rate slows other messages too. "
+        "Default: 4 (ArduPilot) or 5 (PX4). Use 2 for a radio that several vehicles share.",
     )
     stop_other_streams: bool = Field(
         False,

@@ -64,7 +64,7 @@ class Sensor(Section):
         0.0, ge=0.0, lt=1.0, description="Probability that one observation misses a hostile."
     )
     p_false_alarm: float = Field(
-        0.0, ge=0.0, lt=1.0, description="Probability that one observation reports a hostile in a free cell."
+        0.0, ge=0.0, lt=1.0, description="Probability that one observation reports a hostile in a clear cell."
     )
 
     def model_post_init(self, _context: object) -> None:

@@ -57,8 +57,7 @@ class FenceSection(Section):
         None,
         min_length=3,
         max_length=60,
-        description="Corners of the fence, in order. Default: around the area and the starts, and around "
-        "the landings of fixed wings, at a distance of margin_m.",
+        description="Corners of the fence, in order. Default: margin_m around area, starts and landings.",
     )
 
 

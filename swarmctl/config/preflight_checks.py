@@ -9,7 +9,7 @@ from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.planar import crossing_sides
 
 SECTION: KeyPath = ("preflight",)
-MIN_LOST_LINK_HEARTBEATS = 3
+MIN_HEARTBEATS = 3
 """least time until a lost link [heartbeats]; the ground station sends one each second of real time"""
 
 
@@ -36,12 +36,11 @@ def _check_lost_link(config: Config) -> Iterator[ConfigProblem]:
     simulate, policy = config.simulate, config.preflight.policy
     if simulate is None or policy.lost_link == "continue":
         return
-    least_s = MIN_LOST_LINK_HEARTBEATS * simulate.speedup
+    least_s = MIN_HEARTBEATS * simulate.speedup
     if policy.lost_link_after_s < least_s:
         text = (
-            f"{policy.lost_link_after_s} s is less than {MIN_LOST_LINK_HEARTBEATS} heartbeats at "
-            f"simulate.speedup = {simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or "
-            "lost_link: continue"
+            f"{policy.lost_link_after_s} s is less than {MIN_HEARTBEATS} heartbeats at simulate.speedup = "
+            f"{simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or lost_link: continue"
         )
         yield ConfigProblem(
             (*SECTION, "policy", "lost_link_after_s"), text, depends_on=("simulate", "speedup")

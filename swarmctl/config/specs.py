@@ -54,7 +54,6 @@ def grid_of(config: Config) -> Grid:
 
 
 def on_border(grid: Grid, cell: Cell) -> bool:
-    """Return whether a cell is on the border of the grid."""
     return cell[0] in (0, grid.rows - 1) or cell[1] in (0, grid.cols - 1)
 
 

@@ -97,9 +97,7 @@ class Vehicle(Section):
     start: Start = Field(description="Position before take-off, usually outside the area.")
     goal: Cells = Field(description="Goal: a cell [row, col], or a list of cells (a target zone).")
     entry: Cell | None = Field(
-        None,
-        description="Border cell [row, col] through which the vehicle enters. Default: the nearest outside "
-        "no_fly.",
+        None, description="Border cell [row, col] of the entry. Default: the nearest outside no_fly."
     )
     altitude_m: float | None = Field(
         None,

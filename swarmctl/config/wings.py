@@ -11,10 +11,7 @@ class WingsSection(Section):
     """Performance of all fixed wings. A vehicle's own `speed_m_s` and `turn_radius_m` have precedence."""
 
     speed_m_s: float = Field(
-        15.0,
-        gt=5.0,
-        le=35.0,
-        description="Cruise airspeed of fixed wings without a speed of their own [m/s].",
+        15.0, gt=5.0, le=35.0, description="Default cruise airspeed of fixed wings [m/s]."
     )
     min_speed_m_s: float = Field(
         11.0,
@@ -27,8 +24,7 @@ class WingsSection(Section):
         60.0,
         gt=0.0,
         le=1000.0,
-        description="Radius of the circles in which fixed wings hold and descend [m]. Radii in the "
-        "vehicles' parameters may be smaller.",
+        description="Greatest radius of the circles in which fixed wings hold and descend [m].",
     )
     takeoff_height_m: float = Field(
         20.0,

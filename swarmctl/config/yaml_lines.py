@@ -62,9 +62,7 @@ def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
             here = (*path, str(key_node.value))
             line = key_node.start_mark.line + 1
             if here in lines:
-                raise YamlError(
-                    line, f"key {here[-1]!r} is given twice, first on line {lines[here]}; remove one"
-                )
+                raise YamlError(line, f"key {here[-1]!r} is already on line {lines[here]}; remove one")
             lines[here] = line
             _walk(value_node, here, lines)
     elif isinstance(node, yaml.SequenceNode):

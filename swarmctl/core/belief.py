@@ -60,16 +60,12 @@ class ObservationLog:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookCounts:
-    """The looks at each cell, and the looks that showed a hostile; both (rows, cols).
-
-    A look is one cell of one observation.
-    """
+    """Looks at each cell, and looks that showed a hostile, (rows, cols). A look is one cell observed once."""
 
     looks: NDArray[np.int32]
     hits: NDArray[np.int32]
 
     def copy(self) -> LookCounts:
-        """Return a writeable copy."""
         return LookCounts(self.looks.copy(), self.hits.copy())
 
     def add_observations(self, seen: Sequence[IndexedObservation], sign: np.int32 = ADD) -> None:
