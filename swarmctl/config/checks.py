@@ -65,9 +65,8 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
         yield from _check_landing(scenario, task, (*here, "goal"))
         yield from check_plane(scenario, spec, task, here)
         if spec.altitude_m > MAX_ALTITUDE_M:
-            text = (
-                f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g} m; lower the step"
-            )
+            text = f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g} m; lower the "
+            text += "step, or flight.altitude_m"
             yield ConfigProblem(("flight", "altitude_step_m"), text)
         try:
             route = first_route(task, scenario.prior)
@@ -76,9 +75,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
         except Unreachable as error:
             if (least := _least_max_exposure(task, scenario)) is not None:
                 text = f"{task.name} cannot reach its goal: {task.max_exposure:g} excludes every route"
-                yield ConfigProblem(
-                    ("planner", "max_exposure"), f"{text}; the least value with a route is {least:g}"
-                )
+                yield ConfigProblem(("planner", "max_exposure"), f"{text}; give {least:g} or more")
                 continue
             text = f"{task.name} cannot reach its goal: {error}; open a passage in area.no_fly"
             yield ConfigProblem((*here, "goal"), text)
