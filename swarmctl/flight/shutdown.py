@@ -144,9 +144,9 @@ class Shutdown:
             async with asyncio.timeout(deadline_s):
                 await until(condition, members)
         except TimeoutError:
-            late = [m for m in members if not condition(m)]
-            text = f"the order was not completed within {deadline_s:g} s; the shutdown continues"
-            self._say(f"{names(late)}: {text} [deadline]")
+            if late := [m for m in members if not condition(m)]:
+                text = f"the order was not completed within {deadline_s:g} s; the shutdown continues"
+                self._say(f"{names(late)}: {text} [deadline]")
 
 
 def _is_leaving(member: Member) -> bool:
