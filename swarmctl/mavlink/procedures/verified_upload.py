@@ -77,7 +77,7 @@ def upload_verified(
     tries: int,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[VerifiedUpload]:
-    """Upload items of one type and read them back; `differences` compares them with the items sent."""
+    """Upload items of one type and read them back; `differences` compares the items read back and sent."""
     failure, uploaded_s = "not tried", 0.0
     for attempt in range(tries):
         if attempt:

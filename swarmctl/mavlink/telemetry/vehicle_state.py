@@ -21,8 +21,7 @@ STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 REBOOT_STEP_S = 3.0
 """limit of a late datagram: a larger step back of the vehicle's clock is a reboot"""
 LATE_MESSAGE_S = 1.0
-"""Margin for late messages. A clock has restarted if the vehicle's clock shows a shorter time since boot than
-the last silence minus this margin."""
+"""margin for late messages: a clock that shows less than the last silence minus this margin has restarted"""
 CLOCK_WRAP_S = 2**32 / 1000.0
 """period of time_boot_ms, which has 32 bits: 49.7 days"""
 MAX_POSITION_AGE_S = 3.0

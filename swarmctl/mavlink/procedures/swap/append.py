@@ -37,7 +37,7 @@ CLEAR_WAIT_S = 10.0
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
-    """Append the new route, read it back and make it current; otherwise run `swap_in_hold`.
+    """Append the new route, read it back and make it current. If this is impossible or fails, swap in hold.
 
     The old route stays after a late swap, without a position, and during a landing. Raises NotInControl.
     """
@@ -117,10 +117,10 @@ def _overshoots_item(ctx: Context, at: RoutePosition) -> bool:
     False at the splice point: flying back to that point is better than leaving it out.
     """
     brakes_m_s2 = ctx.dialect.brakes_m_s2
-    is_at_splice = at.item_m + at.past_splice_m > -SAME_PLACE_M
+    is_at_splice = at.to_item_m + at.past_splice_m > -SAME_PLACE_M
     if brakes_m_s2 is None or is_at_splice:
         return False
-    return at.item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
+    return at.to_item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
 def _make_tail_current(

@@ -49,7 +49,7 @@ def _lands(ctx: Context) -> bool:
 
 
 def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
-    """Return the expected time of a swap [s], given that an upload of `n_items` took `upload_s`.
+    """Return the expected time of a swap [s], if upload and read-back of `n_items` took `upload_s`.
 
     The estimate compares numbers of round trips.
     """
@@ -71,7 +71,7 @@ def swap(
         vehicle continues with its next item. If the vehicle has passed the splice point, the swap fails.
     from_hold: True if this program has set hold mode; otherwise hold mode is another party's choice
 
-    No command is sent once another party has chosen a mode.
+    After another party has chosen a mode, no command is sent.
     """
     begin, stood_before_s = ctx.state, ctx.telemetry.stood_still_s
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}

@@ -33,10 +33,10 @@ class RoutePosition:
     cross_track_m: float
     """distance from the route"""
     corner_s: float
-    """time to the nearest corner: the next item or the previous item"""
+    """time to the next item, or since the previous item if shorter"""
     past_splice_m: float = -math.inf
     """distance past the splice point, where the new route leaves the flown route; negative before"""
-    item_m: float = math.inf
+    to_item_m: float = math.inf
     """distance along the route to the next item; negative past that item"""
 
     @property

@@ -92,7 +92,7 @@ class SwapPlan:
         return self.leaves_ahead and not ctx.state.has_position
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
-        """Return the index of the next waypoint; 0 if the vehicle is late and not `leaves_ahead`."""
+        """Return the index of the next waypoint; 0 if late, in a plan without `leaves_ahead`."""
         at = self.position(ctx, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
 
