@@ -34,7 +34,6 @@ MAX_BYTES = 16_384
 """greatest size of a report, enough for about 1400 cells"""
 MAX_CELLS = 4096
 MAX_SOURCE_CHARS = 32
-"""greatest length of a report's `source`"""
 MANUAL_SOURCE = "operator"
 """`source` of the reports that a person sends with `swarmctl observe`"""
 MAX_AGE_S = 60.0
@@ -47,7 +46,7 @@ ReportedCells = tuple[tuple[int, int, bool], ...]
 
 
 class RejectReason(StrEnum):
-    """Reason for a refusal."""
+    """Reason for a refusal; the messages begin with it."""
 
     MALFORMED = "malformed"
     OVERSIZE = "oversize"
@@ -61,7 +60,7 @@ class RejectReason(StrEnum):
 
 
 class RejectedReport(ValueError):
-    """A refused report; the text begins with the reason."""
+    """A refused report."""
 
     def __init__(self, reason: RejectReason, text: str) -> None:
         super().__init__(f"{reason}: {text}")
@@ -96,7 +95,6 @@ class ReportAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
     cells: ReportedCells = ()
     """accepted cells"""
     why: str = ""
-    """reason for a refusal"""
 
 
 class _Versioned(msgspec.Struct):

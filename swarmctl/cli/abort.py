@@ -83,8 +83,7 @@ async def send_to_valid_names(
 ) -> OperatorAnswer:
     """Send a command to all vehicles with valid names; unknown names become refused answers.
 
-    A misspelt name must not keep the other vehicles in the air. Without a valid name the whole command is
-    refused. Raises the errors of `send`.
+    A misspelt name must not keep the other vehicles in the air. Raises the errors of `send`.
     """
     words = tuple(map(str, command.uavs or ()))
     if flight.agents:  # each agent answers for one vehicle, and the configuration has all names

@@ -104,10 +104,7 @@ def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
 
 
 def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
-    """Write a run's files and print the results; exit unless the whole run succeeded.
-
-    Raises typer.Exit with the exit code, or the run's bug.
-    """
+    """Write a run's files and print the results; raise typer.Exit, or the run's bug, unless all succeeded."""
     problem = _write_files(folder, scenario, report)
     _print_results(report, folder)
     if problem:
@@ -165,10 +162,7 @@ def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
 
 
 def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permission:
-    """Return a function that raises PreflightFailed for unconfirmed vehicles outside the built-in simulator.
-
-    Exits if the operator does not confirm the real vehicles (`_confirmed`).
-    """
+    """Return a function that raises PreflightFailed for vehicles neither simulated nor confirmed."""
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
     def permit(external: Sequence[Member]) -> None:

@@ -65,11 +65,7 @@ def send_or_exit(
     line_of: Callable[[VehicleAnswer], str],
     send: SendCommand = client.send,
 ) -> None:
-    """Send a command and print the answers.
-
-    Exits with USAGE for a ValueError (wrong options), and with EXPECTED for faults of keys or bus, or if a
-    vehicle did not take the command.
-    """
+    """Send a command and print the answers; exit on a failure, or if a vehicle did not take the command."""
     try:
         request = make_request()
         flight, keyring = _find_flight_and_keys(swarm, config, connect)

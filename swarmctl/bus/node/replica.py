@@ -24,7 +24,7 @@ MAX_BEYOND = 600
 MAX_AHEAD = 1024
 """largest lead of a stored observation over `upto`; farther observations are requested later"""
 MAX_INCARNATIONS = 8
-"""greatest number of incarnations kept for one observer"""
+"""for one observer"""
 
 
 class DetachedColumn:
@@ -89,7 +89,7 @@ class SourceRecord(msgspec.Struct, gc=False):
         return max(self.ahead) if self.ahead else self.upto
 
     def add(self, decoded: DecodedFrame) -> bool:
-        """Add an observation; return False if it is held, or more than `MAX_AHEAD` ahead.
+        """Add an observation; return False if it is held, or more than `MAX_AHEAD` after `upto`.
 
         Raises MessageRefused if a different observation with the same name is held.
         """

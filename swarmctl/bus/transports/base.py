@@ -32,7 +32,7 @@ class Transport(Protocol):
 
     @property
     def dropped(self) -> int:
-        """Number of messages and queries dropped by this process: no link, full queue, or too long.
+        """Number of messages without a link or too long, and of messages and queries for a full queue.
 
         Zenoh's own drops on a slow link are unknown, and do not count.
         """

@@ -19,8 +19,8 @@ def open_bus(
 ) -> Iterator[ZenohBus]:
     """Open a session at `listen` for operators' commands and payloads' reports of `swarm` only.
 
-    Registers the flight in the directory of running swarms. `listen` `none`: the bus serves this process
-    only. Raises BusError.
+    Registers the flight in the directory of running swarms. Raises BusError. With `listen` `none` the bus
+    serves this process only.
     """
     if listen == NO_ENDPOINT:
         with ZenohBus(on_failure=on_failure) as bus:
@@ -29,9 +29,7 @@ def open_bus(
     with contextlib.ExitStack() as stack:
         endpoint = parse_endpoint(listen)
         if endpoint.is_certified:
-            raise BusError(
-                f"communication.listen: {endpoint}: a flight in one process can only listen at tcp/HOST:PORT"
-            )
+            raise BusError(f"communication.listen: {endpoint}: `swarmctl fly` listens only at tcp/HOST:PORT")
         requests = tuple(keys.request(swarm, kind) for kind in keys.REQUEST_KINDS)
         reports = keys.sensor_report(swarm, "*")
         configuration = standalone(endpoint, (*requests, reports), (reports,))

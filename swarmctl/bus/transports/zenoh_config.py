@@ -79,7 +79,7 @@ class Configuration:
         return json.dumps(tree, indent=2)
 
     def explain(self, error: str) -> str:
-        """Return the message for Zenoh's error from opening a session, with advice."""
+        """Return the message to the operator for Zenoh's error from opening a session."""
         targets = ", ".join(map(str, self.connect))
         short = error.split(" at /", 1)[0].strip()  # without the line in Zenoh's sources
         if self.is_patient:
@@ -89,17 +89,14 @@ class Configuration:
                 ("communication.listen: ", ", or `none`") if self.values["mode"] == "peer" else ("", "")
             )
             why = "the port is in use" if "in use" in error else short
-            advice = (
-                "end the process that uses the port, or give another port (0: any free port) or another "
-                f"address of this machine{none}"
-            )
+            advice = f"give a free port (0: any free port) at an address of this machine{none}"
             return f"{where}cannot listen at {self.listen}: {why}; {advice}"
         if self.connect:
-            keys = " and that its keys have the same authority" if self.connect[0].is_certified else ""
+            same_keys = " and that its keys have the same authority" if self.connect[0].is_certified else ""
             return (
                 f"no swarm listens at {targets} (tried for {JOIN_MS / 1e3:g} s); the flight may have ended. "
                 "For vehicles flown by `swarmctl agent`, check that the router or the agent runs at this "
-                f"endpoint{keys} [no-swarm-at-endpoint]"
+                f"endpoint{same_keys} [no-swarm-at-endpoint]"
             )
         return (
             f"Zenoh cannot open a session: {error}; a flight in one process does not need Zenoh: "
