@@ -1,7 +1,7 @@
 """A ground station that flies a swarm of MAVLink vehicles across an area of unknown threats.
 
-`docs/architecture.md` lists the rooms and their permitted imports. The deciding rooms (core, planners,
-mavlink, agent) are pure.
+`docs/architecture.md` lists the rooms and their permitted imports. The rooms core, planners, mavlink and
+agent are pure.
 """
 
 from importlib.metadata import PackageNotFoundError, version

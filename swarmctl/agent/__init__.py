@@ -1,14 +1,14 @@
 """The decisions of one vehicle, pure: `step(state, event, now) -> (state, effects)`.
 
-`step` has one handler for each event and calls the parts in order. `state` is the agent's whole knowledge.
-New information only marks the plan dirty. The next `Tick` plans once with all new information.
+`step` has one handler for each kind of event and calls the parts in order. `state` is the agent's knowledge.
+New information only marks the plan dirty. A later `Tick` plans once with all new information.
 
-| part | decision |
+| part | subject |
 |---|---|
 | `replan/` | route, and the change of the mission |
 | `traffic/` | distance from other vehicles: launch, route, landing, return |
 | `arrival/` | simultaneous arrival |
-| `failsafes/` | one file for each rule |
+| `failsafes/` | reactions to failures, one file for each rule |
 | `orders`, `own_modes` | operators' orders; modes that the agent has set |
 | `sharing`, `touchdown` | belief and broadcast state; end of the flight |
 

@@ -16,11 +16,11 @@ from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePositio
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 TOUCHING_DOWN_M = 2.0
-"""Height above home below which a descending vehicle touches down before it follows another order."""
+"""Height above home [m] below which a descending vehicle touches down before it follows another order."""
 
 
 def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
-    """Follow an order, and answer the order if an operator gave it."""
+    """Follow an order; an operator's order is also answered."""
     remote = event.command is not None
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
@@ -53,7 +53,7 @@ def place_for_return(state: AgentState) -> VehiclePosition | None:
         speed_m_s=state.task.arrival.speed_m_s,
         # A fixed wing in hold may be anywhere on its circle.
         min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
-        # True for any cause of the return, and for an urgent failsafe that the vehicle does not follow yet.
+        # Also True for an urgent return that a failsafe demands and the vehicle does not follow yet.
         is_returning=_follows(state, ev.FlightOrder.RETURN)
         or (bool(urgent_return_reason(state)) and state.ordered is not ev.FlightOrder.LAND),
     )
@@ -215,7 +215,7 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
-    `by_person`: an operator has just given the order, so the order is sent in every mode of the vehicle.
+    `by_person`: an operator or a recall has just given the order, so it is sent without a look at the mode.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})
@@ -231,7 +231,6 @@ def command(
 
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:
-    """Release the vehicle to another operator: the agent sends no further commands."""
-    return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=f"{why}; released"), [
-        ev.Release()
-    ]
+    """Release the vehicle to another operator: the agent sends no further commands of its own."""
+    outcome = f"{why}; this program commands the vehicle no more"
+    return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=outcome), [ev.Release()]

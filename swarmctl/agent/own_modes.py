@@ -1,4 +1,4 @@
-"""Flight modes that the agent has set. Another mode is another operator's choice; the agent respects it."""
+"""Flight modes that the agent may have set. A pilot, another station or the autopilot set any other mode."""
 
 from __future__ import annotations
 

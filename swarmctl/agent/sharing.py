@@ -1,4 +1,4 @@
-"""Knowledge of the swarm: observations learned and published, and the state broadcast each second. Pure."""
+"""Exchange of knowledge: observations learned and published, and the state broadcast each second. Pure."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: f
     """Merge received observations, and count the impossible ones."""
     try:
         return _learn(state, event.items), []
-    except ValueError:  # a cell outside the area, or one name with two contents: merge the items one by one
-        pass
+    except ValueError:  # a cell outside the area, or two different observations with one name
+        pass  # merge the items one by one
     for item in event.items:
         try:
             state = _learn(state, (item,))

@@ -44,19 +44,19 @@ class Phase(StrEnum):
     WAITING = "waiting"
     """not ready yet"""
     UPLOADING = "uploading"
-    """ready; the first mission is being planned or uploaded"""
+    """ready; the mission for the launch is being planned or uploaded"""
     STANDBY = "standby"
     """on the ground with a verified mission"""
     LAUNCHING = "launching"
     FLYING = "flying"
     LANDING = "landing"
-    """the vehicle is over its goal, and descends or waits in the landing queue"""
+    """in the goal cell: the vehicle flies to its landing spot, waits above the spot, or descends"""
     HOLDING = "holding"
-    """holding by order, or until its return"""
+    """holding by an order or a failsafe rule, or until its return"""
     LEAVING = "leaving"
-    """returning or landing by order"""
+    """returning, or landing where it is, by an order or a failsafe rule"""
     RELEASED = "released"
-    """taken over by a pilot, a failsafe or another station; the agent sends no commands"""
+    """taken over by a pilot, the autopilot's failsafe or another station; the agent commands no more"""
     DONE = "done"
     FAILED = "failed"
 
@@ -88,7 +88,7 @@ class Task:
     """cruise altitude above home [m]"""
     method: Method
     arrival: TimeBound = UNBOUNDED
-    """time bound for the arrival over the goal"""
+    """time bound for the arrival over the goal, and the commanded speed"""
     max_exposure: float = math.inf
     """greatest P_s of a cell that a route may enter"""
     no_fly: frozenset[Cell] = frozenset()
@@ -103,7 +103,7 @@ class Task:
     wings: FixedWing | None = None
     """parameters of a fixed wing; None: a copter"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
-    """order for a vehicle whose mission can no longer be changed: RETURN or LAND"""
+    """order after MAX_FAILED_SWAPS failed mission changes, or without any route: RETURN or LAND"""
     rules: tuple[ActiveRule, ...] = ALWAYS_ON
     fence: Fence | None = None
     separation: SeparationRules = DEFAULT_SEPARATION
@@ -114,7 +114,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class DeconflictionCounts:
-    """Number of conflicts predicted between plans, by resolution."""
+    """Numbers of conflicts predicted between plans: all, and by resolution."""
 
     predicted: int = 0
     by_height: int = 0
@@ -136,10 +136,10 @@ class FlightComparison:
 
 @dataclass(frozen=True, slots=True)
 class AgentState:
-    """Everything an agent knows; `step` replaces it and never changes it in place.
+    """Everything an agent knows; `step` returns a new state and never changes a state in place.
 
-    Names in `_boot_s` are times by the vehicle's clock. `repeat_order_at_s` and `retry_at_s` are times by the
-    run's clock.
+    Fields that end in `_boot_s`, and `last_shared_s`, are times by the vehicle's clock. `repeat_order_at_s`,
+    `retry_at_s` and `disarmed_since_s` are times by the run's clock.
     """
 
     task: Task
@@ -153,10 +153,11 @@ class AgentState:
     last_position: VehicleState = field(default_factory=VehicleState)
     """telemetry of the last message with a position"""
     cell: Cell | None = None
-    """cell below the vehicle; None outside the area or unknown"""
+    """cell below the last position; None outside the area, or before the first position"""
     lost: bool = False
+    """True while the link is lost"""
     route: ev.SwapMission | None = None
-    """plan being flown, or to be flown after the launch"""
+    """plan being flown, or to be flown after the launch; None while a hold interrupts the plan"""
     accepted: ev.SwapMission | None = None
     """last plan verified on the vehicle, flown or not"""
     progress: int = 0
@@ -165,15 +166,15 @@ class AgentState:
     """plan being uploaded"""
     swap_times: SwapTimes = field(default_factory=SwapTimes)
     swapped_boot_s: float = -math.inf
-    """time of the last mission change"""
+    """time of the last mission change in flight"""
     swap_started_boot_s: float = -math.inf
-    """time at which the last mission change was decided"""
+    """time of the last decision for a mission change"""
     braking_until_boot_s: float = -math.inf
-    """end of the braking that the mission change causes, if any"""
+    """end of the braking that the last mission change in flight causes"""
     dirty: bool = False
     """True: the agent has to decide on a plan"""
     because: tuple[ev.ObservationId, ...] = ()
-    """names of the observations merged since the last decision"""
+    """names of the observations merged since the last decision, or behind a failed mission change"""
     exposure: NDArray[np.float64] | None = None
     """P_s as of the last decision, (rows, cols)"""
     route_exposure: NDArray[np.float64] | None = None
@@ -181,7 +182,7 @@ class AgentState:
     retry_at_s: float = -math.inf
     """earliest next decision"""
     failed_swaps: int = 0
-    """number of consecutive failed mission changes"""
+    """number of failed mission changes since the last success; late changes do not count"""
     launch_ordered: bool = False
     launch_is_operators: bool = False
     """True: an operator ordered the launch; False: the agent's own process"""
@@ -190,37 +191,37 @@ class AgentState:
     launch_ignored: frozenset[int] = frozenset()
     """vehicles that the launch does not wait for, by an operator's order"""
     ordered: ev.FlightOrder | None = None
-    """last order given to the vehicle"""
+    """last order for the vehicle, sent or only noted"""
     order_followed: bool = False
-    """True once the vehicle's mode has confirmed the order"""
+    """True once the vehicle's mode has confirmed the order, or the order keeps the vehicle on the ground"""
     previous_own_roles: frozenset[str] = frozenset()
     """own mode roles before the order"""
     hold_is_own: bool = False
     """True if this agent or its swap has set the hold between two plans"""
     return_turn_boot_s: float | None = None
-    """latest start of the return of a holding vehicle; None: no return waits"""
+    """start of the return of a holding vehicle at the latest; None: the vehicle does not wait to return"""
     returns_when_clear: bool = False
     """True: the return starts as soon as its path is clear; False: at its start time in a recall"""
     return_checked_boot_s: float = -math.inf
     return_started_boot_s: float | None = None
-    """start of a return that may still have to hold again"""
+    """start of a return during which the vehicle may have to hold again"""
     return_deadline_boot_s: float = -math.inf
     """end of all waiting for a return, counted from its first demand"""
     returning_neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of other vehicles that return or wait to return"""
     repeat_order_at_s: float = math.inf
-    """time to repeat an order that the vehicle does not follow"""
+    """time to repeat an order that the vehicle does not follow; inf: no repetition"""
     launch_aborted: bool = False
     launched_boot_s: float | None = None
     """time at which the vehicle was first seen armed; start of its time bound"""
     arrived_boot_s: float | None = None
-    """time at which the vehicle was first seen over its goal"""
+    """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
     planned: Route | None = None
     """last answer of the planner, flown or not"""
     late_s: float | None = None
     """predicted arrival after take-off [s], by the last decision; None while within the bound"""
     armed_seen: bool = False
-    """True if the agent's own launch armed the vehicle"""
+    """True once the vehicle was seen armed after its launch order"""
     disarmed_since_s: float | None = None
     """time of the first heartbeat that reports the vehicle disarmed; None while armed"""
     orders_given: int = 0
@@ -232,7 +233,7 @@ class AgentState:
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
     interrupted_plan: ev.SwapMission | None = None
-    """plan that the vehicle interrupted to give way; None: the vehicle does not give way"""
+    """plan that the vehicle interrupted to give way in hold; None: no such hold"""
     gave_way_to: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of the vehicles to which this vehicle gives way"""
     height_offset_m: float = 0.0
@@ -257,19 +258,20 @@ class AgentState:
     others_earliest_s: Mapping[int, float] = field(default_factory=dict)
     """earliest arrivals of other vehicles over their goals, by this vehicle's clock"""
     due_s: float | None = None
-    """common arrival time, by this vehicle's clock"""
+    """this vehicle's time of arrival in the simultaneous arrival, by its own clock"""
     spare_time_due_s: float | None = None
-    """common arrival time for which spare time was planned; None: no spare time was planned"""
+    """`due_s` for which spare time was planned; None: no spare time was planned"""
     speed_m_s: float | None = None
-    """commanded speed on the present plan; None: the vehicle's own; 0: unknown"""
+    """commanded speed on the present plan; None: no command; 0: unknown"""
     speed_given_s: float = -math.inf
     """time of the last speed command, by the vehicle's clock [s]"""
     n_alarms: int = 0
     n_holds: int = 0
+    """number of holds to give way"""
     n_climbs: int = 0
-    """evasive climbs"""
+    """number of climbs to give way"""
     incarnation: int = 0
-    """incarnation of the agent's program, part of the names of observations"""
+    """number of this run of the agent's program, part of the names of observations"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf
@@ -279,31 +281,33 @@ class AgentState:
     flown_m: float = 0.0
     flown_cells: tuple[Cell, ...] = ()
     flown_exposure: float = 0.0
-    """ΣP_s over the cells entered after the first, with the belief of the decision to enter each"""
+    """ΣP_s over the cells entered after the first, by the last decision before each; without no-fly cells"""
     flown_safety: float = 1.0
     """∏(1 − P_s) over the same cells"""
     no_fly_entered: int = 0
-    """number of entries into cells that no route may enter"""
+    """number of entries into no-fly cells"""
     refused: int = 0
     """number of impossible observations received"""
     given_up: bool = False
     """True: the flight has failed, and the vehicle returns or lands"""
     outcome: str = ""
-    """end of the flight, as text; empty before"""
+    """reason for the end of the flight, or for its last change by an order or a failsafe rule, as text"""
     trouble: str = ""
+    """last problem, as text for the operator; empty: none"""
     swap_trouble: str = ""
     """reason of the last failed mission change, as text"""
 
     @property
     def height_m(self) -> float:
-        """Height of the flight above home [m]."""
+        """Cruise height above home, with the offset for separation [m]."""
         return self.task.altitude_m + self.height_offset_m
 
     @property
     def alarm(self) -> str:
         """Active proximity alarms as text; empty without an alarm."""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
-        return f"predicted to come too close to vehicle {others}" if others else ""
+        noun = "vehicle" if len(self.alarms) == 1 else "vehicles"
+        return f"predicted to come too close to {noun} {others}" if others else ""
 
     @property
     def late(self) -> str:
@@ -312,12 +316,12 @@ class AgentState:
         if self.late_s is None:
             return ""
         # Rounded away from the bound, so that a violated bound never looks met.
-        away = math.ceil if self.late_s > arrival.within_s else math.floor
+        round_away = math.ceil if self.late_s > arrival.within_s else math.floor
         rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
-        over_s = away(10.0 * self.late_s - rounding) / 10.0
+        arrives_s = round_away(10.0 * self.late_s - rounding) / 10.0
         return (
-            f"no route keeps the time bound of {arrival}; predicted arrival over the goal: {over_s:.1f} s "
-            "[no-timely-route]"
+            f"no route found keeps the time bound of {arrival}; the vehicle flies the nearest route, with "
+            f"arrival over the goal {arrives_s:.1f} s after the take-off [no-timely-route]"
         )
 
     @property

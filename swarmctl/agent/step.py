@@ -21,7 +21,7 @@ from swarmctl.agent.orders import (
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.route_to_mission import route_index_at
-from swarmctl.agent.replan.splice import is_urgent, may_learn_of_walls
+from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
@@ -61,27 +61,27 @@ def needs_tick(state: AgentState, now: float) -> bool:
         and now >= state.retry_at_s
         # The empty role: the vehicle's mode is not known yet.
         and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
-        and (not _has_new_plan(state) or _is_urgent(state))
+        and (not _was_just_swapped(state) or _must_plan_now(state))
     )
 
 
-def _has_new_plan(state: AgentState) -> bool:
-    """Return whether the vehicle has just received its plan.
+def _was_just_swapped(state: AgentState) -> bool:
+    """Return whether the last mission change is more recent than a mission change usually takes.
 
-    The next plan waits for the duration of a mission change, and then includes all new observations.
+    The agent waits for this time, so that its next plan includes all observations until then.
     """
     if state.phase is not Phase.FLYING:
         return False
     return 0.0 <= state.vehicle.time_boot_s - state.swapped_boot_s < state.swap_times.expected_s
 
 
-def _is_urgent(state: AgentState) -> bool:
+def _must_plan_now(state: AgentState) -> bool:
     """Return whether the vehicle has no plan to continue, or a wall is close ahead."""
     if state.must_change or state.route is None:
         return True
     if not may_learn_of_walls(state):
         return False
-    return is_urgent(state, believed_exposure(state.task, state.belief, state.strength))
+    return is_wall_close(state, believed_exposure(state.task, state.belief, state.strength))
 
 
 # --- the ground, the launch, and orders
@@ -99,7 +99,7 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
         placed = replace(state.last_position, time_boot_s=0.0)
         return replace(state, last_position=placed, trouble="the vehicle has rebooted [rebooted]"), []
     if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
-        # The process does not repeat its order to launch after a reboot.
+        # This process orders its own launch only once, so no order would follow after the reboot.
         return cancel_launch(state, "the vehicle rebooted while it waited for its launch")
     # Readiness and mission have to be checked again.
     state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
@@ -121,7 +121,7 @@ def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepR
 
 
 def _with_note(effect: ev.Effect, note: str) -> ev.Effect:
-    """Return the answer to a taken order with a note, and any other effect unchanged."""
+    """Return the effect; if it answers an accepted order, with `note` as the note of the answer."""
     if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
         return effect
     answer = msgspec.structs.replace(effect.answer, note=note)
@@ -161,9 +161,10 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
-    """Act on new telemetry.
+    """Act on new telemetry, in a fixed order of steps.
 
-    A touchdown, a release, a landing after an unconfirmed hold and a repeated order end the sequence.
+    After a touchdown, a release, a landing after an unconfirmed hold, or a repeated order, the remaining
+    steps wait for the next telemetry.
     """
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
@@ -174,7 +175,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
     state = note_disarming(state)
     if state.phase in IN_FLIGHT and state.armed_seen and not may_be_armed(state):
-        # The last state is sent at once, because the process may end right after it.
+        # The last state is sent at once, because the process may end soon.
         return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
     state, demanded = apply_failsafes(state, now)
     if state.ended:
@@ -260,7 +261,8 @@ def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
     state = replace(state, lost=False)
     if state.ordered in ROLE_OF_ORDER and not state.order_followed:
-        # An order given during the loss is sent now, unless the next telemetry shows another operator's mode.
+        # An order given during the loss is repeated with the next telemetry, unless that telemetry shows
+        # another operator's mode.
         return replace(state, repeat_order_at_s=now), []
     return state, []
 
@@ -274,9 +276,9 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     try:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:
-        return _without_route(replace(state, dirty=False, because=(), trouble=str(error)))
-    keeps = state.route is not None and state.pending is None and not state.dirty
-    return (_without_swap_trouble(state) if keeps else state), effects
+        return _handle_unreachable_goal(replace(state, dirty=False, because=(), trouble=str(error)))
+    keeps_plan = state.route is not None and state.pending is None and not state.dirty
+    return (_without_swap_trouble(state) if keeps_plan else state), effects
 
 
 def _without_swap_trouble(state: AgentState) -> AgentState:
@@ -284,12 +286,12 @@ def _without_swap_trouble(state: AgentState) -> AgentState:
     return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
 
 
-def _without_route(state: AgentState) -> StepResult:
-    """Keep the present route, or end the flight, because no route leads from the vehicle's cell to a goal."""
+def _handle_unreachable_goal(state: AgentState) -> StepResult:
+    """Keep the present route, or end the flight, because the agent has found no route to a goal."""
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
-        return state, []  # the present plan is still the best known
+        return state, []
     return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
 
 
@@ -332,7 +334,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return release_vehicle(state, event.reason)
     state = replace(state, hold_is_own=event.flying == "hold")
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
-        # The vehicle stands still over its goal: land.
+        # The vehicle may hold in its goal cell, so it has to land there.
         return command(state, ev.FlightOrder.LAND)
     if state.phase is Phase.LANDING:
         return _without_swap_trouble(state), []
@@ -340,7 +342,8 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-    # Decide again later, with all observations by then. Without the old plan, any plan is better than none.
+    # Decide again later, with all observations until then. A vehicle that no longer flies its old plan has no
+    # route, so it takes any new plan.
     return replace(
         state,
         dirty=True,

@@ -1,4 +1,4 @@
-"""End of a flight: armed or not, by heartbeats, and the outcome after touchdown. Pure."""
+"""End of a flight: the vehicle's disarming, by heartbeats, and the outcome of the flight. Pure."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"
     mode = state.vehicle.mode or "unknown"
-    reason = f"disarmed {where}, before its goal, in mode {mode}{rest} [disarmed-on-the-way]"
+    reason = f"the vehicle disarmed {where}, not at its goal, in mode {mode}{rest} [disarmed-on-the-way]"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
 
 

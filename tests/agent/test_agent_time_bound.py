@@ -223,7 +223,7 @@ TURNS = [
 def test_the_cost_of_braking_and_speeding_up(
     track: list[tuple[float, float]], begins: float, ends: float, lost: float
 ) -> None:
-    assert lost_s(track, 10.0, begins_m_s=begins, ends_m=ends) == pytest.approx(lost, abs=0.05)
+    assert lost_s(track, 10.0, initial_m_s=begins, remaining_m=ends) == pytest.approx(lost, abs=0.05)
 
 
 def test_the_detour_needs_time_for_its_turns_too() -> None:

@@ -49,7 +49,7 @@ def chosen(
         (0.0, 0.0),
         wings,
         from_pose=comes,
-        is_flown_to=True,
+        with_path_to_circle=True,
         turn_radius_m=40.0,
         fence=fence,
         exposure_under=under,
@@ -77,7 +77,7 @@ def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
     turned = math.remainder(heading_rad - math.atan2(e1 - e0, n1 - n0), math.tau)
     assert turned == pytest.approx(math.copysign(math.pi / 16, found.radius_m), abs=1e-6)
     east_m, north_m = radius_m * math.sin(heading_rad), radius_m * math.cos(heading_rad)
-    ahead = found.leaves[0] + east_m, found.leaves[1] + north_m
+    ahead = found.circle_exit[0] + east_m, found.circle_exit[1] + north_m
     assert math.dist(found.final, ahead) == pytest.approx(0.0, abs=1e-6)
 
 

@@ -35,7 +35,7 @@ def test_an_own_mode_may_be_an_old_heartbeat_for_a_moment() -> None:
 def test_each_order_restarts_that_moment() -> None:
     rule = RuleRunner(taken_over)
     for second in range(10):
-        assert rule(float(second), facts(GUIDED, orders=second)) is None
+        assert rule(float(second), facts(GUIDED, orders_given=second)) is None
 
 
 def test_only_a_recent_status_text_is_quoted() -> None:

@@ -1,1 +1,1 @@
-"""Simultaneous arrival: one arrival time for all vehicles, and a speed or route of each for that time."""
+"""Simultaneous arrival: a common arrival time, and a speed or a route by which each vehicle meets it."""

@@ -1,4 +1,4 @@
-"""The common arrival time. Each agent computes the time from the same numbers, without negotiation."""
+"""The common arrival time. Each agent computes the time from the states that all vehicles broadcast."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 LEAST_SHARE = 0.2
-"""least speed of a waiting vehicle, as a share of its full speed"""
+"""least speed of an early vehicle, as a share of its full speed"""
 LEAST_M_S = 1.0
-"""least speed of a waiting vehicle [m/s]; `not_following` would act on a slower vehicle"""
+"""least speed of an early vehicle [m/s], above the speed at which `not_following` acts"""
 N_BISECTIONS = 14
-"""number of bisections for a speed, to within 1 mm/s"""
+"""number of bisections for a speed, to within about 1 mm/s"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,13 +24,13 @@ class ArrivalGroup:
     tolerance_s: float = 3.0
     """greatest difference from the planned arrival times that the report accepts [s]"""
     slowest_m_s: float = 0.0
-    """least speed of a waiting vehicle [m/s]"""
+    """configured least speed of an early vehicle [m/s]"""
 
 
 def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:
-    """Return the arrival time of the first vehicle [s], from the earliest possible times of all.
+    """Return the arrival time of the first vehicle [s], from the earliest possible times of all vehicles.
 
-    The slowest vehicle determines the time. Raises ValueError if there is no vehicle.
+    The time is the earliest that all vehicles can keep. Raises ValueError if there is no vehicle.
     """
     return max(at_s - group.rank[uav] * group.spacing_s for uav, at_s in earliest_s.items())
 
@@ -40,25 +40,25 @@ def due_s(group: ArrivalGroup, uav: int, earliest_s: Mapping[int, float]) -> flo
     return agreed_arrival_s(group, earliest_s) + group.rank[uav] * group.spacing_s
 
 
-def least_m_s(most_m_s: float, slowest_m_s: float = 0.0) -> float:
-    """Return the least speed for a vehicle [m/s]: LEAST_SHARE of its full speed, or a higher limit."""
-    return min(max(LEAST_SHARE * most_m_s, slowest_m_s, LEAST_M_S), most_m_s)
+def least_m_s(full_m_s: float, slowest_m_s: float = 0.0) -> float:
+    """Return the least speed for a vehicle [m/s], at most its full speed."""
+    return min(max(LEAST_SHARE * full_m_s, slowest_m_s, LEAST_M_S), full_m_s)
 
 
 def speed_for(
-    arrives_s: Callable[[float], float], due_s: float, most_m_s: float, slowest_m_s: float = 0.0
+    arrival_at: Callable[[float], float], due_s: float, full_m_s: float, slowest_m_s: float = 0.0
 ) -> float:
     """Return the speed at which a vehicle arrives at `due_s` [m/s].
 
-    `arrives_s` maps a speed to an arrival time and decreases. If no speed between `least_m_s` and `most_m_s`
-    meets the time, the result is the nearer limit.
+    `arrival_at` returns the arrival time at a speed; a higher speed gives no later time. If no speed from
+    `least_m_s` to `full_m_s` meets `due_s`, the result is the nearer of these two speeds.
     """
-    low, high = least_m_s(most_m_s, slowest_m_s), most_m_s
-    if arrives_s(high) >= due_s:
+    low, high = least_m_s(full_m_s, slowest_m_s), full_m_s
+    if arrival_at(high) >= due_s:
         return high
-    if arrives_s(low) <= due_s:
+    if arrival_at(low) <= due_s:
         return low
     for _ in range(N_BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if arrives_s(middle) > due_s else (low, middle)
+        low, high = (middle, high) if arrival_at(middle) > due_s else (low, middle)
     return high

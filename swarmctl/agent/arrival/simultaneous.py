@@ -28,16 +28,16 @@ MIN_CHANGE_M_S = 0.2
 FIXED_SPEED_WITHIN_S = 4.0
 """time to the goal below which the speed is not changed [s], because the vehicle brakes there"""
 UNKNOWN_M_S = 0.0
-"""value for an unknown speed, after a failed change [m/s]"""
+"""value of `AgentState.speed_m_s` while the vehicle's speed setting is unknown [m/s]"""
 BEFORE_ARRIVAL = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
-"""phases in which other vehicles wait for the arrival of this vehicle"""
+"""phases in which other vehicles take the arrival of this vehicle into account"""
 
 
 def earliest_in_s(state: AgentState) -> float | None:
     """Return the least time until the vehicle is over its goal, on its route at full speed [s].
 
-    The time is negative after the arrival, and None for a vehicle that does not fly to its goal. A vehicle on
-    standby counts as launched now.
+    The time counts from now and is not positive after the arrival. It is None without a simultaneous arrival,
+    for a vehicle that does not fly to its goal, and without a position. On standby, the launch is now.
     """
     if state.task.arrival_group is None:
         return None
@@ -55,14 +55,14 @@ def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShare
     if state.task.arrival_group is None:
         return state
     now_s = state.vehicle.time_boot_s
-    due = {uav: now_s + other.earliest_in_s for uav, other in states if other.earliest_in_s is not None}
+    new = {uav: now_s + other.earliest_in_s for uav, other in states if other.earliest_in_s is not None}
     removed = {uav for uav, other in states if other.earliest_in_s is None}
     kept = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav not in removed}
-    return replace(state, others_earliest_s={**kept, **due})
+    return replace(state, others_earliest_s={**kept, **new})
 
 
 def adjust_speed(state: AgentState) -> StepResult:
-    """Set another speed if the vehicle would otherwise miss its arrival time. Called for each position."""
+    """Set another speed if the vehicle would otherwise miss its arrival time. Called for each telemetry."""
     group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
     is_under_way = state.phase is Phase.FLYING and state.route is not None and state.pending is None
     if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
@@ -76,12 +76,12 @@ def adjust_speed(state: AgentState) -> StepResult:
     known = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav in group.rank}
     due = due_s(group, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
     state = update_spare_time(state, due, now_s + soonest_s)
-    wanted_m_s = speed_for(path.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
-    flies_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
-    if abs(wanted_m_s - flies_m_s) < MIN_CHANGE_M_S:
+    new_m_s = speed_for(path.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
+    present_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
+    if abs(new_m_s - present_m_s) < MIN_CHANGE_M_S:
         return replace(state, due_s=due), []
-    state = replace(state, due_s=due, speed_m_s=wanted_m_s, speed_given_s=now_s)
-    return state, [ev.SetSpeed(wanted_m_s)]
+    state = replace(state, due_s=due, speed_m_s=new_m_s, speed_given_s=now_s)
+    return state, [ev.SetSpeed(new_m_s)]
 
 
 def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:
@@ -97,10 +97,10 @@ class _PathToGoal:
     """points from the vehicle to the centre of the goal cell"""
     edge_m: float
     """distance from the edge of the goal cell to the end of the track [m]"""
-    begins_m_s: float
+    initial_m_s: float
     """present speed [m/s]"""
-    up_s: float
-    """time until the vehicle is at its cruise height [s]"""
+    takeoff_s: float
+    """remaining lift-off and climb of a copter, or remaining ground roll of a fixed wing [s]"""
     stop: BrakingStop | None = None
     """stop before the start of a new plan"""
     turn_radius_m: float | None = None
@@ -111,12 +111,12 @@ class _PathToGoal:
         if self.turn_radius_m is not None:
             flown, _ = rounded(self.track, self.turn_radius_m)
             flown_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
-            return self.up_s + max(flown_m - self.edge_m, 0.0) / speed_m_s
-        stop_s, track, begins_m_s = after_stop(self.track, min(self.begins_m_s, speed_m_s), self.stop)
+            return self.takeoff_s + max(flown_m - self.edge_m, 0.0) / speed_m_s
+        stop_s, track, initial_m_s = after_stop(self.track, min(self.initial_m_s, speed_m_s), self.stop)
         return (
-            self.up_s
+            self.takeoff_s
             + stop_s
-            + travel_time.arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=self.edge_m)
+            + travel_time.arrives_s(track, speed_m_s, initial_m_s=initial_m_s, remaining_m=self.edge_m)
         )
 
 
@@ -133,8 +133,8 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     if wings is not None:  # a fixed wing climbs along its route
         roll_s = 0.0 if vehicle.armed else ROLL_S
         return _PathToGoal(track, edge_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
-    up_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
-    return _PathToGoal(track, edge_m, speed_m_s, up_s, stop_ahead(state))
+    takeoff_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
+    return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, stop_ahead(state))
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
@@ -143,10 +143,10 @@ def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
 
 
 def _leg_in_goal_cell_m(track: Sequence[PlanarPoint], cell_size_m: float) -> float:
-    """Return the length of the last leg inside the goal cell [m]; it depends on the leg's direction."""
+    """Return the distance along the last leg from the edge of the goal cell to its centre [m]."""
     if len(track) < 2:
         return 0.0
     (e0, n0), (e1, n1) = track[-2:]
-    away_m = math.dist(track[-2], track[-1])
-    steepest = max(abs(e1 - e0), abs(n1 - n0))
-    return 0.5 * cell_size_m * away_m / steepest if steepest > 0.0 else 0.0
+    leg_m = math.dist(track[-2], track[-1])
+    longer_m = max(abs(e1 - e0), abs(n1 - n0))
+    return 0.5 * cell_size_m * leg_m / longer_m if longer_m > 0.0 else 0.0

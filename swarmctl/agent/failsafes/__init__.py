@@ -1,8 +1,8 @@
 """Failsafe rules in flight: one rule a file. Pure.
 
-A rule is a module with `NAME`, `Params` and `evaluate` (`base.Rule`). The agent follows the strongest demand
-(`base.STRENGTH`). A new rule is a file, a line in `RULES`, and a key in `swarmctl.config.failsafes`. Imports
-core.
+A rule is a module with `NAME`, `Params` and `evaluate` (`base.Rule`), and imports core alone. `enforcement`
+follows the strongest new demand (`base.STRENGTH`). A new rule is a file, a line in `RULES`, and a key in
+`swarmctl.config.failsafes`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import Any
 from swarmctl.agent.failsafes import fence_ahead, gps_loss, lost_link, low_battery, not_following, taken_over
 from swarmctl.agent.failsafes.base import (
     ACTIVITY_AS_DEMAND,
-    IN_FLIGHT,
     STRENGTH,
     ActiveRoute,
     ActiveRule,
@@ -27,7 +26,6 @@ from swarmctl.agent.failsafes.base import (
 __all__ = [
     "ACTIVITY_AS_DEMAND",
     "ALWAYS_ON",
-    "IN_FLIGHT",
     "RULES",
     "STRENGTH",
     "ActiveRoute",

@@ -38,8 +38,6 @@ ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
 }
 """Demand that each activity in flight already fulfils; only a stronger demand changes the activity."""
 
-IN_FLIGHT = frozenset(ACTIVITY_AS_DEMAND)
-
 
 @dataclass(frozen=True, slots=True)
 class Demand:
@@ -49,7 +47,7 @@ class Demand:
     reason: str
     """text for the operator: found and expected values"""
     urgent: bool = True
-    """True: the vehicle reacts at once; False: before a return, it holds until the return path is clear"""
+    """False: before a return, the vehicle holds until its return path is clear; True: it reacts at once"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +79,10 @@ class FailsafeFacts:
     activity: Activity = "ground"
     own_roles: frozenset[str] = frozenset()
     """roles of the modes that the agent may have set"""
-    orders: int = 0
+    orders_given: int = 0
     """number of orders given by the agent"""
     lost: bool = False
-    """True while the link is lost; all other fields are old then"""
+    """True while the link is lost; `vehicle` is old then"""
     route: ActiveRoute | None = None
     """None during a mission change, or without a mission"""
     fence: Fence | None = None
@@ -93,11 +91,11 @@ class FailsafeFacts:
 
     @property
     def in_flight(self) -> bool:
-        return self.activity in IN_FLIGHT
+        return self.activity in ACTIVITY_AS_DEMAND
 
     @property
     def position_m(self) -> tuple[float, float] | None:
-        """(east, north) in `frame` [m]."""
+        """(east, north) in `frame` [m]; None if unknown."""
         vehicle = self.vehicle
         if vehicle.lat_deg is None or vehicle.lon_deg is None:
             return None
@@ -116,7 +114,7 @@ class Rule(Protocol):
     def evaluate(
         self, params: Any, memory: Any, facts: FailsafeFacts, now: float, /
     ) -> tuple[Any, Demand | None]:
-        """Return (memory, demand) at `now` [s]; the demand is None if all is well.
+        """Return (memory, demand) at `now` [s]; the demand is None if nothing is to be done.
 
         `memory` is None at first. A demand lasts while each evaluation repeats the demand.
         """

@@ -22,7 +22,7 @@ _ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
     Phase.LANDING: "goal",
     Phase.HOLDING: "hold",
 }
-_WAITS = "; the vehicle holds until its return path is clear"
+_WAITS = "holds until its return path is clear"
 _REACTIONS = {
     DemandKind.HOLD: "holds",
     DemandKind.RETURN: "returns",
@@ -31,7 +31,7 @@ _REACTIONS = {
 
 
 def apply_failsafes(state: AgentState, now: float) -> StepResult:
-    """Evaluate all rules, and follow the strongest new demand.
+    """Evaluate all rules, and follow the strongest new demand if the vehicle does not fulfil it already.
 
     A lasting demand is followed only once, so that an operator can give another order afterwards.
     """
@@ -48,7 +48,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     if strongest is not None and strongest.kind is DemandKind.RELEASE:
         return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
-        ev.NotifyOperator(f"{active.rule.NAME.replace('_', ' ')} has ended {_code(active)}")
+        ev.NotifyOperator(f"the cause of this warning has gone {_code(active)}")
         for active, previous, demand in zip(state.task.rules, before, demands, strict=True)
         if previous is not None and previous.kind is DemandKind.WARN and demand is None
     ]
@@ -57,7 +57,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     )
     for active, demand in zip(state.task.rules, new_demands, strict=True):
         if demand is not None:
-            reaction = _reaction(followed[0], demand) if followed and demand is strongest else ""
+            reaction = _reaction(followed, demand) if demand is strongest else ""
             effects.append(ev.NotifyOperator(f"{demand.reason}{reaction} {_code(active)}"))
     if followed is None:
         return state, effects
@@ -68,11 +68,14 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
 def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
     if previous is None or previous.kind is not demand.kind:
         return True
+    # A return that has become urgent ends the wait for a clear path.
     return demand.urgent and not previous.urgent and state.return_turn_boot_s is not None
 
 
-def _reaction(after: AgentState, demand: Demand) -> str:
-    return _WAITS if after.returns_when_clear else f"; the vehicle {_REACTIONS[demand.kind]}"
+def _reaction(followed: StepResult | None, demand: Demand) -> str:
+    if followed is not None:
+        return f"; the vehicle {_WAITS if followed[0].returns_when_clear else _REACTIONS[demand.kind]}"
+    return "" if demand.kind is DemandKind.WARN else "; the vehicle already returns or lands"
 
 
 def _code(active: ActiveRule) -> str:
@@ -85,7 +88,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
         frame=state.task.grid.frame,
         activity=_activity(state),
         own_roles=own_mode_roles(state),
-        orders=state.orders_given,
+        orders_given=state.orders_given,
         lost=state.lost,
         route=_active_route(state),
         fence=state.task.fence,

@@ -1,4 +1,4 @@
-"""Fence ahead: a vehicle off its route is about to leave the fence.
+"""Fence ahead: a vehicle off its route is about to leave the fence, or has left it.
 
 Routes are inside the fence, leg by leg, so a vehicle on its route turns or stops in time.
 
@@ -6,7 +6,7 @@ Routes are inside the fence, leg by leg, so a vehicle on its route turns or stop
 |---|---|
 | on its route | none |
 | off its route, would cross the fence while stopping | hold; a fixed wing returns, as it cannot stop |
-| outside the fence | return |
+| outside the fence or above its ceiling | return |
 
 A single position may be wrong, so the rule takes the weaker demand of the last two positions.
 """
@@ -42,7 +42,7 @@ class Params(Section):
 @dataclass(frozen=True, slots=True)
 class FenceAheadMemory:
     here: PlanarPoint
-    """position after the last movement"""
+    """position after the last movement of at least MIN_MOVEMENT_M"""
     course: PlanarPoint | None = None
     """(east, north), unit vector"""
     evaluated_s: float | None = None
@@ -92,10 +92,10 @@ def _weaker(a: Demand | None, b: Demand | None) -> Demand | None:
 def _moved(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemory:
     if memory is None:
         return FenceAheadMemory(here)
-    metres = dist(memory.here, here)
-    if metres < MIN_MOVEMENT_M:
+    moved_m = dist(memory.here, here)
+    if moved_m < MIN_MOVEMENT_M:
         return memory
-    course = ((here[0] - memory.here[0]) / metres, (here[1] - memory.here[1]) / metres)
+    course = ((here[0] - memory.here[0]) / moved_m, (here[1] - memory.here[1]) / moved_m)
     return FenceAheadMemory(here, course)
 
 
@@ -103,7 +103,7 @@ def _leaves_fence(
     params: Params,
     memory: FenceAheadMemory,
     facts: FailsafeFacts,
-    corners: tuple[PlanarPoint, ...],
+    corners_m: tuple[PlanarPoint, ...],
     here: PlanarPoint,
 ) -> bool:
     """Return whether a vehicle off its route would leave the fence before it can stop or turn."""
@@ -112,7 +112,8 @@ def _leaves_fence(
     track = tuple(facts.frame.to_local(*point) for point in facts.route.points)
     if distance_to_track(here, track) <= params.off_route_m:
         return False
-    speed = facts.vehicle.ground_speed_m_s
-    stops_m = speed * params.seconds + (facts.turn_radius_m or speed * speed / (2.0 * DECELERATION_M_S2))
+    speed_m_s = facts.vehicle.ground_speed_m_s
+    braking_m = facts.turn_radius_m or speed_m_s * speed_m_s / (2.0 * DECELERATION_M_S2)
+    stops_m = speed_m_s * params.seconds + braking_m
     there = (here[0] + stops_m * memory.course[0], here[1] + stops_m * memory.course[1])
-    return not contains(corners, there)
+    return not contains(corners_m, there)

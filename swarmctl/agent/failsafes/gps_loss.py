@@ -6,7 +6,7 @@ If the autopilot does not react, this rule acts:
 | condition | after `seconds` | after `land_s` | after twice `land_s` |
 |---|---|---|---|
 | no fix | warning | landing: without a position the vehicle can neither hold nor return | |
-| no position, GPS has no fix | warning | landing | |
+| no position, no fix reported | warning | landing | |
 | no position, GPS has a fix | warning | return, which may still work | landing, unless the vehicle returns |
 """
 
@@ -23,11 +23,11 @@ NAME = "gps_loss"
 
 
 class Params(Section):
-    """Limits for GPS health (SYS_STATUS, once a second) and for the age of the position."""
+    """Limits for the time without a GPS fix (by SYS_STATUS) or without a position."""
 
     seconds: float = Field(2.0, ge=0.0, description="time without a fix or a position until the warning [s]")
     land_s: float = Field(
-        20.0, gt=0.0, description="time until the landing, if the autopilot does not react [s]"
+        20.0, gt=0.0, description="time until a landing or return, if the autopilot does not react [s]"
     )
 
 
@@ -75,10 +75,13 @@ def _demand(
     if blind_s is not None and blind_s >= params.land_s:
         return _return_or_landing(params, facts, blind_s)
     if no_fix_s is not None and no_fix_s >= params.seconds:
-        return Demand(DemandKind.WARN, "no GPS fix; the autopilot decides on the reaction")
-    if blind_s is not None and blind_s >= params.seconds:
-        return Demand(DemandKind.WARN, "telemetry without a position; the autopilot decides on the reaction")
-    return None
+        text, reaction = "no GPS fix", "lands"
+    elif blind_s is not None and blind_s >= params.seconds:
+        text, reaction = "telemetry without a position", "returns or lands"
+    else:
+        return None
+    wait = f"if the autopilot does not react, this program {reaction} the vehicle after {params.land_s:g} s"
+    return Demand(DemandKind.WARN, f"{text} for {params.seconds:g} s; {wait}")
 
 
 def _return_or_landing(params: Params, facts: FailsafeFacts, blind_s: float) -> Demand:

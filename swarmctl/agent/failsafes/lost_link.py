@@ -1,4 +1,4 @@
-"""Lost link: no telemetry arrives from a vehicle, and no order reaches it.
+"""Lost link: no telemetry arrives from a vehicle, and orders may not reach the vehicle.
 
 The vehicle's reaction was set before the take-off (`preflight.policy`), and this rule only announces it. If
 telemetry returns after the vehicle's own failsafe began, the vehicle is released (`taken_over`).
@@ -48,6 +48,5 @@ def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -
         does = _REACTIONS[params.does].format(params.after_s)
     return None, Demand(
         DemandKind.WARN,
-        "no telemetry arrives, and the vehicle receives no orders; by preflight.policy.lost_link the vehicle "
-        f"{does}",
+        f"no telemetry arrives, and orders may not reach the vehicle; it {does} (preflight.policy.lost_link)",
     )

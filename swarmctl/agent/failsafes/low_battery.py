@@ -1,9 +1,9 @@
-"""Low battery: return while the charge suffices, land before it is used up.
+"""Low battery: return while the charge suffices, and land before the battery is empty.
 
 | charge | demand |
 |---|---|
 | below `return_percent` | return; may wait for a clear path |
-| a further `wait_percent` lower | return without waiting |
+| below `return_percent` − `wait_percent` | return without waiting |
 | below `land_percent` | landing |
 """
 
@@ -79,7 +79,7 @@ def evaluate(
 
 
 def _least_waiting_percent(params: Params) -> float:
-    """Return the charge from which a return may wait [%]."""
+    """Return the least charge with which a return may wait [%]."""
     return max(params.return_percent - params.wait_percent, params.land_percent)
 
 

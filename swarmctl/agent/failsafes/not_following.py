@@ -1,4 +1,4 @@
-"""Not following: a vehicle reports its mission mode, but is off its route or does not move."""
+"""Not following: a vehicle that should fly its route is off the route, or does not move."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Params(Section):
 class NotFollowingMemory:
     plan_id: int
     track_m: tuple[PlanarPoint, ...]
-    """(east, north) [m], from the vehicle's position at the start of this plan"""
+    """(east, north) [m], from the vehicle's position when the rule first saw this plan"""
     off_since_s: float | None = None
     still_since_s: float | None = None
     demanded: Demand | None = None
@@ -53,17 +53,17 @@ def evaluate(
         track = (here, *(facts.frame.to_local(*point) for point in route.points))
         memory = NotFollowingMemory(route.plan_id, track)
     away_m = distance_to_track(here, memory.track_m)
-    still = (
+    is_still = (
         facts.vehicle.ground_speed_m_s < MAX_STILL_M_S and abs(facts.vehicle.climb_m_s) < MAX_STILL_CLIMB_M_S
     )
     off_since_s = holds_since(memory.off_since_s, away_m > params.metres, now)
-    still_since_s = holds_since(memory.still_since_s, still, now)
+    still_since_s = holds_since(memory.still_since_s, is_still, now)
     demanded = memory.demanded
     if off_since_s is None and still_since_s is None:
         demanded = None
     elif demanded is None and has_lasted(off_since_s, params.seconds, now):
-        found = f"the vehicle is {away_m:.0f} m off its route (limit {params.metres:g} m)"
-        demanded = Demand(DemandKind(params.action), f"{found} for {params.seconds:g} s")
+        found = f"the vehicle has been more than {params.metres:g} m off its route for {params.seconds:g} s"
+        demanded = Demand(DemandKind(params.action), f"{found} (now {away_m:.0f} m)")
     elif demanded is None and has_lasted(still_since_s, params.seconds, now):
         mode = facts.vehicle.mode
         demanded = Demand(

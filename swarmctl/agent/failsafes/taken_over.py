@@ -1,4 +1,4 @@
-"""Taken over: a pilot by radio control, another ground station, or the vehicle's own failsafe flies it.
+"""Taken over: a pilot, another ground station or the vehicle's own failsafe controls the vehicle.
 
 A heartbeat reports the mode, but not the cause of a mode change. The agent releases a vehicle in a mode that
 the agent did not select, and a vehicle that flies another station's mission.
@@ -16,7 +16,7 @@ NAME = "taken_over"
 
 FOREIGN_ON_GROUND_S = 10.0
 """Longest time on the ground in a foreign mode without a release [s]. A rebooting vehicle reports its boot
-mode before its clock shows the reboot. During this time a launch order releases the vehicle."""
+mode before its clock shows the reboot. A launch order in a foreign mode releases the vehicle at once."""
 TEXT_BEFORE_S = 1.5
 """Greatest time from a status text to the mode that the text explains [s]."""
 
@@ -28,8 +28,9 @@ class Params(Section):
 @dataclass(frozen=True, slots=True)
 class TakenOverMemory:
     foreign_since_s: float | None = None
-    orders: int = 0
+    orders_given: int = 0
     text: str = ""
+    """last status text of the vehicle"""
     text_s: float | None = None
     """time of receipt of `text`; None: received before the first evaluation"""
 
@@ -39,14 +40,14 @@ def evaluate(
 ) -> tuple[TakenOverMemory, Demand | None]:
     vehicle, before = facts.vehicle, memory or TakenOverMemory(text=facts.vehicle.status_text)
     # After an order, a foreign mode may be an intermediate mode of that order.
-    since_s = before.foreign_since_s if facts.orders == before.orders else None
+    since_s = before.foreign_since_s if facts.orders_given == before.orders_given else None
     is_own = vehicle.mode_role in {"", *facts.own_roles}
-    new = vehicle.status_text != before.text
+    is_new_text = vehicle.status_text != before.text
     memory = TakenOverMemory(
         holds_since(since_s, not is_own, now),
-        facts.orders,
+        facts.orders_given,
         vehicle.status_text,
-        now if new else before.text_s,
+        now if is_new_text else before.text_s,
     )
     if facts.activity == "ground" and vehicle.armed:
         return memory, Demand(
@@ -64,8 +65,8 @@ def evaluate(
     if facts.activity == "ground" and not has_lasted(memory.foreign_since_s, FOREIGN_ON_GROUND_S, now):
         return memory, None
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
-    recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S
-    text = f" (vehicle reports: {vehicle.status_text})" if recent else ""
+    is_recent = memory.text_s is not None and memory.text_s >= since_s - TEXT_BEFORE_S
+    text = f" (vehicle reports: {vehicle.status_text})" if is_recent else ""
     return memory, Demand(
         DemandKind.RELEASE, f"the vehicle is in mode {vehicle.mode}, which this program has not ordered{text}"
     )
@@ -75,6 +76,6 @@ def _other_mission(facts: FailsafeFacts) -> Demand | None:
     n_items = facts.vehicle.mission_total or 0
     text = f"the vehicle has a mission of {n_items} items that this program has not uploaded"
     if facts.activity == "ground":
-        return Demand(DemandKind.WARN, f"{text}; the vehicle is not launched with that mission")
+        return Demand(DemandKind.WARN, f"{text}; this program does not launch the vehicle with that mission")
     flies_it = facts.activity in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
     return Demand(DemandKind.RELEASE, text) if flies_it else None

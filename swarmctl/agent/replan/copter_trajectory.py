@@ -21,7 +21,7 @@ DESCENT_M_S = 1.5
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
 LEVEL_S = 0.4
-"""longest change of height that counts as level flight [s]"""
+"""duration of a climb or descent below which the flight counts as level [s]"""
 SAME_TIME_S = 1e-3
 """difference in time below which two points of a flight count as the same point [s]"""
 LOW_M = 10.0
@@ -29,9 +29,9 @@ LOW_M = 10.0
 
 
 def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
-    """Return the trajectory of a whole flight, from arming at `start` to the touchdown; up is above home [m].
+    """Return the trajectory of a whole flight from arming at `start`, with heights above home [m].
 
-    The copter climbs vertically, flies to its waypoints, and descends vertically at its landing spot.
+    A copter climbs vertically, flies to its waypoints, and descends vertically at its landing spot.
     """
     if task.wings is not None:
         return wing_trajectory.from_takeoff(task, plan, start)
@@ -50,24 +50,25 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
 
 
 def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
-    """Return the plan with one more waypoint, at the point where the vehicle reaches the plan's height.
+    """Return the plan with one more waypoint, at the point where the vehicle can reach the plan's height.
 
     The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints. Without the added
-    waypoint the vehicle would reach the height only at its first waypoint, which may be far away.
+    waypoint the vehicle would reach the height only at its first waypoint. The plan stays unchanged if its
+    first waypoint is less than twice as far away as the added one, or if its height hardly differs.
     """
-    height_m, place = plan.height_m, waypoints_of(task, plan)[0]
+    height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
     takes_s = abs(height_m - here[2]) / rate_m_s
-    level_m, away_m = task.arrival.speed_m_s * (after_s + takes_s), math.dist(here[:2], place)
+    level_m, away_m = task.arrival.speed_m_s * (after_s + takes_s), math.dist(here[:2], first)
     if takes_s < LEVEL_S or away_m < 2.0 * level_m:
         return plan
-    east_m, north_m = (a + level_m / away_m * (b - a) for a, b in zip(here[:2], place, strict=True))
+    east_m, north_m = (a + level_m / away_m * (b - a) for a, b in zip(here[:2], first, strict=True))
     level = Waypoint(*task.grid.frame.to_geodetic(east_m, north_m), height_m)
     return replace(plan, track=(level, *plan.track))
 
 
 def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
-    """Return the waypoints of a plan, and its landing spot."""
+    """Return the waypoints and the landing spot of a plan, (east, north) [m]."""
     frame = task.grid.frame
     return [frame.to_local(point.lat_deg, point.lon_deg) for point in (*plan.track, plan.landing)]
 
@@ -75,7 +76,7 @@ def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
 def climb_then_fly(
     here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, lift_s: float = 0.0
 ) -> Trajectory:
-    """Return the trajectory of a vertical climb after `lift_s`, a flight along `path`, and a landing."""
+    """Return the trajectory of a vertical climb after `lift_s` [s], a flight along `path`, and a landing."""
     up_s = lift_s + max(height_m - here[2], 0.0) / CLIMB_M_S
     there = (here[0], here[1], height_m)
     if up_s == 0.0:
@@ -89,16 +90,16 @@ def fly_with_stop(
     height_m: float,
     path: Sequence[PlanarPoint],
     speed_m_s: float,
-    begins_m_s: float,
+    initial_m_s: float,
     stop: BrakingStop | None,
 ) -> Trajectory:
-    """Return the trajectory of `fly_along` with a stop, before which the copter keeps its height.
+    """Return the trajectory of `fly_along` with a stop on the path; the copter keeps its height until then.
 
-    Without a stop (None) the result is that of `fly_along`.
+    Without a stop on the path the result is that of `fly_along`.
     """
     parts = None if stop is None else split_track([here[:2], *path], stop.stops_in_m)
     if stop is None or parts is None:
-        return fly_along(here, height_m, path, speed_m_s, begins_m_s)
+        return fly_along(here, height_m, path, speed_m_s, initial_m_s)
     until, rest = parts
     if (brakes := split_track(until, stop.brakes_in_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]
@@ -113,12 +114,12 @@ def fly_with_stop(
 
 
 def fly_along(
-    here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float = 0.0
+    here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float = 0.0
 ) -> Trajectory:
-    """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `begins_m_s`."""
-    corners, passed_s = travel_time.timed([here[:2], *path], speed_m_s, begins_m_s=begins_m_s)
+    """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `initial_m_s`."""
+    corners, passed_s = travel_time.corner_times([here[:2], *path], speed_m_s, initial_m_s=initial_m_s)
     if len(corners) > 1 and path[0] not in corners[:2] and path[0] != here[:2]:
-        # This point is no corner, but the flight is level from this point on.
+        # The first point of the path is no corner, but the flight is level from this point on.
         share = min(math.dist(here[:2], path[0]) / math.dist(here[:2], corners[1]), 0.99)
         corners.insert(1, path[0])
         passed_s.insert(1, share * passed_s[1])

@@ -19,11 +19,11 @@ from swarmctl.agent.replan.spare_time import with_spare_time
 from swarmctl.agent.replan.splice import Splice, splice_on_route, splice_on_track
 from swarmctl.agent.replan.time_bound import (
     ahead_lost_s,
+    arrival_outside_bound_s,
     bounds_of,
     change_cells,
     is_no_worse,
     joining_leg,
-    lateness_s,
     lead_in_to,
     route_lost_s,
     route_within_bounds,
@@ -42,23 +42,23 @@ _STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
 
 
 def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan a route from the present belief; change the mission if the new route is better."""
+    """Plan a route from the present belief; change the mission if the new route is better or required."""
     p_s = believed_exposure(state.task, state.belief, state.strength)
     return _decide_from(state, p_s, _planning_start(state))
 
 
 def _decide_from(
-    state: AgentState, p_s: NDArray[np.float64], here: Cell, off_track: Splice | None = None
+    state: AgentState, p_s: NDArray[np.float64], route_cell: Cell, off_track: Splice | None = None
 ) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan a route from `here`, the cell of the present route beside the vehicle.
+    """Plan a route from `route_cell`, the cell of the present route nearest to the vehicle.
 
-    `off_track` is the splice at which the vehicle leaves a track; then `here` is the cell of that splice.
+    `off_track` is the splice at which the vehicle leaves a track; `route_cell` is then the splice's cell.
     """
     task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
-    splice = splice_on_route(state, here, p_s) if off_track is None else off_track
+    splice = splice_on_route(state, route_cell, p_s) if off_track is None else off_track
     start, joining = splice.kept[-1], joining_leg(state, splice)
     if splice.leaves_ahead and start in task.goals and not state.must_change:
-        # The vehicle reaches its goal before the end of a swap.
+        # The vehicle would reach its goal before the end of a swap.
         return replace(state, exposure=p_s, route_exposure=p_s, dirty=False, because=()), []
     ahead = _cells_ahead(state, start)
     lead_in = lead_in_to(state, start, ahead, splice)
@@ -70,7 +70,7 @@ def _decide_from(
         route = error.nearest  # a late vehicle flies the best route found
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, splice)
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, joining)
-    is_track_good = off_track is not None or not keeps or is_track_still_good(state, p_s, here)
+    is_track_good = off_track is not None or not keeps or is_track_still_good(state, p_s, route_cell)
     keeps = keeps and is_track_good and not state.must_change
     if not keeps and off_track is None and task.wings is None and _is_on_track(state):
         # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
@@ -79,7 +79,8 @@ def _decide_from(
         return _decide_from(state, p_s, splice.kept[-1], splice)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
     lost_s = lost_s if keeps else route_lost_s(task, route.cells, joining)
-    late_s = lateness_s(state, problem, lead_in, length, lost_s) if state.task.arrival.is_bounded else None
+    is_bounded = state.task.arrival.is_bounded
+    late_s = arrival_outside_bound_s(state, problem, lead_in, length, lost_s) if is_bounded else None
     state = replace(
         state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
     )
@@ -109,13 +110,13 @@ def _decide_from(
 
 
 def _from_vehicle(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
-    """Return the route with the kept cells of the old route before it, and with measures of both parts."""
+    """Return the kept cells of the old route and the new route as one route, measured as a whole."""
     if len(splice.kept) == 1:
         return route
     cells = (*splice.kept[:-1], *route.cells)
-    whole = replace(problem, start=cells[0], min_length_cells=0.0, max_length_cells=math.inf)
-    cost = task.method.measure(whole, cells)
-    return route_of(whole, cells, cost if math.isfinite(cost) else route.cost)
+    unbounded = replace(problem, start=cells[0], min_length_cells=0.0, max_length_cells=math.inf)
+    cost = task.method.measure(unbounded, cells)
+    return route_of(unbounded, cells, cost if math.isfinite(cost) else route.cost)
 
 
 def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:
@@ -144,7 +145,7 @@ def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem
 def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
     """Return the mission for a route from the entry cell that solves `first_problem`.
 
-    Raises Unreachable if the vehicle needs more room to turn than the route has.
+    Raises Unreachable if the route has no room for the vehicle's turns, or its end no room for the landing.
     """
     return mission_for(task, problem.exposure, route, pulled_track(task, problem, route))
 
@@ -164,10 +165,10 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_i
 
 
 def _planning_start(state: AgentState) -> Cell:
-    """Return the cell from which to plan: usually the cell under the vehicle.
+    """Return the cell from which to plan: the route's cell nearest to the vehicle.
 
-    Outside the area the result is the last cell flown, or the entry cell. At a cut corner the result is the
-    next cell of the route.
+    The result is the vehicle's cell without a route or off the route. Outside the area the result is the last
+    cell flown, or the entry cell. At a cut corner it is the next cell of the route.
     """
     cell = state.cell
     if cell is None:
@@ -185,7 +186,7 @@ def _planning_start(state: AgentState) -> Cell:
 
 
 def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
-    """Return the rest of the present route from `start`; None if the route does not contain it."""
+    """Return the rest of the present route from `start`; None if the route does not contain `start`."""
     if state.route is None or start not in state.route.cells:
         return None
     return state.route.cells[state.route.cells.index(start) :]

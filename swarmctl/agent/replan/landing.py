@@ -30,13 +30,13 @@ from swarmctl.planners.base import Unreachable
 
 
 def goal_approach(task: Task, goal: Cell) -> Approach | None:
-    """Return the landing at a goal; None for a copter. Raises Unreachable."""
+    """Return the landing at a goal; None for a copter. Raises Unreachable if there is no room to land."""
     pattern = goal_pattern(task, goal)
     return None if pattern is None else _as_planned(task, pattern)
 
 
 def home_approach(task: Task) -> Approach | None:
-    """Return the landing at the place of take-off, for a return; None for a copter. Raises Unreachable."""
+    """Return the landing at the place of take-off, for a return. The rest is as in `goal_approach`."""
     pattern = home_pattern(task)
     return None if pattern is None else _as_planned(task, pattern)
 
@@ -47,7 +47,9 @@ def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
         return None
     spot = landing_spot(task.grid, goal, task.landing_index, task.landing_count)
     home, there = task.grid.frame.to_local(*task.wings.home), task.grid.centre_m(goal)
-    return _pattern("at its goal", task, spot, Pose(there, _heading_rad(home, there)), is_flown_to=True)
+    return _pattern(
+        "at its goal", task, spot, Pose(there, _heading_rad(home, there)), with_path_to_circle=True
+    )
 
 
 def home_pattern(task: Task) -> LandingPattern | None:
@@ -56,11 +58,11 @@ def home_pattern(task: Task) -> LandingPattern | None:
         return None
     home = task.grid.frame.to_local(*task.wings.home)
     from_pose = Pose(home, _heading_rad(home, task.grid.centre_m(task.entry)))
-    return _pattern("at home", task, task.wings.home, from_pose, is_flown_to=False)
+    return _pattern("at home", task, task.wings.home, from_pose, with_path_to_circle=False)
 
 
 def _pattern(
-    where: str, task: Task, touchdown: LatLon, from_pose: Pose, *, is_flown_to: bool
+    where: str, task: Task, touchdown: LatLon, from_pose: Pose, *, with_path_to_circle: bool
 ) -> LandingPattern:
     assert task.wings is not None
     corners_m = () if task.fence is None else task.fence.corners_m
@@ -73,7 +75,7 @@ def _pattern(
             corners_m,
             touchdown,
             from_pose,
-            is_flown_to,
+            with_path_to_circle,
         )
     except NoApproach as error:
         raise Unreachable(f"no room to land {where}: {error}") from error
@@ -88,7 +90,7 @@ def _chosen(
     fence: tuple[PlanarPoint, ...],
     touchdown: LatLon,
     from_pose: Pose,
-    is_flown_to: bool,
+    with_path_to_circle: bool,
 ) -> LandingPattern:
     p_s = np.ones((grid.rows, grid.cols))  # selects the pattern over the fewest cells of the area
     for cell in no_fly:
@@ -98,7 +100,7 @@ def _chosen(
         grid.frame.to_local(*touchdown),
         wings,
         from_pose=from_pose,
-        is_flown_to=is_flown_to,
+        with_path_to_circle=with_path_to_circle,
         turn_radius_m=turn_radius_m,
         fence=fence,
         exposure_under=lambda path: _exposure_under(threat, grid, path),

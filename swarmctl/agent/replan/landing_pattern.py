@@ -29,7 +29,7 @@ EXPOSURE_TIE = 1e-9
 
 
 class NoApproach(ValueError):
-    """Too little room for a landing in every direction."""
+    """No landing direction has enough room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class FixedWing:
     glide_deg: float
     """slope of the final [deg]"""
     min_speed_m_s: float
-    """least speed that is ordered [m/s]"""
+    """least speed that the agent commands [m/s]"""
     takeoff_height_m: float
     """height above home up to which the vehicle flies straight on after take-off [m]"""
     home: LatLon
@@ -63,7 +63,7 @@ class FixedWing:
 
     @property
     def reach_m(self) -> float:
-        """Greatest distance of any part of the pattern from the touchdown [m]."""
+        """Upper bound of the distance from the touchdown to any part of the pattern [m]."""
         return self.final_m + 4.0 * self.loiter_radius_m + ROLL_OUT_M
 
 
@@ -82,17 +82,19 @@ class LandingPattern:
     centre: PlanarPoint
     radius_m: float
     """radius of the circle [m]; negative: counter-clockwise"""
-    leaves: PlanarPoint
+    circle_exit: PlanarPoint
     """exit of the circle, along its tangent"""
     final: PlanarPoint
+    """start of the final"""
     touchdown: PlanarPoint
     heading_rad: float
 
     def circle(self) -> list[PlanarPoint]:
         """Return points once around the circle, from its exit to its exit."""
-        out = math.atan2(self.leaves[0] - self.centre[0], self.leaves[1] - self.centre[1])
-        turn = math.copysign(math.tau / CIRCLE_POINTS, self.radius_m)
-        return [_offset(self.centre, out + k * turn, abs(self.radius_m)) for k in range(CIRCLE_POINTS + 1)]
+        exit_rad = math.atan2(self.circle_exit[0] - self.centre[0], self.circle_exit[1] - self.centre[1])
+        step_rad = math.copysign(math.tau / CIRCLE_POINTS, self.radius_m)
+        bearings_rad = (exit_rad + k * step_rad for k in range(CIRCLE_POINTS + 1))
+        return [_offset(self.centre, bearing_rad, abs(self.radius_m)) for bearing_rad in bearings_rad]
 
     def outline(self) -> list[PlanarPoint]:
         """Return the points of the flight from the circle on, with the roll-out."""
@@ -105,108 +107,108 @@ class LandingPattern:
 
 
 def landing_pattern(
-    touchdown: PlanarPoint, heading_rad: float, wings: FixedWing, *, clockwise: bool
+    touchdown: PlanarPoint, heading_rad: float, fixed_wing: FixedWing, *, clockwise: bool
 ) -> LandingPattern:
-    """Return the pattern with this touchdown and landing heading, and its circle on one side of the final."""
-    radius_m = wings.loiter_radius_m
-    final = _offset(touchdown, heading_rad, -wings.final_m)
+    """Return the pattern with this touchdown, landing heading and direction of the circle."""
+    radius_m = fixed_wing.loiter_radius_m
+    final = _offset(touchdown, heading_rad, -fixed_wing.final_m)
     # One more radius to level the wings and to settle on the line.
-    leaves = _offset(final, heading_rad, -radius_m)
+    circle_exit = _offset(final, heading_rad, -radius_m)
     side_rad = math.pi / 2.0 if clockwise else -math.pi / 2.0
-    centre = _offset(leaves, heading_rad + side_rad, radius_m)
+    centre = _offset(circle_exit, heading_rad + side_rad, radius_m)
     return LandingPattern(
-        centre, radius_m if clockwise else -radius_m, leaves, final, touchdown, heading_rad % math.tau
+        centre, radius_m if clockwise else -radius_m, circle_exit, final, touchdown, heading_rad % math.tau
     )
 
 
 def choose_pattern(
     touchdown: PlanarPoint,
-    wings: FixedWing,
+    fixed_wing: FixedWing,
     *,
     from_pose: Pose,
-    is_flown_to: bool,
+    with_path_to_circle: bool,
     turn_radius_m: float,
     fence: Sequence[PlanarPoint],
     exposure_under: Callable[[Sequence[PlanarPoint]], float],
 ) -> LandingPattern:
     """Return the pattern of least exposure whose legs all stay inside the fence.
 
-    Among equal patterns, the result needs the least turn from `from_pose`. With `is_flown_to`, the path from
-    `from_pose` to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path,
-    infinite with a forbidden cell. Raises NoApproach.
+    Among equal patterns, the result needs the least turn from `from_pose`. `with_path_to_circle`: the path
+    from `from_pose` to the circle counts too. `exposure_under(path)` is the exposure of the cells under a
+    path, infinite with a forbidden cell. Raises NoApproach.
     """
 
     def cost(candidate: LandingPattern) -> float:
         path = candidate.outline()
-        if is_flown_to:
+        if with_path_to_circle:
             path = [*path_to_circle(from_pose, candidate, turn_radius_m), *path]
         if fence and not all(stays_inside(fence, a, b) for a, b in pairwise(path) if a != b):
             return math.inf
         return exposure_under(path)
 
-    candidates = _candidates(touchdown, wings, from_pose.heading_rad)
+    candidates = _candidates(touchdown, fixed_wing, from_pose.heading_rad)
     found = [(cost(candidate), candidate) for candidate in candidates]
     least = min(total for total, _ in found)
     if math.isinf(least):
         raise NoApproach(
-            f"a final of {wings.final_m:.0f} m with a circle of {wings.loiter_radius_m:g} m leaves the "
-            "fence, or crosses no_fly, for every heading; expected room for one heading"
+            f"a final of {fixed_wing.final_m:.0f} m and a circle of radius {fixed_wing.loiter_radius_m:g} m "
+            "leave the fence or cross no_fly in each direction tried; move the goal or widen the fence"
         )
     return next(pattern for total, pattern in found if total <= least + EXPOSURE_TIE)
 
 
-def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> Iterator[LandingPattern]:
-    """Yield the possible patterns, in order of the turn that they need."""
+def _candidates(touchdown: PlanarPoint, fixed_wing: FixedWing, along_rad: float) -> Iterator[LandingPattern]:
+    """Yield the possible patterns; patterns with a smaller turn from `along_rad` are first."""
     headings = [along_rad]
-    if wings.landing_heading_deg is not None:
-        headings = [math.radians(wings.landing_heading_deg)]
+    if fixed_wing.landing_heading_deg is not None:
+        headings = [math.radians(fixed_wing.landing_heading_deg)]
     else:
         for k in range(1, N_HEADINGS // 2 + 1):
             headings += [along_rad + k * math.tau / N_HEADINGS, along_rad - k * math.tau / N_HEADINGS]
     for heading_rad in headings:
         for clockwise in (True, False):
-            yield landing_pattern(touchdown, heading_rad, wings, clockwise=clockwise)
+            yield landing_pattern(touchdown, heading_rad, fixed_wing, clockwise=clockwise)
 
 
 def path_to_circle(from_pose: Pose, pattern: LandingPattern, turn_radius_m: float) -> list[PlanarPoint]:
     """Return the approximate path to the circle, flown by turning towards the circle's centre."""
-    (east, north), heading = from_pose.point, from_pose.heading_rad
+    (east, north), heading_rad = from_pose.point, from_pose.heading_rad
     most_rad = STEP_M / max(turn_radius_m, STEP_M)
     path = [from_pose.point]
     for _ in range(MAX_STEPS):
         if math.dist((east, north), pattern.centre) <= abs(pattern.radius_m):
             break
-        wanted = math.atan2(pattern.centre[0] - east, pattern.centre[1] - north)
-        turn = math.remainder(wanted - heading, math.tau)
-        heading += min(max(turn, -most_rad), most_rad)
-        east, north = _offset((east, north), heading, STEP_M)
+        bearing_rad = math.atan2(pattern.centre[0] - east, pattern.centre[1] - north)
+        turn_rad = math.remainder(bearing_rad - heading_rad, math.tau)
+        heading_rad += min(max(turn_rad, -most_rad), most_rad)
+        east, north = _offset((east, north), heading_rad, STEP_M)
         path.append((east, north))
     return path
 
 
-def planned_approach(found: LandingPattern, frame: LocalFrame, height_m: float) -> Approach:
+def planned_approach(pattern: LandingPattern, frame: LocalFrame, height_m: float) -> Approach:
     """Return the pattern as a part of a plan; `height_m` is the height of the final above home."""
 
     def place(point: PlanarPoint, up_m: float) -> Waypoint:
         return Waypoint(*frame.to_geodetic(*point), up_m)
 
     return Approach(
-        place(found.centre, height_m),
-        found.radius_m,
-        place(found.final, height_m),
-        place(found.touchdown, 0.0),
+        place(pattern.centre, height_m),
+        pattern.radius_m,
+        place(pattern.final, height_m),
+        place(pattern.touchdown, 0.0),
     )
 
 
-def pattern_from(pattern: Approach, frame: LocalFrame) -> LandingPattern:
+def pattern_from(approach: Approach, frame: LocalFrame) -> LandingPattern:
     """Return the pattern of a plan's approach."""
     centre, final, touchdown = (
-        frame.to_local(p.lat_deg, p.lon_deg) for p in (pattern.centre, pattern.final, pattern.touchdown)
+        frame.to_local(p.lat_deg, p.lon_deg) for p in (approach.centre, approach.final, approach.touchdown)
     )
     heading_rad = math.atan2(touchdown[0] - final[0], touchdown[1] - final[1])
-    side_rad = -math.pi / 2.0 if pattern.radius_m > 0.0 else math.pi / 2.0
-    leaves = _offset(centre, heading_rad + side_rad, abs(pattern.radius_m))
-    return LandingPattern(centre, pattern.radius_m, leaves, final, touchdown, heading_rad)
+    side_rad = -math.pi / 2.0 if approach.radius_m > 0.0 else math.pi / 2.0
+    circle_exit = _offset(centre, heading_rad + side_rad, abs(approach.radius_m))
+    return LandingPattern(centre, approach.radius_m, circle_exit, final, touchdown, heading_rad)
 
 
 def _offset(point: PlanarPoint, heading_rad: float, metres: float) -> PlanarPoint:

@@ -93,7 +93,7 @@ class LengthBounds:
         return missed if missed > ROUNDING_CELLS else 0.0
 
     def with_reserve(self, cells: float) -> LengthBounds:
-        """Return the bounds with the greatest length reduced by `cells`, by half of the range at most."""
+        """Return the bounds with the greatest length reduced by `cells`, at most to the middle of both."""
         kept = max(self.max_cells - cells, 0.5 * (self.min_cells + self.max_cells))
         return LengthBounds(self.min_cells, min(kept, self.max_cells))
 
@@ -111,7 +111,8 @@ def before_takeoff(arrival: TimeBound, altitude_m: float) -> LeadIn:
 def swap_loss_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
     """Return the time lost by a swap before the new route begins [s], at least the time lost by braking.
 
-    `stop_s` is the vehicle's measured stop (`SwapTimes.stop_s`); without a measurement a stop is assumed.
+    `stop_s` is the vehicle's measured stop (`SwapTimes.stop_s`); for None a stop is assumed. `brakes_m_s2` is
+    the vehicle's deceleration before a new mission; None: it does not brake.
     """
     brakes_s = 0.0 if brakes_m_s2 is None else travel_time.brake_s(arrival.speed_m_s, brakes_m_s2)
     return max(travel_time.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)
@@ -120,15 +121,15 @@ def swap_loss_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: fl
 def length_bounds(arrival: TimeBound, cell_size_m: float, lead_in: LeadIn) -> LengthBounds:
     """Return the bounds on the length of the route; both are 0 if no time is left.
 
-    The bounds do not count time lost at turns. The least length counts no losses, because it must hold for a
-    vehicle without losses.
+    Time lost at turns is not part of the bounds. The least length ignores `lead_in.lost_s`, too, because a
+    vehicle without losses must not be early.
     """
     if not arrival.is_bounded:
         return LengthBounds()
-    at_once_s = lead_in.arrives_s(arrival, 0.0)
-    at_best_s = at_once_s - lead_in.lost_s
+    at_route_s = lead_in.arrives_s(arrival, 0.0)
+    at_best_s = at_route_s - lead_in.lost_s
     cells_per_s = arrival.speed_m_s / cell_size_m
-    latest = max((arrival.within_s - at_once_s) * cells_per_s, 0.0)
-    earliest = (arrival.after_s - at_best_s) * cells_per_s + HALF_DIAGONAL_CELLS
-    earliest = min(max(earliest, 0.0), latest) if arrival.after_s > 0.0 else 0.0
-    return LengthBounds(earliest, latest)
+    max_cells = max((arrival.within_s - at_route_s) * cells_per_s, 0.0)
+    min_cells = (arrival.after_s - at_best_s) * cells_per_s + HALF_DIAGONAL_CELLS
+    min_cells = min(max(min_cells, 0.0), max_cells) if arrival.after_s > 0.0 else 0.0
+    return LengthBounds(min_cells, max_cells)

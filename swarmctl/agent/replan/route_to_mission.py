@@ -1,6 +1,7 @@
 """The mission for a lattice route: along the route itself, or along a straightened track.
 
-The planner measures and compares lattice routes. A track replaces its route only while the track is no worse.
+The planner measures and compares lattice routes alone. A new plan replaces a track that is no longer as good
+as its lattice route.
 """
 
 from __future__ import annotations
@@ -29,8 +30,7 @@ from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot, track
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 NO_WAYPOINT_WITHIN_M = 5.0
-"""Distance from the direct leg within which a splice point needs no waypoint [m]. The error at other corners
-is at least as large."""
+"""Distance from the direct leg within which a splice point needs no waypoint [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +76,8 @@ def lattice_route(route: Route) -> FlownRoute:
 def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     """Return the straightened track of a route; None if the vehicle flies the lattice route.
 
-    Wide turns may raise the cost of a track. The cost is Eq. 5 for a planner that uses w, otherwise the
-    exposure; the result keeps the rise small. A track is never longer than its route, so the track keeps the
-    latest arrival. Raises Unreachable if no track has turns wide enough.
+    Wide turns may make every track worse than its route. Then the result has the least cost: Eq. 5 for a
+    planner that uses w, otherwise the exposure. Raises Unreachable if no track has turns wide enough.
     """
     if task.any_angle is None:
         return None
@@ -154,11 +153,11 @@ def mission_for(
 
 
 def _goes_straight(task: Task, splice: Splice, first: Waypoint) -> bool:
-    """Return whether the vehicle may leave its track for `first` at any place before the splice point."""
+    """Return whether the splice point is so near the direct leg to `first` that it needs no waypoint."""
     if len(splice.lead_waypoints) != 1:
         return False
-    frame, (turns,) = task.grid.frame, splice.lead_waypoints
-    place, there = (frame.to_local(at.lat_deg, at.lon_deg) for at in (turns, first))
+    frame, (splice_point,) = task.grid.frame, splice.lead_waypoints
+    place, there = (frame.to_local(at.lat_deg, at.lon_deg) for at in (splice_point, first))
     return distance_to_leg(place, splice.path[0], there) <= NO_WAYPOINT_WITHIN_M
 
 
@@ -177,7 +176,7 @@ def _along_lattice(task: Task, cells: Sequence[Cell], splice: Splice, landing: L
 def _fixed_wing_mission(
     task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None
 ) -> FlightPlan:
-    """Return the mission of a fixed wing, which never flies back to a corner and lands by an approach."""
+    """Return the mission of a fixed wing: the corners ahead, and landing approaches at its goal and home."""
     assert task.wings is not None
     ahead = corners if position is None else corners_ahead(task, corners, position)
     plan = track_plan(task.grid, ahead, altitude_m=task.altitude_m, landing_lat_lon=landing)
@@ -191,19 +190,19 @@ def _fixed_wing_mission(
 
 
 def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
-    """Return the corners of a track that are still ahead of a fixed wing.
+    """Return the corners of a track that are still ahead of a fixed wing, at least the last corner.
 
-    The result omits the corner under or beside the vehicle, and corners at which the vehicle turns soon. The
-    vehicle would fly a circle to a corner that it has passed.
+    Inside the area the first corner is under or beside the vehicle and is left out. So are corners at which
+    the vehicle turns soon: it would fly a circle back to a corner that it has passed.
     """
     grid = task.grid
-    over, here = grid.cell_at(*position), grid.frame.to_local(*position)
+    cell, here = grid.cell_at(*position), grid.frame.to_local(*position)
     soon_m = 0.5 * CHANGE_S * task.arrival.speed_m_s
     first = 0
     while first + 1 < len(corners):
         corner, after = grid.centre_m(corners[first]), grid.centre_m(corners[first + 1])
         turns_m = min(tangent_length(here, corner, after, task.turn_radius_m), 2.0 * task.turn_radius_m)
-        is_passed = first == 0 and over is not None
+        is_passed = first == 0 and cell is not None
         if not is_passed and math.dist(here, corner) > turns_m + soon_m:
             break
         first += 1
@@ -211,14 +210,20 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 
 def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
-    """Return the index in `swap.cells` nearest to a cell under the flight; None for other cells."""
+    """Return the index of the route's cell nearest to `cell`; None for a cell that the flight does not pass.
+
+    If a track passes the cell more than once, the result is the first index from `since` on.
+    """
     if swap.track is not None:
         return pull.route_index_at(swap.track, cell, since)
     return swap.cells.index(cell) if cell in swap.cells else None
 
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> bool:
-    """Return whether the present track is still as good as its route; `start` is the vehicle's route cell."""
+    """Return whether the present track is still as good as its route; True without a track.
+
+    `start` is the route's cell nearest to the vehicle.
+    """
     task, swap = state.task, state.route
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True

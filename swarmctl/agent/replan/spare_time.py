@@ -1,4 +1,4 @@
-"""Spare time: a vehicle that is early for a simultaneous arrival flies a safer or longer route. Pure."""
+"""Spare time: a copter that is early for a simultaneous arrival flies a less exposed route. Pure."""
 
 from __future__ import annotations
 
@@ -27,42 +27,38 @@ def is_early(due_s: float, soonest_s: float) -> bool:
 
 
 def with_spare_time(state: AgentState, task: Task) -> Task:
-    """Return the task of an early copter: the least exposed route that arrives on time at a permitted speed.
+    """Return the task, for an early copter with another method and time bound.
 
-    Any other vehicle keeps its task.
+    The method finds the least exposed route. The bound allows routes on which the copter arrives at its due
+    time at a permitted speed.
     """
     vehicle, due_s = state.vehicle, state.due_s
-    if (
-        task.arrival_group is None
-        or state.spare_time_due_s is None
-        or due_s is None
-        or task.wings is not None
-    ):
+    if task.arrival_group is None or state.spare_time_due_s is None or due_s is None:
         return task
-    if state.phase is not Phase.FLYING:
+    if task.wings is not None or state.phase is not Phase.FLYING:
         return task
     if state.launched_boot_s is None or due_s - RESERVE_S <= vehicle.time_boot_s:
         return task
-    left_s = due_s - vehicle.time_boot_s
+    remaining_s = due_s - vehicle.time_boot_s
     full_m_s = task.arrival.speed_m_s
-    # Time at full speed for the distance that the vehicle flies at its least speed until the common time.
-    least_s = left_s * least_m_s(full_m_s, task.arrival_group.slowest_m_s) / full_m_s
-    begun_s = vehicle.time_boot_s - state.launched_boot_s
+    # Time at full speed for the distance that the vehicle flies at its least speed until its due time.
+    least_s = remaining_s * least_m_s(full_m_s, task.arrival_group.slowest_m_s) / full_m_s
+    elapsed_s = vehicle.time_boot_s - state.launched_boot_s
     arrival = TimeBound(
         full_m_s,
-        after_s=begun_s + min(least_s, left_s - RESERVE_S),
-        within_s=begun_s + left_s - RESERVE_S,
+        after_s=elapsed_s + min(least_s, remaining_s - RESERVE_S),
+        within_s=elapsed_s + remaining_s - RESERVE_S,
         approach_m=task.arrival.approach_m,
     )
     return replace(task, arrival=arrival, method=LEAST_EXPOSED)
 
 
 def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> AgentState:
-    """Mark the plan dirty if the vehicle has become early, or is no longer early."""
+    """Mark the plan dirty if spare time is new, its due time has changed, or the vehicle is the last one."""
     new_due_s = due_s if is_early(due_s, soonest_s) else None
     previous_due_s = state.spare_time_due_s
     if new_due_s is None:
-        # The longer route uses up the spare time. The vehicle keeps that route unless it is the last vehicle.
+        # The other route uses up the spare time. The vehicle keeps that route unless it is the last vehicle.
         is_last = due_s - soonest_s <= LAST_MARGIN_S and previous_due_s is not None
         return replace(state, spare_time_due_s=None, dirty=True) if is_last else state
     if previous_due_s is not None and math.isclose(previous_due_s, new_due_s, abs_tol=MIN_EARLY_S):

@@ -4,8 +4,8 @@ The vehicle flies on during the swap. So the new route keeps the cells of the ol
 the vehicle reaches after the swap. The distance to that centre follows from the vehicle's speed and from the
 durations of its last swaps.
 
-If the old route has a wall before the splice point, a copter leaves the route at once. A fixed wing stays on
-the route, because it can neither turn on the spot nor wait.
+A wall is a no-fly cell, or a cell above `max_exposure`. If the old route has a wall before the splice point,
+a copter leaves the route at once. A fixed wing stays on the route: it can neither turn on the spot nor wait.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
-"""Greatest distance of a vehicle on its route [m]; a vehicle farther away drifts or cuts a corner."""
+"""Greatest distance from the route at which a vehicle counts as on its route [m]."""
 OVERHEAD_M = 1.0
-"""Greatest distance of a vehicle that is over a centre [m]."""
+"""Greatest distance from a centre at which a vehicle counts as over the centre [m]."""
 MOVING_M_S = 0.5
 """Least speed that shows a direction of flight [m/s]."""
 URGENT_CELLS = 3
@@ -35,7 +35,7 @@ URGENT_CELLS = 3
 CHANGE_S = 2.0
 """Least time for which a fixed wing flies on by its old plan during a swap [s]."""
 TURN_OFF_RADII = math.tan(math.pi / 8.0)
-"""Distance before a turn by 45° at which a fixed wing turns off [radii]; sharper turns have more room."""
+"""Distance before a turn by 45° at which a fixed wing turns off [turn radii]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ class Splice:
     kept: tuple[Cell, ...]
     """common cells, from the cell beside the vehicle to the cell in which the new route may turn off"""
     leaves_ahead: bool = False
-    """True: the vehicle flies these cells by its old plan; False: the vehicle leaves the old plan at once"""
+    """True: a copter flies these cells by its old plan; False: a fixed wing, or the copter leaves at once"""
     previous: Cell | None = None
-    """cell of the old route before `kept`"""
+    """cell of the old route before `kept`; None: `kept` begins that route, or the vehicle is not on it"""
     is_first_passed: bool = False
     """True if the vehicle has passed the centre of the first kept cell"""
     path: tuple[PlanarPoint, ...] = ()
-    """points from the vehicle over the centres ahead, without the last centre"""
+    """points from the vehicle over the centres or corners ahead, without the splice point"""
     lead_m: float = 0.0
     """length of the path to the centre of the last cell, or to the splice point on a track [m]"""
     lead_waypoints: tuple[Waypoint, ...] = ()
@@ -88,7 +88,7 @@ def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) ->
 def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
     """Return the cells of a fixed wing's route, from `start` on, that a new route keeps as room for the turn.
 
-    The new route may turn off in the last cell. Without a present route the result is `start` alone.
+    The new route may turn off in the last cell. The result is `start` alone if the vehicle is not on a route.
     """
     task, swap, vehicle = state.task, state.route, state.vehicle
     if state.phase is not Phase.FLYING or swap is None or start not in swap.cells:
@@ -114,25 +114,25 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
         return at_once
     here = grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
     corners = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
-    passed, lead_m, least_m = [here], 0.0, _swap_distance_m(state)
+    path, lead_m, least_m = [here], 0.0, _swap_distance_m(state)
     for east_m, north_m, _ in track_ahead(corners, (*here, 0.0)):
-        leg_m = math.dist(passed[-1], (east_m, north_m))
+        leg_m = math.dist(path[-1], (east_m, north_m))
         share = min((least_m - lead_m) / leg_m, 1.0) if leg_m > 0.0 else 1.0
-        (e, n), lead_m = passed[-1], lead_m + share * leg_m
-        passed.append((e + share * (east_m - e), n + share * (north_m - n)))
+        (e, n), lead_m = path[-1], lead_m + share * leg_m
+        path.append((e + share * (east_m - e), n + share * (north_m - n)))
         if lead_m >= least_m:
             break
-    cell = grid.cell_at(*grid.frame.to_geodetic(*passed[-1]))
+    cell = grid.cell_at(*grid.frame.to_geodetic(*path[-1]))
     size_m = grid.cell_size_m
-    over = crossed_cells([(e / size_m, n / size_m) for e, n in passed]).cells[1:]
-    if cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in over):
+    crossed = crossed_cells([(e / size_m, n / size_m) for e, n in path]).cells[1:]
+    if cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in crossed):
         return at_once
-    lead_waypoints = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in passed[1:]]
-    return Splice((cell,), True, None, False, tuple(passed[:-1]), lead_m, tuple(lead_waypoints))
+    lead_waypoints = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in path[1:]]
+    return Splice((cell,), True, None, False, tuple(path[:-1]), lead_m, tuple(lead_waypoints))
 
 
-def is_urgent(state: AgentState, p_s: NDArray[np.float64]) -> bool:
-    """Return whether a wall is close ahead of the vehicle, so that it needs another plan at once."""
+def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
+    """Return whether a wall is among the next URGENT_CELLS cells of the route; True without a route."""
     swap = state.route
     if swap is None:
         return True

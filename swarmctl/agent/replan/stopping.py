@@ -1,9 +1,8 @@
-"""The stop of a vehicle that brakes for a new plan: the time, position and cost of the stop. Pure.
+"""The stop of a vehicle that brakes for a new plan: the time and position of the stop. Pure.
 
 An ArduPilot copter brakes to a stop before it flies to another mission item, in any direction
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
-At speed v and deceleration b, braking costs the time v / 2b. Speeding up costs the same. Both together cost
-about 4 s at 10 m/s.
+At 10 m/s, braking and speeding up again together cost about 4 s.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from swarmctl.core.planar import PlanarPoint
 STANDING_M_S = 1.0
 """Greatest speed of a vehicle that needs no stop [m/s]."""
 RESTART_M_S = 0.1
-"""Start speed after a stop [m/s]; above 0, because a stop on a leg does not count as a corner."""
+"""Start speed after a stop [m/s]; above 0, because `travel_time` assumes a corner at a start from 0."""
 CORNER_M = 0.01
 """Greatest distance from a stop to the next corner at which both count as one point [m]."""
 
@@ -60,7 +59,7 @@ class BrakingStop:
 
 
 def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:
-    """Return the distance flown by the plan in `seconds` [m], and the final speed [m/s]."""
+    """Return the estimated distance flown by the plan in `seconds` [m], and the final speed [m/s]."""
     planned_m_s, speed_m_s = state.speed_m_s or state.task.arrival.speed_m_s, state.vehicle.ground_speed_m_s
     top_m_s = max(speed_m_s, min(planned_m_s, speed_m_s + ACCELERATION_M_S2 * seconds))
     return 0.5 * (speed_m_s + top_m_s) * seconds, top_m_s
@@ -118,13 +117,13 @@ def split_track(
 
 
 def after_stop(
-    track: Sequence[PlanarPoint], begins_m_s: float, stop: BrakingStop | None
+    track: Sequence[PlanarPoint], initial_m_s: float, stop: BrakingStop | None
 ) -> tuple[float, Sequence[PlanarPoint], float]:
     """Return the time until the stop [s], the track after the stop, and the start speed on that track [m/s].
 
-    Without a stop on the track the result is 0, the whole track and `begins_m_s`.
+    Without a stop on the track the result is 0, the whole track and `initial_m_s`.
     """
     parts = None if stop is None else split_track(track, stop.stops_in_m)
     if stop is None or parts is None:
-        return 0.0, track, begins_m_s
+        return 0.0, track, initial_m_s
     return stop.stops_in_s, parts[1], RESTART_M_S

@@ -13,14 +13,14 @@ MARGIN_S = 0.5
 MARGIN_SHARE = 0.25
 """margin as a share of the measured duration: links and plans differ"""
 MAX_EXPECTED_S = 60.0
-"""greatest expected duration [s]"""
+"""greatest duration that is assumed after an upload or a late swap [s]"""
 MAX_STANDSTILL_S = 0.3
 """longest standstill that does not count as a stop [s]; in telemetry a slow turn may look the same"""
 
 
 @dataclass(frozen=True, slots=True)
 class SwapTimes:
-    """Durations of one vehicle's last swaps, by its own clock."""
+    """Durations of one vehicle's last swaps, by the vehicle's clock."""
 
     took_s: tuple[float, ...] = ()
     """times from the decision to the flight by the new plan [s]"""
@@ -39,7 +39,7 @@ class SwapTimes:
         return SwapTimes((*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:], self.prior_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times with one more swap of twice the expected duration: a swap was late."""
+        """Return these times after a late swap, as if it had taken twice the expected duration."""
         return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MAX_EXPECTED_S))[-N_KEPT:])
 
     @property
@@ -49,7 +49,7 @@ class SwapTimes:
 
     @property
     def likely_s(self) -> float:
-        """Expected duration without a margin [s]."""
+        """Longest of the last durations [s]; `prior_s` before the first measurement."""
         return max(self.took_s, default=self.prior_s)
 
     @property

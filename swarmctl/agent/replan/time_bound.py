@@ -1,4 +1,4 @@
-"""Routes within a time bound: the search, the check of the present route, and the lateness of a route."""
+"""Routes within a time bound: the search, the check of the present route, and arrivals outside the bound."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_TRIES = 5
 """Greatest number of searches for a route within its bound; the last search is for the shortest route."""
 
 HALF_CELL = 0.5
-"""Distance from the edge of the goal cell to its centre [cells]; lengths count to the centre."""
+"""Least distance from the edge of the goal cell to its centre [cells]; lengths count to the centre."""
 
 
 def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
@@ -43,7 +43,7 @@ class JoiningLeg:
 
     path: tuple[PlanarPoint, ...] = ()
     """points from the vehicle on, without the start of the route"""
-    begins_m_s: float = 0.0
+    initial_m_s: float = 0.0
     """speed at the first point [m/s]"""
 
 
@@ -51,7 +51,7 @@ FROM_A_STOP = JoiningLeg()
 
 
 def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
-    """Return the flight to a new route at the splice point, after the swap."""
+    """Return the flight from the vehicle to a new route at the splice point."""
     flies_on = state.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
     return JoiningLeg(
         splice.path, state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
@@ -81,9 +81,9 @@ def lead_in_to(
 
 
 def change_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
-    """Return the cost of a swap now [cells]: the standstill, and a flight back to the start of the new route.
+    """Return the cost of a swap now [cells]: the standstill, and the flight back to the new route's start.
 
-    The vehicle does not fly back if the new route begins ahead of it.
+    A vehicle whose new route begins ahead does not fly back. On the ground the cost is 0.
     """
     task, vehicle = state.task, state.vehicle
     if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
@@ -102,7 +102,7 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A
     a vehicle on a track is earlier.
     """
     centres = [task.grid.centre_m(cell) for cell in cells]
-    return _lost_s(task, [*joining.path, *centres], joining.begins_m_s)
+    return _lost_s(task, [*joining.path, *centres], joining.initial_m_s)
 
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
@@ -121,7 +121,7 @@ def misses_by(
 def ahead_lost_s(
     state: AgentState, start: Cell, ahead: Sequence[Cell], splice: Splice | None = None
 ) -> float:
-    """Return the time lost at turns on the rest of the present route, from the present speed on [s]."""
+    """Return the time lost at turns on the rest of the present route, with the present speed as start [s]."""
     task, vehicle = state.task, state.vehicle
     if splice is not None and splice.leaves_ahead:
         return route_lost_s(task, ahead, JoiningLeg(splice.path, vehicle.ground_speed_m_s))
@@ -132,11 +132,11 @@ def ahead_lost_s(
     return _lost_s(task, [here, *(task.grid.centre_m(cell) for cell in over)], vehicle.ground_speed_m_s)
 
 
-def _lost_s(task: Task, track: Sequence[tuple[float, float]], begins_m_s: float) -> float:
+def _lost_s(task: Task, track: Sequence[tuple[float, float]], initial_m_s: float) -> float:
     if math.isinf(task.arrival.within_s):
         return 0.0
     half_m = HALF_CELL * task.grid.cell_size_m
-    return lost_s(track, task.arrival.speed_m_s, begins_m_s=begins_m_s, ends_m=half_m)
+    return lost_s(track, task.arrival.speed_m_s, initial_m_s=initial_m_s, remaining_m=half_m)
 
 
 def _in_cells(task: Task, seconds: float) -> float:
@@ -146,10 +146,10 @@ def _in_cells(task: Task, seconds: float) -> float:
 def route_within_bounds(
     task: Task, problem: Problem, change: float = 0.0, joining: JoiningLeg = FROM_A_STOP
 ) -> Route:
-    """Return the best route that meets the bounds, with the cost `change` [cells] of the swap.
+    """Return a route that meets the bounds even with the cost `change` [cells] of the swap.
 
-    If no route does, the result is a route that meets the bounds without that cost. Raises Unreachable, or
-    BoundTooTight if no route was found.
+    If no such route is found, the result meets the bounds without that cost. Raises Unreachable, or
+    BoundTooTight if the search finds no such route either.
     """
     bounds = _bounds(problem)
     if math.isinf(bounds.max_cells):
@@ -166,8 +166,8 @@ def route_within_bounds(
 def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
     """Return a route of at most `latest_cells`, with the time lost at turns counted as length.
 
-    Planners bound the length alone. So the loss of each route found tightens the bound of the next search,
-    until a route fits. The last search is for the shortest route. Raises BoundTooTight.
+    Planners bound the length alone. So the loss of each route found sets the bound of the next search, until
+    a route fits. The last search is for the shortest route. Raises BoundTooTight.
     """
     bounds = LengthBounds(problem.min_length_cells, latest_cells)
     greatest, seen = latest_cells, list[Route]()
@@ -186,8 +186,11 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: Join
         greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, joining))
     nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, joining))
     lost = _in_cells(task, route_lost_s(task, nearest.cells, joining))
-    text = f"no route is at most {latest_cells:.2f} cells long with the loss at its turns: the nearest route "
-    text += f"has {nearest.length_cells:.2f} and loses {lost:.2f}; allow a later arrival or a higher speed"
+    text = f"no route found is at most {latest_cells:.2f} cells long with the loss at its turns: the nearest "
+    text += (
+        f"route has {nearest.length_cells:.2f} cells and loses {lost:.2f} cells; allow a later arrival or a "
+    )
+    text += "higher speed"
     raise BoundTooTight(text, nearest)
 
 
@@ -204,10 +207,10 @@ def is_no_worse(
     lost_s: float = 0.0,
     joining: JoiningLeg = FROM_A_STOP,
 ) -> bool:
-    """Return whether the rest of the present route is as good as a new route.
+    """Return whether the rest of the present route is open and at least as good as a new route.
 
     The present route, `ahead`, loses `lost_s` at turns; the change to the new route costs `change` [cells].
-    If either route misses the bounds, the route that misses them by less is better.
+    If either route misses the bounds, the route that misses the bounds by less is better.
     """
     if not is_open(problem, ahead):
         return False
@@ -219,10 +222,10 @@ def is_no_worse(
     return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)
 
 
-def lateness_s(
+def arrival_outside_bound_s(
     state: AgentState, problem: Problem, lead_in: LeadIn, length: float, lost_s: float
 ) -> float | None:
-    """Return the arrival time of a vehicle whose route misses its bound [s]; None if it meets the bound.
+    """Return the arrival time after the take-off [s]; None for a route that meets the time bound.
 
     The route is `length` [cells] long. A miss of half a cell or less counts as met, because the losses are
     estimated high.
@@ -231,10 +234,10 @@ def lateness_s(
     if _bounds(problem).misses_by(length, _in_cells(task, lost_s)) <= HALF_CELL:
         return None
     length_m = length * task.grid.cell_size_m
-    slow_s = lead_in.arrives_s(task.arrival, length_m, lost_s)
-    if slow_s > task.arrival.within_s:
-        return slow_s
-    # The early bound counts from the edge of the goal cell, without any loss at turns.
+    arrival_s = lead_in.arrives_s(task.arrival, length_m, lost_s)
+    if arrival_s > task.arrival.within_s:
+        return arrival_s
+    # The earliest arrival counts to the edge of the goal cell, without any loss.
     edge_m = length_m - HALF_CELL * task.grid.cell_size_m
     return lead_in.arrives_s(task.arrival, edge_m) - lead_in.lost_s
 

@@ -1,17 +1,17 @@
 """The travel time of a copter on a track, with braking before turns and speeding up after them. Pure.
 
-The numbers are the defaults of ArduCopter's parameters, which `sim_vehicle` uses too. The table has the time
-lost at a turn between long legs, in flight and as estimated here. Estimates are high, so that a vehicle is
-early rather than late.
+Acceleration and corner radius are the defaults of ArduCopter's parameters; the other constants are estimates.
+The table has the time lost at a turn between long legs, in flight and as estimated here. Estimates are high,
+so that a vehicle is early rather than late.
 
 | speed | 45° | 90° | 135° |
 |---|---|---|---|
 | 5 m/s | 0.1 s | 1.3 s | 1.8 s |
 | 10 m/s | 1.1 s | 3.3 s | 4.1 s |
-| 10 m/s, estimated | 1.7 s | 3.7 s | 4.8 s |
+| 10 m/s, estimated | 1.6 s | 3.5 s | 4.5 s |
 | 20 m/s | 4.8 s | 8.0 s | 9.0 s |
 
-Between short legs, a turn may cost as much as a stop.
+Between short legs a turn may cost as much as a stop, so the estimate has a stop there.
 """
 
 from __future__ import annotations
@@ -27,58 +27,59 @@ ACCELERATION_M_S2 = 2.5
 BRAKING_M_S2 = 1.75
 """deceleration used in estimates, less than WPNAV_ACCEL"""
 CORNER_RADIUS_M = 2.0
-"""WPNAV_RADIUS: distance from a corner at which the vehicle turns off"""
+"""WPNAV_RADIUS: greatest distance from a corner at which the vehicle may cut the corner"""
 CORNER_SHARE = 0.75
-"""Speed at a corner as a share of the greatest speed for a turn within CORNER_RADIUS_M."""
+"""Estimated speed at a corner, as a share of the speed by ACCELERATION_M_S2 and CORNER_RADIUS_M."""
 SETTLE_S = 0.8
 """additional time at each turn until the vehicle follows the next leg [s]"""
 SHORT_S = 4.5
-"""Duration of a leg at full speed below which the vehicle swerves at both ends [s]."""
+"""Duration of a leg at full speed [s]; the estimate has a stop at both ends of a shorter leg."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 
 
 def brake_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
-    """Return the time that braking to a stop costs over the same distance at full speed [s]."""
+    """Return how much longer braking to a stop takes than the same distance at full speed [s]."""
     return speed_m_s / (2.0 * brakes_m_s2)
 
 
 def lost_s(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
+    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, remaining_m: float = 0.0
 ) -> float:
     """Return the time lost by braking and turns on a track that ends in a stop [s]; at least 0.
 
-    The loss is the time up to `ends_m` before the end, minus the time for the whole track at `speed_m_s`. The
-    vehicle begins with `begins_m_s`.
+    The loss is the time of `arrives_s`, minus the time for the whole track at constant `speed_m_s`.
     """
     at_speed_s = math.fsum(math.dist(a, b) for a, b in pairwise(_corners(track))) / speed_m_s
-    return max(arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=ends_m) - at_speed_s, 0.0)
+    return max(
+        arrives_s(track, speed_m_s, initial_m_s=initial_m_s, remaining_m=remaining_m) - at_speed_s, 0.0
+    )
 
 
 def arrives_s(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
+    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, remaining_m: float = 0.0
 ) -> float:
-    """Return the time until a vehicle is `ends_m` before the end of a track that ends in a stop [s]."""
-    corners, times_s, last_m_s = _timed(track, speed_m_s, begins_m_s)
+    """Return the time until a vehicle is `remaining_m` before the end of a track that ends in a stop [s].
+
+    `initial_m_s` is the speed at the start. The result is not before the start of the last leg.
+    """
+    corners, times_s, last_m_s = _corner_times_and_speed(track, speed_m_s, initial_m_s)
     if len(corners) < 2:
         return 0.0
     last_m = math.dist(corners[-2], corners[-1])
-    return times_s[-1] - _leg_end_s(last_m_s, last_m, min(ends_m, last_m), speed_m_s)
+    return times_s[-1] - _leg_end_s(last_m_s, last_m, min(remaining_m, last_m), speed_m_s)
 
 
-def timed(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0
+def corner_times(
+    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0
 ) -> tuple[list[PlanarPoint], list[float]]:
-    """Return the corners and ends of a track, and the time from the start to each of them [s].
-
-    The vehicle begins with `begins_m_s` and stops at the end.
-    """
-    corners, times_s, _ = _timed(track, speed_m_s, begins_m_s)
+    """Return the ends and corners of a track that ends in a stop, and the time from the start to each [s]."""
+    corners, times_s, _ = _corner_times_and_speed(track, speed_m_s, initial_m_s)
     return corners, times_s
 
 
-def _timed(
-    track: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float
+def _corner_times_and_speed(
+    track: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float
 ) -> tuple[list[PlanarPoint], list[float], float]:
     """Return the corners, the time at each [s], and the speed at the start of the last leg [m/s]."""
     corners = _corners(track)
@@ -86,8 +87,8 @@ def _timed(
     if not legs_m:
         return corners, [0.0] * len(corners), 0.0
     short = [leg_m < SHORT_S * speed_m_s for leg_m in legs_m]
-    short[0] = short[0] and begins_m_s == 0.0 and len(legs_m) > 1
-    passed_m_s = [min(begins_m_s, speed_m_s)]
+    short[0] = short[0] and initial_m_s == 0.0 and len(legs_m) > 1
+    passed_m_s = [min(initial_m_s, speed_m_s)]
     for i in range(1, len(legs_m)):
         turn_rad = _turn_rad(*corners[i - 1 : i + 2])
         passed_m_s.append(0.0 if short[i - 1] or short[i] else _corner_m_s(turn_rad, speed_m_s))
@@ -115,7 +116,7 @@ def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> flo
 
 
 def _corner_m_s(turn_rad: float, speed_m_s: float) -> float:
-    """Return the speed through a corner that is rounded within the radius [m/s]."""
+    """Return the estimated speed through a corner [m/s]."""
     widening = 1.0 / max(math.cos(turn_rad / 2.0), 1e-6) - 1.0
     rounded_m_s = math.sqrt(ACCELERATION_M_S2 * CORNER_RADIUS_M / max(widening, 1e-9))
     return min(CORNER_SHARE * rounded_m_s, speed_m_s)

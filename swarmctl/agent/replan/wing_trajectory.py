@@ -1,7 +1,6 @@
-"""The predicted trajectory of a fixed wing: roll, straight climb, rounded corners and approach. Pure.
+"""The predicted trajectory of a fixed wing: ground roll, climb on the track, rounded turns, approach. Pure.
 
-The speed is constant. The autopilot chooses the climb and sink rates. The rates assumed here are between the
-least rate needed and the greatest rate that the autopilot's parameters allow.
+The speed is constant. The autopilot chooses the climb and sink rates; the rates here are assumptions.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ ROLL_OUT_S = 8.0
 
 
 def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
-    """Return the trajectory of a whole flight, from arming at `start` to the stop; up is above home [m]."""
+    """Return the trajectory of a whole flight, from arming at `start` to the stop, heights above home [m]."""
     begin = task.grid.frame.to_local(*start)
     builder = _TrajectoryBuilder((*begin, 0.0), task.arrival.speed_m_s)
     builder.stay(ROLL_S)
@@ -35,11 +34,11 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
 
 
 def in_flight(
-    task: Task, plan: FlightPlan, here: LocalPoint, left: Sequence[PlanarPoint], speed_m_s: float
+    task: Task, plan: FlightPlan, here: LocalPoint, remaining: Sequence[PlanarPoint], speed_m_s: float
 ) -> Trajectory:
-    """Return the trajectory from `here` at 0 s, along the rest of a plan's track (`left`), to the stop."""
+    """Return the trajectory from `here` at 0 s, along the `remaining` track of a plan, to the stop."""
     builder = _TrajectoryBuilder(here, speed_m_s)
-    _fly_and_land(builder, task, plan, [here[:2], *left])
+    _fly_and_land(builder, task, plan, [here[:2], *remaining])
     return builder.trajectory()
 
 
@@ -84,15 +83,15 @@ def _land(builder: _TrajectoryBuilder, task: Task, plan: FlightPlan, heading_rad
 
 
 def _circle_from(pattern: LandingPattern, point: PlanarPoint) -> list[PlanarPoint]:
-    """Return points once around the circle, from its nearest point on."""
+    """Return points once around the circle, from the point of the circle nearest to `point` on."""
     circle = pattern.circle()[:-1]
     nearest = min(range(len(circle)), key=lambda i: math.dist(circle[i], point))
     return [*circle[nearest:], *circle[:nearest]]
 
 
 def _to_exit(pattern: LandingPattern, around: list[PlanarPoint]) -> list[PlanarPoint]:
-    exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], pattern.leaves))
-    return [*around[:exit_at], pattern.leaves]
+    exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], pattern.circle_exit))
+    return [*around[:exit_at], pattern.circle_exit]
 
 
 def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:

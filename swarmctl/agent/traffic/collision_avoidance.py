@@ -1,7 +1,7 @@
 """Collision avoidance: alarms by positions, and evasive holds and climbs. Pure.
 
-An alarm predicts that within `look_ahead_s` (10 s) this vehicle and another come closer than both separation
-limits. The table says which vehicle gives way.
+An alarm predicts that within `look_ahead_s` (default 10 s) this vehicle and another come closer than both
+separation limits. The table says which vehicle gives way.
 
 | the other vehicle | gives way |
 |---|---|
@@ -9,8 +9,8 @@ limits. The table says which vehicle gives way.
 | cannot change its plan: lands, returns, holds by order, is released | this vehicle |
 | does not acknowledge this vehicle's state | this vehicle, so possibly both |
 
-The evasive action is a hold. It is a climb if a hold would be too close, and for a fixed wing. A copter that
-holds resumes its route when the route is clear. After 60 s the copter tries to pass above the other vehicles.
+The evasive action is a hold, or a climb: for a fixed wing, by `separation.action`, or if a hold is too close.
+A copter that holds plans again when its route is clear. Every 60 s it tries to pass above the other vehicles.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ from swarmctl.agent.traffic.separation.watch import (
 from swarmctl.core import events as ev
 
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
-"""Delays with which a resumed route has to be clear [s]: a vehicle takes some seconds to follow the order."""
+"""Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
 RETRY_HEIGHT_AFTER_S = 60.0
 """Interval at which a vehicle that holds looks for another height [s]."""
 CEILING_MARGIN_M = 3.0
 """Distance kept below the fence's ceiling [m]."""
 MAX_LEVEL_SHARE = 1.0 / 3.0
-"""Largest tolerance in height, as a share of the vertical limit."""
+"""Greatest tolerance in height, as a share of the vertical limit."""
 
 
 def avoid_collisions(state: AgentState) -> StepResult:
-    """Update the alarms, report new alarms, and give way or resume. Called for each position."""
+    """Update the alarms, report new alarms, and give way or resume. Called for each telemetry."""
     if not (state.neighbours or state.alarms or state.interrupted_plan):
         return state, []
     if state.interrupted_plan is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
@@ -73,7 +73,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
     if alarms or state.alarms:
         state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
     messages: list[ev.Effect] = [
-        ev.NotifyOperator(f"{_alarm_text(alarm, now_s)}{_reaction(state, alarm)}") for alarm in new
+        ev.NotifyOperator(f"{_alarm_text(state, alarm)}{_reaction(state, alarm)}") for alarm in new
     ]
     done: list[ev.Effect] = []
     if state.interrupted_plan is not None and state.phase is Phase.LANDING:
@@ -88,7 +88,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
 
 
 def end_give_way(state: AgentState) -> AgentState:
-    """Return the state of a vehicle that does not give way."""
+    """Return the state without a hold that gives way."""
     return replace(
         state,
         interrupted_plan=None,
@@ -106,7 +106,7 @@ def _has_to_give_way(state: AgentState, other: int) -> bool:
 
 
 def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
-    """Return whether another vehicle acknowledges this vehicle's state; only then can it give way."""
+    """Return whether another vehicle acknowledges this vehicle's state."""
     return state.task.uav in other.state.hears
 
 
@@ -124,7 +124,7 @@ def _give_way(
     )
     # A fixed wing would circle in hold, so it climbs.
     if rules.action == "hold" and not blocked and state.task.wings is None:
-        # The vehicle has no route while it holds, and plans a new route when the way is clear.
+        # The vehicle has no route while it holds, and plans a new route when its old route is clear.
         now_s, n, reports = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
         gave_way_to = {alarm.other: reports[alarm.other] for alarm in binding if alarm.other in reports}
         state = replace(state, gave_way_to=gave_way_to, n_holds=n, holding_since_boot_s=now_s)
@@ -133,7 +133,7 @@ def _give_way(
 
 
 def may_give_way(state: AgentState) -> bool:
-    """Return whether the vehicle can interrupt its mission: it flies the mission at cruise height."""
+    """Return whether the vehicle can interrupt its mission: it flies the mission near its cruise height."""
     vehicle, task = state.vehicle, state.task
     if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.route is None:
         return False
@@ -142,7 +142,7 @@ def may_give_way(state: AgentState) -> bool:
 
 
 def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
-    """Request a new plan at once, at a height clear of all nearby vehicles."""
+    """Request a new plan at a height clear of all nearby vehicles, if there is one below the ceiling."""
     now_s, here_m = state.vehicle.time_boot_s, state.vehicle.alt_rel_m or 0.0
     heights_m = [at[2] for path in others.values() if (at := path.at(now_s)) is not None]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
@@ -167,7 +167,7 @@ def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Traje
         return state, []
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _passes_silent(state):
-        return _resume(state, "the route is clear of other vehicles; the vehicle resumes it [resumes]")
+        return _resume(state, "the route is clear of other vehicles; the vehicle plans it again [resumes]")
     if now_s - state.holding_since_boot_s < RETRY_HEIGHT_AFTER_S:
         return state, []
     return _resume_above(state, others)
@@ -178,16 +178,16 @@ def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory])
     starts = [own.later(seconds) for seconds in RESUME_AFTER_S]
     return not any(
         intervals(path, other, limits)
-        and (_has_to_give_way(state, uav) or not _separate(path, other, limits))
+        and (_has_to_give_way(state, uav) or not _get_no_closer(path, other, limits))
         for path in starts
         for uav, other in others.items()
     )
 
 
-def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
-    """Return whether two vehicles that are already too close get no closer.
+def _get_no_closer(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
+    """Return whether two vehicles are already too close, and get no closer.
 
-    The routes of such vehicles count as clear; otherwise both vehicles would never resume.
+    Then the route counts as clear. Otherwise neither vehicle would ever resume its route.
     """
     here, there = path.at(path.times_s[0]), other.at(path.times_s[0])
     at = closest(path, other, limits)
@@ -203,7 +203,7 @@ def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
 
 
 def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
-    """Return the least share of the limits that two flights on time keep; None without common time."""
+    """Return the least distance of two flights, as a share of the limits; None without common time."""
     at = closest(flight, other, limits)
     return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
@@ -249,15 +249,17 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
         height = f"{higher.height_m:.0f} m, above the other vehicles"
         return _resume(higher, f"{text}; it resumes its route at {height} [resumes-higher]")
     return replace(state, holding_since_boot_s=now_s), [
-        ev.NotifyOperator(f"{text}; no height is clear, so it continues to hold [keeps-holding]")
+        ev.NotifyOperator(f"{text}; no height found is clear, so it continues to hold [keeps-holding]")
     ]
 
 
-def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:
-    at = alarm.approach
+def _alarm_text(state: AgentState, alarm: ProximityAlarm) -> str:
+    at, limits = alarm.approach, state.task.separation.limits
+    in_s = max(at.t_s - state.vehicle.time_boot_s, 0.0)
     return (
-        f"this vehicle will come too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s "
-        f"({at.horizontal_m:.0f} m horizontally, {at.vertical_m:.1f} m vertically)"
+        f"this vehicle is predicted too close to vehicle {alarm.other} in {in_s:.0f} s "
+        f"({at.horizontal_m:.0f} m horizontally, limit {limits.horizontal_m:g} m; "
+        f"{at.vertical_m:.1f} m vertically, limit {limits.vertical_m:g} m)"
     )
 
 
@@ -267,10 +269,12 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):
-        return "; this vehicle cannot give way now [alarm-cannot-yield]"
+        advice = f"if vehicle {alarm.other} does not give way, order it to hold"
+        return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
+    action = "continues to hold" if state.interrupted_plan else "gives way"
     report = state.neighbours.get(alarm.other)
     acknowledges = report is None or report.state.phase != Phase.FLYING or _acknowledges(state, report)
     if acknowledges or gives_way_by_id(state.task.uav, alarm.other):
-        return "; this vehicle gives way [alarm-yields]"
-    cause = f"vehicle {alarm.other} does not acknowledge receiving it"
-    return f"; this vehicle gives way, because {cause} [alarm-not-heard]"
+        return f"; this vehicle {action} [alarm-yields]"
+    cause = f"vehicle {alarm.other} does not acknowledge receiving its state"
+    return f"; this vehicle {action}, because {cause} [alarm-not-heard]"

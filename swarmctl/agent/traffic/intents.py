@@ -37,23 +37,23 @@ REPEAT_EVERY_S = 5.0
 MIN_INTERVAL_S = 1.0
 """Least interval while the vehicle is off its announced position [s]."""
 TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
-"""Tolerance of the announced position: the distance flown in TOLERANCE_S, but at least TOLERANCE_M."""
+"""Horizontal tolerance of the announced position: the distance flown in TOLERANCE_S, at least TOLERANCE_M."""
 MAX_AGE_S = 20.0
-"""Greatest age of an intent in use [s], for example after the loss of four intents in a row."""
+"""Greatest age of an intent in use [s]: three intents in a row may be lost."""
 HOLD_DURATION_S = 30.0
 """Duration of the announced hold [s]."""
 LAST_POSITION_S = 180.0
 """Time for which a vehicle without a position announces its last position [s]."""
 MAX_UNCERTAINTY_M = 60.0
 """Greatest horizontal uncertainty of an announced position [m]."""
-AT_HOME_M = 5.0
-"""Horizontal distance from home within which a vehicle climbs vertically after take-off [m]."""
-AT_LANDING_M = 2.0
+VERTICAL_WITHIN_M = 5.0
+"""Horizontal distance within which a climb at home, or a descent that has begun, counts as vertical [m]."""
+DESCENT_BEGINS_WITHIN_M = 2.0
 """Horizontal distance from the landing spot within which a vehicle begins its vertical descent [m]."""
 
 
 def share_intent(state: AgentState) -> StepResult:
-    """Send the own intent if it is due. Called for each position."""
+    """Send the own intent if it is due. Called for each telemetry."""
     now_s = state.vehicle.time_boot_s
     if state.ended and state.own_intent is None:
         return state, []
@@ -80,10 +80,7 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
 
 
 def may_change(state: AgentState) -> bool:
-    """Return whether the vehicle can take another plan, now or after take-off.
-
-    A vehicle that holds to give way cannot.
-    """
+    """Return whether the vehicle can take another plan, now or after take-off; False while it gives way."""
     is_en_route = state.phase in (Phase.LAUNCHING, Phase.FLYING)
     has_telemetry = state.vehicle.has_position and not state.lost
     return is_en_route and state.interrupted_plan is None and has_telemetry
@@ -100,7 +97,10 @@ def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
 
 
 def _is_off_intent(state: AgentState) -> bool:
-    """Return whether the vehicle is off the position that its last intent announced for now."""
+    """Return whether the vehicle is off the position that its last intent announced for now.
+
+    Without a last intent the result is True if the vehicle has a flight to announce.
+    """
     intent, here = state.own_intent, position_amsl(state)
     if intent is None or here is None:
         return intent is None and planned_flight(state) is not None
@@ -209,18 +209,18 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             return Trajectory((0.0, HOLD_DURATION_S), (stop, stop))
         case Phase.LEAVING if state.ordered is ev.FlightOrder.LAND:
             return land_from([here], [0.0])
-    # A return is not predicted: the height to which a firmware climbs first is its own parameter.
+    # A return is not predicted: it begins with a climb to a height that a firmware's parameter sets.
     return None
 
 
 def _descends_vertically(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
     """Return whether the vehicle descends vertically at its landing spot; wind may move it a little."""
-    near_m = AT_HOME_M if here[2] < height_m - AIRBORNE_M else AT_LANDING_M
-    return math.dist(here[:2], place) < near_m
+    has_begun = here[2] < height_m - AIRBORNE_M
+    return math.dist(here[:2], place) < (VERTICAL_WITHIN_M if has_begun else DESCENT_BEGINS_WITHIN_M)
 
 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
-    """Return the trajectory of a fixed wing; None while it circles or returns."""
+    """Return the trajectory of a fixed wing that launches, flies its plan or lands; None otherwise."""
     task, swap, vehicle = state.task, state.pending or state.route, state.vehicle
     if swap is None or state.interrupted_plan is not None:
         return None
@@ -241,7 +241,7 @@ def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) ->
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.replans:
         return False
     home = state.task.grid.frame.to_local(vehicle.home_lat_deg, vehicle.home_lon_deg)
-    return math.dist(here[:2], home) < AT_HOME_M and here[2] < plan.height_m - AIRBORNE_M
+    return math.dist(here[:2], home) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M
 
 
 # --- intents received
@@ -255,11 +255,10 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
         flight = _received_flight(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:
-            # Heights separate routes but not landings. So `collision_avoidance` handles a landing that can
-            # still change. The landing of a vehicle that cannot change its plan counts here.
+            # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
             flight = until_landing(flight) if intent.may_change else flight
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
-            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # limits a false sender
+            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
             kept[uav] = NeighbourIntent(
                 flight, Bounds.of(flight), intent.may_change, sent_s, uncertainty, intent.on_ground
             )
