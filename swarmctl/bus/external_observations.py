@@ -67,12 +67,12 @@ class ReportReceiver:
         self._bucket = TokenBucket(PER_S, BURST)
         self._refused_at_s: dict[RejectReason, float] = {}
         transport.subscribe(self._key, self._take_put)
-        transport.serve(self._key, self._answer_question)
+        transport.serve(self._key, self._answer_query)
 
     def _take_put(self, key: str, payload: bytes) -> None:
         self._take(key, payload)
 
-    def _answer_question(self, key: str, payload: bytes | None, reply: Reply) -> None:
+    def _answer_query(self, key: str, payload: bytes | None, reply: Reply) -> None:
         answer = self._take(key, payload)
         if key == self._key:
             reply(sensor_reports.encode(answer))

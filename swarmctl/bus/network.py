@@ -120,7 +120,7 @@ class Network:
         """requests for missed observations and their answers: long, and less urgent"""
         self._members_with_news: deque[_Member] = deque()
         self._is_delivery_scheduled = False
-        self._in_flight: list[tuple[float, int, Callable[[], None]]] = []
+        self._arrivals: list[tuple[float, int, Callable[[], None]]] = []
         """(time of arrival, number in the order of sending, delivery)"""
         self._send_numbers = itertools.count()
         self._closed = False
@@ -248,16 +248,16 @@ class Network:
 
     def _schedule_arrival(self, arrives_s: float, carry: Callable[[], None]) -> None:
         """Schedule a delivery; equal times keep the order of sending, unlike the loop's own timers."""
-        heapq.heappush(self._in_flight, (arrives_s, next(self._send_numbers), carry))
-        if self._in_flight[0][0] == arrives_s:
+        heapq.heappush(self._arrivals, (arrives_s, next(self._send_numbers), carry))
+        if self._arrivals[0][0] == arrives_s:
             self._clock.call_at(self._start_s + arrives_s, partial(self._arrive, arrives_s))
 
     def _arrive(self, now_s: float) -> None:
         now_s = max(now_s, self._now_s())  # a loop may call a little early
-        while self._in_flight and self._in_flight[0][0] <= now_s:
-            heapq.heappop(self._in_flight)[2]()
-        if self._in_flight and not self._closed:
-            next_s = self._in_flight[0][0]
+        while self._arrivals and self._arrivals[0][0] <= now_s:
+            heapq.heappop(self._arrivals)[2]()
+        if self._arrivals and not self._closed:
+            next_s = self._arrivals[0][0]
             self._clock.call_at(self._start_s + next_s, partial(self._arrive, next_s))
 
     def _carry(self, sender: int, act: str, data: bytes, to: tuple[int, ...]) -> None:

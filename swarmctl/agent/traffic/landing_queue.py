@@ -53,7 +53,7 @@ WAIT_WITHIN_S = 15.0
 MIN_WAIT_S = 3.0
 """Shortest wait [s]: time to stop, and to send the new intent to other vehicles."""
 CLEAR_FOR_S = 20.0
-"""Time for which the descent has to be clear before the vehicle lands [s]."""
+"""Time ahead for which the landing has to be predicted clear [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
 """Delays of the descent that are checked [s]: a vehicle takes some seconds to follow the order."""
 AT_SPOT_M = 1.0
@@ -75,7 +75,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
     if state.interrupted_plan is not None and _is_urgent(state):
         return _land_here(
             state,
-            "an urgent failsafe ends the wait above the landing spot; the vehicle lands [landing-urgent]",
+            "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]",
         )
     now_s, here = state.vehicle.time_boot_s, position_amsl(state)
     if here is None or 0.0 <= now_s - state.descent_checked_boot_s < CHECK_EVERY_S:
@@ -87,10 +87,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
 
 
 def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
-    """Order the landing if the vehicle has not confirmed the hold, and the hold has become useless.
-
-    A hold is useless below the least height for waiting, or if the descent is clear.
-    """
+    """Order the landing if the vehicle has not confirmed the hold, and is too low or has a clear descent."""
     if (
         state.phase is not Phase.LANDING
         or state.interrupted_plan is None
@@ -108,7 +105,9 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     if is_hold_needed and not is_low:
         return state, []
     why = "it is too low to wait" if is_low else "its descent is clear"
-    text = f"the vehicle did not confirm the hold above its landing spot, and {why}; it lands"
+    text = (
+        f"the vehicle did not confirm the hold before its landing, and {why}; the vehicle lands where it is"
+    )
     return _land_here(state, f"{text} [landing-unconfirmed]")
 
 
@@ -119,7 +118,7 @@ def _land_here(state: AgentState, text: str) -> StepResult:
 
 
 def _is_urgent(state: AgentState) -> bool:
-    """Return whether a failsafe demands a return or a landing without waiting."""
+    """Return whether an urgent failsafe demands a return, a landing or a release."""
     demands = (demand for demand in state.demands if demand is not None and demand.urgent)
     return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in demands)
 

@@ -61,7 +61,7 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
             )
         source, content = (frame.sender, frame.incarnation), frame.content
         if isinstance(content, Observation):
-            _check_cells_once(content)
+            _refuse_repeated_cells(content)
             with _refuse_outside():
                 indexed(content, rows, cols)
             clear, occupied = (
@@ -87,7 +87,7 @@ def _refuse_outside() -> Iterator[None]:
         raise MessageRefused(RefusalReason.OUTSIDE, str(error)) from None
 
 
-def _check_cells_once(seen: Observation) -> None:
+def _refuse_repeated_cells(seen: Observation) -> None:
     if len({(row, col) for row, col, _ in seen.cells}) < len(seen.cells):
         raise MessageRefused(
             RefusalReason.MALFORMED, f"observation {seen.seq} of vehicle {seen.observer} lists a cell twice"

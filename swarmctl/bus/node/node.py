@@ -231,7 +231,7 @@ class Node:
 
     def _note_refusal(self, output: NodeOutput, refused: MessageRefused, sender: int) -> None:
         self.refuse(refused.why, sender)
-        output.notices.append((refused.why, f"from vehicle {sender}: {refused}"))
+        output.notices.append((refused.why, f"a message of vehicle {sender} was refused: {refused}"))
 
     def _peer(self, uav: int) -> PeerRecord:
         """Return the record of another UAV. Raises MessageRefused for an unknown UAV."""
@@ -335,7 +335,8 @@ class Node:
             except MessageRefused as refused:
                 n_refused += 1
                 self.refuse(refused.why, sender)
-                output.notices.append((refused.why, f"relayed by vehicle {sender}: {refused}"))
+                text = f"a message relayed by vehicle {sender} was refused: {refused}"
+                output.notices.append((refused.why, text))
                 if n_refused == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
@@ -417,7 +418,7 @@ class Node:
                 self._send(output, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
                 self._counters.snapshots_asked += 1
                 self._requests.asked(peer, now_s)
-                self._peers[peer].asked(now_s)
+                self._peers[peer].record_request(now_s)
 
     def _answer(
         self, output: NodeOutput, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float

@@ -43,7 +43,7 @@ def check_source(decoded: DecodedFrame, sender: int, act: str) -> None:
     if frame.sender != sender or decoded.act != act:
         raise MessageRefused(
             RefusalReason.SOURCE,
-            f"the frame is {decoded.act} of vehicle {frame.sender}, but its key is {act} of {sender}",
+            f"the frame is {decoded.act} of vehicle {frame.sender}, but the key is {act} of vehicle {sender}",
         )
 
 
@@ -109,7 +109,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         ahead = n - column.newest[row]
         if ahead <= 0 and (ahead <= -REPLAY_WINDOW or not self._missing() >> -ahead & 1):
             raise MessageRefused(
-                RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} was received before"
+                RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} arrived before, or is too late"
             )
         # The rate limit comes last: replayed messages must not use up the sender's rate.
         self.add_work(WORK_PER_MESSAGE, now_s)
@@ -170,7 +170,7 @@ class PeerRecord(msgspec.Struct, gc=False):
                 RefusalReason.TOO_FAST, f"more than {MAX_BYTES} bytes in {RATE_PERIOD_S:g} s"
             )
 
-    def asked(self, now_s: float) -> None:
+    def record_request(self, now_s: float) -> None:
         """Record a request to the peer, and double the pause after the next request."""
         self.ask_after_s = now_s + self.request_pause_s
         self.request_pause_s = min(2.0 * self.request_pause_s, MAX_REQUEST_PAUSE_S)

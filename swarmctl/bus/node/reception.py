@@ -111,10 +111,10 @@ class ReceptionTable:
     ) -> ReceiverMask:
         """Deliver a message to the receivers that need no further action; return the mask of these receivers.
 
-        For such a receiver the message is the sender's next observation, or a newer state without an own
-        observation that is missing at the receiver. Nothing changes for the remaining receivers: pass the
-        message to `Node.receive_decoded` for each of them. Both paths give the same result. `receivers` does
-        not include the sender.
+        For such a receiver the message is the sender's next observation, or a newer state that shows no
+        missing observation of the sender. Nothing changes for the remaining receivers: pass the message to
+        `Node.receive_decoded` for each of them. Both paths give the same result. `receivers` does not include
+        the sender.
         """
         frame, content = decoded.frame, decoded.frame.content
         matches_key = frame.sender == sender and decoded.act == act
@@ -227,7 +227,7 @@ class ReceptionColumn:
         self.upto: IndexedValues[int] = _values(table.upto[:, at])
         """number up to which this UAV has all observations of the sender's current incarnation"""
         self.in_order: IndexedValues[bool] = _values(table.in_order[:, at])
-        """True if this UAV has no observation of the sender beyond a gap, so log `log_number` can grow"""
+        """True if the table may append to log `log_number`: no stored observation lies beyond a gap"""
         self.log_number: IndexedValues[int] = _values(table.log_number[:, at])
         self.state: IndexedValues[DecodedFrame | None] = table.state[:, at]
         """newest known state, received directly or relayed"""
@@ -241,7 +241,7 @@ class ReceptionColumn:
         self.direct_state_s: IndexedValues[float] = _values(table.direct_state_s[:, at])
         """reception time of the last direct state; -inf after `PeerRecord.mark_ahead`"""
         self.agreed_s: IndexedValues[float] = _values(table.agreed_s[:, at])
-        """time of the last direct state that shows no missing observation; -inf after a later sign of one"""
+        """time of the last direct state whose sender has nothing new; -inf once an observation is missing"""
         self._fingerprint: IndexedValues[int] = _values(table.fingerprint[at : at + 1])
         self._fingerprints: IndexedValues[int] = _values(table.fingerprints[at])
         self._n_fingerprints: IndexedValues[int] = _values(table.n_fingerprints[at : at + 1])
@@ -258,7 +258,7 @@ class ReceptionColumn:
         self._n_fingerprints[0] += 1
 
     def has_held(self, fingerprint: int) -> bool:
-        """Return whether a sender with this fingerprint has no observation that is missing here."""
+        """Return True only if a sender with this fingerprint has no observation that is missing here."""
         if fingerprint in (EMPTY_FINGERPRINT, self._fingerprint[0]):
             return True
         return bool((self.table.fingerprints[self.place] == fingerprint).any())

@@ -10,8 +10,8 @@ clock [s].
 | `approach` | closest approach of two trajectories, exact |
 | `conflicts` | pairs in conflict among many trajectories |
 | `clash` | planned flights that conflict within a tolerance in time |
-| `flown` | least distance of a flight, from its telemetry |
-| `watch` | alarms in flight, and the priority rule |
+| `flown` | least distance between vehicles in the air, from telemetry |
+| `watch` | alarms in flight, data on other vehicles, and the priority rule |
 
 Imports core.
 """
