@@ -10,9 +10,9 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class SetCurrent(Conversation[CommandResult]):
-    """One try of MISSION_SET_CURRENT, answered by a MISSION_CURRENT with that item.
+    """One try of MISSION_SET_CURRENT, for PX4, which lacks MAV_CMD_DO_SET_MISSION_CURRENT.
 
-    PX4 lacks MAV_CMD_DO_SET_MISSION_CURRENT and needs this message.
+    A MISSION_CURRENT with that item is the answer.
     """
 
     ANSWER_WAIT_S = 1.0

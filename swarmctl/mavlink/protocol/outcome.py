@@ -38,7 +38,7 @@ class Swapped(Done):
 
     flying: FlyingAfterSwap = "unknown"
     stood_still_s: float = 0.0
-    """time in hold or without motion in the air, by the vehicle's clock [s]"""
+    """time in hold or without motion in the air during the swap, by the vehicle's clock [s]"""
     took_s: float | None = None
     """time until the new plan was current, by the vehicle's clock [s]; None: the new plan is not flown"""
     is_late: bool = False

@@ -39,7 +39,7 @@ CLEAR_WAIT_S = 10.0
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     """Append the new route, read it back and make it current. If this is impossible or fails, swap in hold.
 
-    The old route stays after a late swap, without a position, and during a landing. Raises NotInControl.
+    A vehicle that is late, lands or reports no position keeps the old route. Raises NotInControl.
     """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
     old, stored = OldPlan.of(ctx), ctx.verified_items
