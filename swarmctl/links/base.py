@@ -69,7 +69,7 @@ FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class AddressChanged:
-    """New address of the vehicle, to which the link now sends. A vehicle on UDP may change it by a reboot."""
+    """New address of the vehicle, to which the link now sends; a reboot may change a UDP address."""
 
     address: str
 
@@ -215,7 +215,7 @@ class Link(Protocol):
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         """Return the parameters that the vehicle knows, by name. Raises LinkError after an interruption."""
 
-    async def set_parameters(self, wanted: Mapping[str, float]) -> None:
+    async def set_parameters(self, values: Mapping[str, float]) -> None:
         """Set the parameters that differ, on the ground, and confirm them. Raises ParametersFailed."""
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
@@ -255,8 +255,8 @@ class Link(Protocol):
         """Set hold mode. Raises CommandFailed.
 
         The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
-        With `check_mode_first`, a mode that has just changed stops the first command too; use this without
-        an operator's order. The same applies to `return_home` and `land`.
+        With `check_mode_first`, a mode that has just changed stops the first command too; use this for
+        commands that no operator has given. The same applies to `return_home` and `land`.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:

@@ -86,7 +86,7 @@ class DirectLink:
         self._timer: asyncio.TimerHandle | None = None
         self._on_waiting: Callable[[tuple[str, ...]], None] | None = None
         self._reasons: tuple[str, ...] = ()
-        self._report_at = 0.0
+        self._next_report_s = 0.0
         self._ground_lock = asyncio.Lock()
         """lock of uploads and requests on the ground, so that they run one after another"""
         # The owner of the front end may fail before it closes this link.
@@ -161,8 +161,8 @@ class DirectLink:
         result: dict[str, parameters.Parameter] = await self._read("parameters", procedure)
         return {name: parameter.value for name, parameter in result.items()}
 
-    async def set_parameters(self, wanted: Mapping[str, float]) -> None:
-        procedure = partial(parameters.set_parameters, wanted=wanted, byte_wise=self._byte_wise)
+    async def set_parameters(self, values: Mapping[str, float]) -> None:
+        procedure = partial(parameters.set_parameters, wanted=values, byte_wise=self._byte_wise)
         done: Done = await self._perform_on_ground("set parameters", procedure)
         if done.failure:
             raise ParametersFailed(f"{self._label}: the parameters are not all set: {done.failure}")
@@ -266,7 +266,7 @@ class DirectLink:
                 on_message=self._on_message,
                 on_event=self._on_event,
                 tlog=self._tlog,
-                wanted=self._session.read_ids,
+                read_ids=self._session.read_ids,
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None
@@ -348,12 +348,12 @@ class DirectLink:
 
     def _report_waiting(self) -> None:
         """Report the reasons for waiting when they change, at most once a second."""
-        if self._on_waiting is None or self._now() < self._report_at:
+        if self._on_waiting is None or self._now() < self._next_report_s:
             return
         reasons = self._session.state.not_ready
         if reasons and reasons != self._reasons:
             self._reasons = reasons
-            self._report_at = self._now() + REPORT_PERIOD_S
+            self._next_report_s = self._now() + REPORT_PERIOD_S
             self._on_waiting(reasons)
 
     def _arm_timer(self) -> None:

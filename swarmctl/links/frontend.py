@@ -136,9 +136,9 @@ class FrontEnd:
         on_message: Callable[[Message], None],
         on_event: Callable[[ChannelEvent], None],
         tlog: Path | None = None,
-        wanted: Set[int] = READ_IDS,
+        read_ids: Set[int] = READ_IDS,
     ) -> Channel:
-        """Return the channel of one system id on an open endpoint; `on_message` gets the `wanted` messages.
+        """Return the channel of one system id on an open endpoint; `on_message` gets messages of `read_ids`.
 
         Raises LinkError if another link on this endpoint, or this station, has the system id.
         """
@@ -155,7 +155,7 @@ class FrontEnd:
                 "1 to 254 [system-id-own]"
             )
         writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
-        channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, wanted)
+        channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, read_ids)
         return channel
 
     def systems_on(self, endpoint: Endpoint) -> frozenset[int]:

@@ -78,7 +78,7 @@ class EvidenceRecorder(Protocol):
         """
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
-        """Record a wanted message of a vehicle."""
+        """Record a message of a vehicle that its link reads."""
 
     async def settled(self) -> str:
         """Wait until the record is on disk; return the reason for a failure, or ""."""
@@ -94,11 +94,11 @@ class Channel:
         on_message: Callable[[Message], None],
         on_event: Callable[[ChannelEvent], None],
         tlog: TlogWriter | None,
-        wanted: Set[int],
+        read_ids: Set[int],
     ) -> None:
         self.tracker = AddressTracker()
         self.sysid = sysid
-        self.wanted = wanted
+        self.read_ids = read_ids
         self.on_message = on_message
         self.on_event = on_event
         self._line = line
@@ -244,7 +244,7 @@ class Line:
         elif verdict is AddressVerdict.CONFLICT:
             channel.on_event(SystemIdConflict(_text(channel.tracker.rival)))
         channel.log(frame.data)
-        if frame.msgid in channel.wanted:
+        if frame.msgid in channel.read_ids:
             message = self._shared.decoder.decode(frame)
             if message is not None:
                 if self._shared.evidence is not None:

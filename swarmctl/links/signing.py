@@ -112,7 +112,8 @@ class Signing:
         self._is_late = False
         """True after a wait for the disk that timed out"""
         self._first_link_id = first_link_id
-        self._last = self._began = store.load()  # highest used or accepted timestamp, and its first value
+        # Highest timestamp used or accepted, and its value at the start.
+        self._last = self._last_at_start = store.load()
         if self._last > LAST_TIMESTAMP - MAX_AHEAD_TICKS:
             raise ValueError(
                 "the timestamps of this signing key are used up; make a new key, for the vehicles too "
@@ -150,7 +151,7 @@ class Signing:
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
         # Timestamps of earlier runs raise the limit: the clock may have been ahead in those runs.
-        if timestamp > max(clock, self._began) + MAX_AHEAD_TICKS:
+        if timestamp > max(clock, self._last_at_start) + MAX_AHEAD_TICKS:
             return AHEAD
         if last is None and timestamp + MAX_NEW_STREAM_TICKS < max(self._last, clock):
             return LATE

@@ -20,8 +20,8 @@ from swarmctl.mavlink.protocol.command import Command, CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
-HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
-"""placeholder: the vehicle overwrites item 0 with home, so a take-off at item 0 would be lost"""
+HOME_PLACEHOLDER = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
+"""item 0, which the vehicle overwrites with home; a take-off at item 0 would be lost"""
 _STORED_FRAME = MappingProxyType(
     {
         mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -148,7 +148,7 @@ class ArduCopter(ArduPilot):
         track = copter_track(plan)
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
-        return (HOME, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
+        return (HOME_PLACEHOLDER, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
 
     def as_stored(self, item: MissionItem) -> MissionItem:
         """Return an item as stored; of its parameters a waypoint keeps only param1, cut to an integer."""

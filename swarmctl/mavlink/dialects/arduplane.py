@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.any_angle.turns import tangent_length
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem
-from swarmctl.mavlink.dialects.ardupilot import HOME, RELATIVE, ArduPilot, modes
+from swarmctl.mavlink.dialects.ardupilot import HOME_PLACEHOLDER, RELATIVE, ArduPilot, modes
 from swarmctl.mavlink.dialects.plan import (
     LAND,
     LAND_START,
@@ -59,7 +59,7 @@ class ArduPlane(ArduPilot):
         # The vehicle climbs straight on and ignores the position of the item (`Plane::do_takeoff`).
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m, param1=CLIMB_PITCH_DEG)
         return (
-            HOME,
+            HOME_PLACEHOLDER,
             takeoff,
             *_waypoints(plan),
             *_landing(at_goal),
