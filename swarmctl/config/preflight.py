@@ -83,5 +83,6 @@ class PreflightSection(Section):
     fence: FenceSection = Field(FenceSection(), description="The fence around all vehicles.")
     set_parameters: bool = Field(
         False,
-        description="Write the required parameters to the vehicles, permanently. false: only compare them.",
+        description="true: a flight writes required parameters to the vehicles permanently. false: only "
+        "a comparison.",
     )
