@@ -188,10 +188,7 @@ class Link(Protocol):
     """Interface to one vehicle."""
 
     async def connect(self, timeout_s: float) -> Identity:
-        """Open the endpoint, wait for a heartbeat and `identify` the vehicle.
-
-        Raises TransportError, NoAnswer, UnsupportedVehicle.
-        """
+        """Wait for a heartbeat and `identify`. Raises TransportError, NoAnswer, UnsupportedVehicle."""
 
     async def identify(self, timeout_s: float) -> Identity:
         """Request the identity of a connected vehicle again: another vehicle may have taken the address.
@@ -219,10 +216,7 @@ class Link(Protocol):
         """Set the parameters that differ, on the ground, and confirm them. Raises ParametersFailed."""
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
-        """Upload the inclusion polygon on the ground, read it back and compare.
-
-        Raises FenceFailed, and ValueError for too few or too many vertices.
-        """
+        """Upload the inclusion polygon on the ground and verify it. Raises FenceFailed, ValueError."""
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
         """Return the items of the fence on the vehicle. Raises FenceFailed."""
@@ -260,10 +254,7 @@ class Link(Protocol):
         """
 
     async def set_speed(self, speed_m_s: float) -> None:
-        """Set the speed in mission mode, until the mode changes. In other modes nothing is sent.
-
-        Raises CommandFailed.
-        """
+        """Set the speed until the mode changes. Raises CommandFailed, also outside of mission mode."""
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
         """Set return mode. Raises CommandFailed."""

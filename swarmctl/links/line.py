@@ -72,10 +72,7 @@ class EvidenceRecorder(Protocol):
     """Recorder of messages to and from vehicles."""
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
-        """Record a message to system `sysid` (0: all) from station `by` (empty: this one).
-
-        Return whether the message may be sent.
-        """
+        """Record a message to system `sysid` (0: all) from station `by` ("": this one); False forbids it."""
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
         """Record a message of a vehicle that its link reads."""

@@ -205,19 +205,16 @@ def with_mavsdk(
 
 
 def _by_mavsdk(
-    conversation: Conversation[Any],
-    adapter: MavsdkAdapter,
-    on_end: Callable[[], None],
-    clock: Callable[[], float],
+    direct: Conversation[Any], adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
 ) -> Conversation[Any]:
-    match conversation:
+    match direct:
         case Command():
-            return CommandByMavsdk(conversation, adapter, on_end, clock)
-        case Upload() if conversation.mission_type == MISSION and conversation.flown is None:
-            return UploadByMavsdk(conversation, adapter, on_end)
-        case Download() if conversation.mission_type == MISSION and conversation.first == 0:
+            return CommandByMavsdk(direct, adapter, on_end, clock)
+        case Upload() if direct.mission_type == MISSION and direct.flown is None:
+            return UploadByMavsdk(direct, adapter, on_end)
+        case Download() if direct.mission_type == MISSION and direct.first == 0:
             return DownloadByMavsdk(adapter, on_end)
-    return conversation
+    return direct
 
 
 _ALWAYS_IN = ("HEARTBEAT", "AUTOPILOT_VERSION")

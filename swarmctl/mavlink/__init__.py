@@ -7,7 +7,6 @@
 | `procedures` | sequences of conversations: launch, land, `procedures.swap` |
 | `dialects` | differences between autopilots |
 | `session`, `events` | all of these for one vehicle; events of a session |
-| `firmware` | firmware and airframe of a vehicle |
 
 Imports core and pymavlink; uses no sockets, no asyncio and no clock.
 Begin with `protocol.conversation`, `protocol.procedure` and `session`.

@@ -141,21 +141,19 @@ def _set_mode_urgently(ctx: Context, mode: str, *, check_mode_first: bool) -> Pr
     """Set a mode at once, with several tries; return the failure.
 
     The first command is sent without a new heartbeat, unless `check_mode_first` is set. The procedure ends
-    when a heartbeat shows a mode outside `allowed_modes`: another party has chosen that mode.
+    when a heartbeat shows a mode outside the allowed modes: another party has chosen that mode.
     """
     dialect, failure = ctx.dialect, None
-    allowed_modes = {mode, ctx.state.mode}
+    allowed = {mode, ctx.state.mode}
     if ctx.interrupted or not check_mode_first:
         # The interrupted procedure may have changed the mode shortly before.
-        allowed_modes |= {dialect.hold_mode, dialect.mission_mode}
+        allowed |= {dialect.hold_mode, dialect.mission_mode}
     if not check_mode_first:
-        allowed_modes |= {dialect.return_mode, dialect.land_mode}
+        allowed |= {dialect.return_mode, dialect.land_mode}
     try:
         for attempt in range(MODE_TRIES):
             skip_first_check = attempt == 0 and not check_mode_first
-            failure = yield from set_mode(
-                ctx, mode, in_modes(allowed_modes), skip_first_check=skip_first_check
-            )
+            failure = yield from set_mode(ctx, mode, in_modes(allowed), skip_first_check=skip_first_check)
             if failure is None:
                 break
     except NotInControl as why:

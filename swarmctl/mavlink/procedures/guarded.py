@@ -1,8 +1,7 @@
 """Guarded commands: commands that never override a pilot or another station.
 
 A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
-later. So a requested heartbeat precedes every try of a guarded command, except a first try with
-`skip_first_check`.
+later. So a requested heartbeat precedes every try, except a first try with `skip_first_check`.
 """
 
 from __future__ import annotations
@@ -55,8 +54,7 @@ def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
     """Request a heartbeat and check that the vehicle's state fulfils `expected`. Raises NotInControl."""
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
         raise NotInControl(
-            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s, so the mode is unknown; no further command is sent "
-            "[silent]"
+            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s: the mode is unknown, no further command is sent [silent]"
         )
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
