@@ -39,8 +39,6 @@ ARRIVED = "arrived"
 
 
 class Phase(StrEnum):
-    """Phase of a flight."""
-
     WAITING = "waiting"
     """not ready yet"""
     UPLOADING = "uploading"
@@ -127,8 +125,6 @@ class DeconflictionCounts:
 
 @dataclass(frozen=True, slots=True)
 class FlightComparison:
-    """A comparison of the own flight with another vehicle's intent."""
-
     own: Trajectory
     other: NeighbourIntent
     clash: Clash | None

@@ -205,7 +205,6 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
 
 
 def _send_intent(state: AgentState) -> StepResult:
-    """Send the intent when due, and check the plan for conflicts."""
     state, published = share_intent(state)
     if not published:
         return state, []
@@ -261,8 +260,7 @@ def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
     state = replace(state, lost=False)
     if state.ordered in ROLE_OF_ORDER and not state.order_followed:
-        # An order given during the loss is repeated with the next telemetry, unless that telemetry shows
-        # another operator's mode.
+        # The next telemetry repeats the order, unless that telemetry shows another operator's mode.
         return replace(state, repeat_order_at_s=now), []
     return state, []
 
@@ -342,8 +340,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-    # Decide again later, with all observations until then. A vehicle that no longer flies its old plan has no
-    # route, so it takes any new plan.
+    # A vehicle that no longer flies its old plan has no route, so it takes any new plan.
     return replace(
         state,
         dirty=True,

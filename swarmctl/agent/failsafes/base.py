@@ -41,8 +41,6 @@ ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """The reaction that a rule demands."""
-
     kind: DemandKind
     reason: str
     """text for the operator: found and expected values"""
@@ -61,8 +59,6 @@ class ActiveRoute:
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """Fence of a vehicle."""
-
     corners_m: tuple[tuple[float, float], ...]
     """(east, north) in the area's local frame [m], in order"""
     ceiling_m: float
@@ -122,8 +118,6 @@ class Rule(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ActiveRule:
-    """A rule with its parameters."""
-
     rule: Rule
     params: Section
 

@@ -52,9 +52,9 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
 def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
     """Return the plan with one more waypoint, at the point where the vehicle can reach the plan's height.
 
-    The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints. Without the added
-    waypoint the vehicle would reach the height only at its first waypoint. The plan stays unchanged if its
-    first waypoint is less than twice as far away as the added one, or if its height hardly differs.
+    The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints, so a plan without
+    this waypoint reaches its height only at its first waypoint. A plan with a near first waypoint, or hardly
+    another height, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S

@@ -42,7 +42,6 @@ def home_approach(task: Task) -> Approach | None:
 
 
 def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
-    """Return the pattern of `goal_approach`, in metres."""
     if task.wings is None:
         return None
     spot = landing_spot(task.grid, goal, task.landing_index, task.landing_count)
@@ -53,7 +52,6 @@ def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
 
 
 def home_pattern(task: Task) -> LandingPattern | None:
-    """Return the pattern of `home_approach`, in metres."""
     if task.wings is None:
         return None
     home = task.grid.frame.to_local(*task.wings.home)

@@ -69,8 +69,6 @@ class FixedWing:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A position and a heading."""
-
     point: PlanarPoint
     heading_rad: float
 
@@ -93,8 +91,8 @@ class LandingPattern:
         """Return points once around the circle, from its exit to its exit."""
         exit_rad = math.atan2(self.circle_exit[0] - self.centre[0], self.circle_exit[1] - self.centre[1])
         step_rad = math.copysign(math.tau / CIRCLE_POINTS, self.radius_m)
-        bearings_rad = (exit_rad + k * step_rad for k in range(CIRCLE_POINTS + 1))
-        return [_offset(self.centre, bearing_rad, abs(self.radius_m)) for bearing_rad in bearings_rad]
+        radius_m = abs(self.radius_m)
+        return [_offset(self.centre, exit_rad + k * step_rad, radius_m) for k in range(CIRCLE_POINTS + 1)]
 
     def outline(self) -> list[PlanarPoint]:
         """Return the points of the flight from the circle on, with the roll-out."""

@@ -42,7 +42,8 @@ class TimeBound:
 
     def __str__(self) -> str:
         if self.after_s > 0.0:
-            return f"{self.after_s:g} to {self.within_s:g} s"
+            is_open = math.isinf(self.within_s)
+            return f"at least {self.after_s:g} s" if is_open else f"{self.after_s:g} to {self.within_s:g} s"
         return f"{self.within_s:g} s"
 
     @property

@@ -210,20 +210,14 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 
 def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
-    """Return the index of the route's cell nearest to `cell`; None for a cell that the flight does not pass.
-
-    If a track passes the cell more than once, the result is the first index from `since` on.
-    """
+    """Return the index of the route's cell nearest to `cell`, first from `since` on; None off the flight."""
     if swap.track is not None:
         return pull.route_index_at(swap.track, cell, since)
     return swap.cells.index(cell) if cell in swap.cells else None
 
 
-def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> bool:
-    """Return whether the present track is still as good as its route; True without a track.
-
-    `start` is the route's cell nearest to the vehicle.
-    """
+def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], route_cell: Cell) -> bool:
+    """Return whether the present track is still as good as its route; True without a track."""
     task, swap = state.task, state.route
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True
@@ -234,6 +228,6 @@ def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], start: Cell
         swap.cells,
         swap.track,
         radius_cells=task.turn_radius_m / task.grid.cell_size_m,
-        cell=state.cell if state.cell is not None else start,
-        index=swap.cells.index(start),
+        cell=state.cell if state.cell is not None else route_cell,
+        index=swap.cells.index(route_cell),
     )

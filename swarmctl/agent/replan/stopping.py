@@ -19,7 +19,7 @@ from swarmctl.core.planar import PlanarPoint
 STANDING_M_S = 1.0
 """Greatest speed of a vehicle that needs no stop [m/s]."""
 RESTART_M_S = 0.1
-"""Start speed after a stop [m/s]; above 0, because `travel_time` assumes a corner at a start from 0."""
+"""Start speed after a stop [m/s]; from 0, `travel_time` would assume a second stop after a short leg."""
 CORNER_M = 0.01
 """Greatest distance from a stop to the next corner at which both count as one point [m]."""
 

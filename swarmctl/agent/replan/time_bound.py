@@ -186,11 +186,10 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: Join
         greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, joining))
     nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, joining))
     lost = _in_cells(task, route_lost_s(task, nearest.cells, joining))
-    text = f"no route found is at most {latest_cells:.2f} cells long with the loss at its turns: the nearest "
+    text = f"no route found is at most {latest_cells:.2f} cells long with the loss at turns; the nearest "
     text += (
-        f"route has {nearest.length_cells:.2f} cells and loses {lost:.2f} cells; allow a later arrival or a "
+        f"has {nearest.length_cells:.2f} cells and loses {lost:.2f}; allow a later arrival or a higher speed"
     )
-    text += "higher speed"
     raise BoundTooTight(text, nearest)
 
 

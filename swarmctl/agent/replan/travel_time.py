@@ -101,7 +101,6 @@ def _corner_times_and_speed(
 
 
 def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:
-    """Return the ends and the turns of a track."""
     corners: list[PlanarPoint] = list(track[:1])
     for here, after in pairwise(track[1:]):
         if here != corners[-1] and _turn_rad(corners[-1], here, after) > STRAIGHT_RAD:
@@ -116,7 +115,6 @@ def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> flo
 
 
 def _corner_m_s(turn_rad: float, speed_m_s: float) -> float:
-    """Return the estimated speed through a corner [m/s]."""
     widening = 1.0 / max(math.cos(turn_rad / 2.0), 1e-6) - 1.0
     rounded_m_s = math.sqrt(ACCELERATION_M_S2 * CORNER_RADIUS_M / max(widening, 1e-9))
     return min(CORNER_SHARE * rounded_m_s, speed_m_s)

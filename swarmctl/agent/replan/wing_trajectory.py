@@ -104,8 +104,6 @@ def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
 
 
 class _TrajectoryBuilder:
-    """A builder of a trajectory, leg by leg."""
-
     def __init__(self, begin: LocalPoint, speed_m_s: float) -> None:
         self._points, self._times_s = [begin], [0.0]
         self._speed_m_s = speed_m_s
