@@ -54,7 +54,7 @@ def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
     """Request a heartbeat and check that the vehicle's state fulfils `expected`. Raises NotInControl."""
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
         raise NotInControl(
-            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s: the mode is unknown, no further command is sent [silent]"
+            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s: mode unknown, no further command is sent [silent]"
         )
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
