@@ -37,7 +37,7 @@ class TakenOver(NotInControl):
 
 
 def in_modes(modes: Set[str], *, armed: bool | None = None) -> StateCondition:
-    """Return the condition that the mode is one of `modes`, and that the vehicle is `armed` (None: any)."""
+    """Return the condition that the mode is one of `modes` and the armed state is `armed` (None: any)."""
     return lambda s: s.mode in modes and armed in (None, s.armed)
 
 
