@@ -20,7 +20,7 @@ from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
-from swarmctl.planners.envelope import SummedRoute, Sweep
+from swarmctl.planners.envelope import EnvelopeSearch, SummedRoute
 
 SMALL_GAP = 0.02
 """relative gap between the bounds on the exposure below which labels are faster than another search"""
@@ -44,10 +44,9 @@ class Params:
 def plan(problem: Problem, params: Params) -> Route:
     """Return the least exposed route within the upper bound on length; among equal routes the shortest.
 
-    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost`. If `max_labels` are used up,
-    the route is the best so far, and its `lower_bound` may be less. If the start is a goal, `lower_bound` is
-    None. Raises Unreachable, BoundTooTight with the shortest route, and BadProblem for a lower bound on
-    length.
+    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost` (None if the start is a goal).
+    If `max_labels` are used up, the route is the best so far, and its `lower_bound` may be less. Raises
+    Unreachable, BoundTooTight with the shortest route, and BadProblem for a lower bound on length.
     """
     if problem.min_length_cells > 0.0:
         # The least exposed route above a length would fly loops. That search is as hard as a longest path.
@@ -57,18 +56,18 @@ def plan(problem: Problem, params: Params) -> Route:
         )
     if problem.start in problem.goals:
         return route_of(problem, (problem.start,), 0.0)
-    sweep = Sweep(problem)
+    envelope = EnvelopeSearch(problem)
     greatest = bounds.window(problem)[1]
     if math.isinf(greatest):
-        return _route(sweep, sweep.search(0.0)[0].cells)
-    shortest, to_length = sweep.search(math.inf)
+        return _route(envelope, envelope.search(0.0)[0].cells)
+    shortest, to_length = envelope.search(math.inf)
     if shortest.length_cells > greatest:
-        raise bounds.shortest_too_long(problem, _route(sweep, shortest.cells))
-    bracket = sweep.bracket(shortest, greatest, SMALL_GAP)
+        raise bounds.shortest_too_long(problem, _route(envelope, shortest.cells))
+    bracket = envelope.bracket(shortest, greatest, SMALL_GAP)
     if bracket.field is None:
-        return _route(sweep, bracket.short.cells)
+        return _route(envelope, bracket.short.cells)
     to_go = kernels.ToGo.of(to_length, None, bracket.field, bracket.price)
-    return _label(sweep, bracket.short, to_go, params)
+    return _label(envelope, bracket.short, to_go, params)
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
@@ -78,27 +77,27 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
     return measures.exposure_sum(problem.exposure, cells)
 
 
-def _label(sweep: Sweep, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
+def _label(envelope: EnvelopeSearch, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
     """Return the least exposed route that labels find, or `best` if labels find no route."""
-    problem = sweep.problem
+    problem = envelope.problem
     greatest = bounds.window(problem)[1]
     found = kernels.label_search(
-        sweep.passable,
+        envelope.passable,
         problem.start,
         problem.goals,
         to_go,
         longest_cells=greatest,
-        below=best.exposure_sum,
-        whole=False,
+        below_exposure=best.exposure_sum,
+        whole_front=False,
         max_labels=params.max_labels or 0,
     )
-    route = _route(sweep, found.routes[-1] if found.routes else best.cells)
+    route = _route(envelope, found.routes[-1] if found.routes else best.cells)
     proved = max(found.least_open - to_go.price * greatest, 0.0)
     return replace(route, lower_bound=min(route.cost, proved))
 
 
-def _route(sweep: Sweep, cells: tuple[Cell, ...]) -> Route:
+def _route(envelope: EnvelopeSearch, cells: tuple[Cell, ...]) -> Route:
     """Return a proved route: its exposure is also its lower bound."""
-    exposure = measures.exposure_sum(sweep.problem.exposure, cells)
-    route = route_of(sweep.problem, cells, exposure)
-    return replace(route, searched=tuple(sweep.searched), lower_bound=exposure)
+    exposure = measures.exposure_sum(envelope.problem.exposure, cells)
+    route = route_of(envelope.problem, cells, exposure)
+    return replace(route, searched=tuple(envelope.searched), lower_bound=exposure)

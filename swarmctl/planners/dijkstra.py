@@ -109,7 +109,7 @@ def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, 
             raise problem.unreachable()
         return field.route_from(problem.start)
     finally:
-        _fields.put([field], lambda _: 1, most=1)
+        _fields.put([field], lambda _: 1, max_total=1)
 
 
 def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:

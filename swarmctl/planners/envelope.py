@@ -1,14 +1,14 @@
-"""The lower envelope: the routes that some w in [0, 1] finds, and the values of w at which the route changes.
+"""The lower envelope: the routes that are cheapest at some w in [0, 1], and the w at which the route changes.
 
 Eq. 5 at w is w·(E + λ·L). L is the length of a route and E is its ΣP_s. λ = (1 − w)·ψ/w is the price of a
-cell of length. Over λ each route is a line. The routes that some w finds are the corners of the lower
-envelope of all lines. Take two of these routes, and the price at which both cost the same. One search at this
-price finds a route between the two, or proves that the two are neighbours (Eisner and Severance 1976; with a
-bound on one of the sums, Handler and Zang 1980).
+cell of length. The cost of a route over λ is a line. The routes that are cheapest at some w are the lines of
+the lower envelope. Two of these routes cost the same at one price. A search at this price finds a route
+between the two, or proves that the two are neighbours (Eisner and Severance 1976; with a bound on one of the
+sums, Handler and Zang 1980).
 
-A route counts if `dijkstra` returns the route at some w > 0: the shortest of the cheapest routes. A route
-that is the cheapest at a single w does not count if a shorter route costs the same at this w. At w = 0 all
-shortest routes cost the same; the least exposed of these counts.
+The envelope has the routes that `dijkstra` returns at some w > 0: the shortest of the cheapest routes. A
+longer route that is equally cheap at a single w is left out. At w = 0 all shortest routes cost the same; the
+envelope has the least exposed of these.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from swarmctl.planners import kernels
 from swarmctl.planners.base import Problem, Searched
 
 COST_TIE = 1e-11
-"""smallest share by which a route between two neighbours must be cheaper than both to be new"""
-FIRST_PRICE = 0.5
-"""first price of length, as a share of the shortest route's mean exposure per cell"""
-PRICE_STEP = 0.25
-"""ratio of a price to the price before"""
+"""least relative saving against two routes at which a found route counts as new"""
+FIRST_PRICE_SHARE = 0.5
+"""first price of length, as a share of the shortest route's ΣP_s per cell of length"""
+PRICE_RATIO = 0.25
+"""ratio of a price to the previous price"""
 N_PRICES = 3
-"""number of prices before the search for the least exposed route, the longest search"""
+"""number of prices above 0 before the search at price 0, which takes the most time"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Bracket:
-    """The last route of the envelope within a bound on length, and the first beyond the bound."""
+    """A route of the envelope within a bound on length, and a longer route beyond the bound."""
 
     short: SummedRoute
     long: SummedRoute | None
@@ -65,11 +65,11 @@ class Bracket:
     price: float
     """price of length in `field`"""
     field: kernels.Field | None
-    """The field with the highest lower bound: no route within the bound on length is less exposed than
-    cost − price · bound. None if `short` is the least exposed route."""
+    """The field of the highest lower bound on exposure. The lower bound is cost − price · bound on length.
+    None if `short` is the least exposed route of all."""
 
 
-class Sweep:
+class EnvelopeSearch:
     """Searches for one problem at several prices of length."""
 
     def __init__(self, problem: Problem) -> None:
@@ -78,11 +78,11 @@ class Sweep:
         self.searched: list[Searched] = []
 
     def search(self, price: float) -> tuple[SummedRoute, kernels.Field]:
-        """Return the cheapest route at a price of length, and its field; among equal routes the shortest.
+        """Return the cheapest route at a price of length, and the field; among equal routes the shortest.
 
         Price 0 gives the least exposed route, an infinite price the shortest. Raises Unreachable.
         """
-        # At w = 1/2 ψ is the price, without the rounding of another w.
+        # With w = 1/2 and ψ = price, Eq. 5 has this price exactly, without rounding.
         w, psi = {math.inf: (0.0, 1.0), 0.0: (1.0, 0.0)}.get(price, (0.5, price))
         field = kernels.spread(self.passable, self.problem.goals, w, psi)
         if math.isinf(field.cost_of(self.problem.start)):
@@ -105,8 +105,8 @@ class Sweep:
     def bracket(self, short: SummedRoute, bound_cells: float, accepted_gap: float = 0.0) -> Bracket:
         """Return the routes on both sides of a bound on length.
 
-        `short`: the shortest route, which is within the bound. The two results are neighbours, unless the
-        search ends early: when the exposure within the bound can fall by at most the share `accepted_gap`.
+        `short` is the shortest route, and within the bound. The two results are neighbours, unless the search
+        ends early: the exposure can then fall by no more than the share `accepted_gap`.
         """
         short, long = self._lower_price(short, bound_cells)
         proof: tuple[float, kernels.Field | None] = (0.0, None)
@@ -127,7 +127,7 @@ class Sweep:
         return Bracket(short, long, *proof)
 
     def edges(self, short: SummedRoute, long: SummedRoute, window: tuple[float, float]) -> Iterator[Edge]:
-        """Yield all pairs of neighbours that reach into a window of lengths [cells], the shortest first."""
+        """Yield the pairs of neighbours that reach into a window of lengths [cells], by rising length."""
         ahead = [long]
         while ahead and short.length_cells <= window[1]:
             long = ahead[-1]
@@ -143,12 +143,12 @@ class Sweep:
             short = ahead.pop()
 
     def _lower_price(self, short: SummedRoute, bound_cells: float) -> tuple[SummedRoute, SummedRoute | None]:
-        """Lower the price of length until a route is too long; return the route before, and this route.
+        """Lower the price of length until a route is too long; return the previous route, and this route.
 
         The second value is None if no route is too long.
         """
-        price = FIRST_PRICE * short.exposure_sum / max(short.length_cells, 1.0)
-        prices = [price * PRICE_STEP**k for k in range(N_PRICES)] if price > 0.0 else []
+        price = FIRST_PRICE_SHARE * short.exposure_sum / max(short.length_cells, 1.0)
+        prices = [price * PRICE_RATIO**k for k in range(N_PRICES)] if price > 0.0 else []
         for price in [*prices, 0.0]:
             found, _ = self.search(price)
             if found.length_cells > bound_cells:
@@ -160,7 +160,7 @@ class Sweep:
 def _crossing(short: SummedRoute, long: SummedRoute) -> float:
     """Return the price of length at which two routes cost the same.
 
-    The price is 0 or less if the first route is dominated or the lengths are equal.
+    The price is 0 or less if the second route is no longer, or not less exposed, than the first.
     """
     longer = long.length_cells - short.length_cells
     if longer <= kernels.LENGTH_TIE:
@@ -168,6 +168,6 @@ def _crossing(short: SummedRoute, long: SummedRoute) -> float:
     return (short.exposure_sum - long.exposure_sum) / longer
 
 
-def _is_new(found: SummedRoute, crossing: SummedRoute, price: float) -> bool:
-    """Return whether a route is cheaper than the two routes that cross at the price of its search."""
-    return found.cost(price) < crossing.cost(price) * (1.0 - COST_TIE)
+def _is_new(found: SummedRoute, known: SummedRoute, price: float) -> bool:
+    """Return whether a found route is cheaper at a price than a known route."""
+    return found.cost(price) < known.cost(price) * (1.0 - COST_TIE)

@@ -12,14 +12,14 @@ T = TypeVar("T")
 class Pool(Generic[T]):
     """Objects for one thread at a time: a thread takes objects out, and puts them back after use.
 
-    Each step is one operation of a list, which the interpreter does not interrupt.
+    Each operation on the list is atomic in the interpreter.
     """
 
     def __init__(self) -> None:
         self._objects: list[T] = []
 
     def take_all(self) -> list[T]:
-        """Return all objects that no other thread has taken, the oldest first."""
+        """Remove and return all objects, the oldest first."""
         taken: list[T] = []
         while True:
             try:
@@ -27,9 +27,9 @@ class Pool(Generic[T]):
             except IndexError:
                 return taken
 
-    def put(self, objects: Iterable[T], size: Callable[[T], int], most: int) -> None:
-        """Put objects back, the oldest first; drop the oldest while the total size exceeds `most`."""
+    def put(self, objects: Iterable[T], size: Callable[[T], int], max_total: int) -> None:
+        """Put objects back, the oldest first; drop the oldest, but not the last, above `max_total`."""
         self._objects.extend(list(objects))
-        while sum(map(size, kept := self._objects.copy())) > most and len(kept) > 1:
+        while sum(map(size, kept := self._objects.copy())) > max_total and len(kept) > 1:
             with contextlib.suppress(IndexError):
                 self._objects.pop(0)

@@ -3,14 +3,14 @@
 An observation changes P_s much in a few cells, and a little everywhere, because the cells not seen share the
 remaining hostiles. The new route is nearly always near the old route. A replan has these steps:
 
-1. Search a box around the old route, with the present costs.
-2. Prove that no route out of the box is cheaper. The box's field gives the cost to each cell of the box's
-   rim. An older field of the whole area gives a lower bound from the rim to a goal. This bound is scaled by
-   the least ratio of new to old costs, and lowered where cells have become cheaper.
-3. Without a proof, enlarge the box. If the box is too large, search the whole area; the result is the older
+1. Take a rough route by an older field of the whole area. Search a box around it with the present costs.
+2. Prove that no route that leaves the box is cheaper. A search gives the cost from the start to each cell of
+   the box's rim. The older field gives a lower bound from the rim to a goal. This bound is scaled by the
+   least ratio of new to old costs, and lowered where cells have become cheaper.
+3. Without a proof, enlarge the box. If the box is too large, search the whole area. The result is the older
    field of later replans.
 
-The result equals that of a search of the whole area, ties included.
+The route equals the route of a search of the whole area, ties included.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from swarmctl.planners.kernels.large_field import LargeField, compilable, spread
 from swarmctl.planners.kernels.lattice import Floats
 
 FIRST_MARGIN_CELLS = 12
-"""first distance from the old route to the edge of the box"""
+"""distance from the rough route to the edge of the first box"""
 LARGEST_BOX_SHARE = 0.25
-"""largest box, as a share of the area; instead of a larger box, the whole area is searched"""
+"""largest box, as a share of the area; above this share the whole area is searched"""
 SAMPLE_STRIDE = 997
-"""distance between two cells sampled for the drift of all costs [cells]"""
+"""distance between two cells sampled for a common change of all costs [cells]"""
 WHOLE = slice(None)
 MAX_LABEL_RATIO = 4096.0
 """greatest ratio of an old label to the lowered label; a greater ratio leaves too few digits for a bound"""
 PROOF_RATIO = 1.0 + 1e-9
-"""least ratio of the cost outside the box to the cost inside, above 1 because sums are rounded"""
+"""least ratio of the cost of leaving the box to the cost inside, above 1 because sums are rounded"""
 
 
 @dataclass(slots=True, eq=False)
 class Layers:
     """P_s in two layers, `known + p_unseen · unseen`, each of shape (rows, cols).
 
-    The sum is Eq. 3 over Eq. 4. `known` is the exposure to the cells seen. `unseen` is the kernel's weight of
-    the cells not seen; all of them have the same p_O. An infinite `known` is a wall. The owner of the layers
-    changes them in place and calls `Replanner.changed` with the cells.
+    The sum is Eq. 3 with p_O by Eq. 4. `known` is the exposure to the cells seen. `unseen` is the kernel's
+    weight of the cells not seen, and `p_unseen` the p_O of each of them. An infinite `known` is a wall. The
+    owner of the layers changes them in place and calls `Replanner.changed` with the cells.
     """
 
     known: NDArray[np.float64]
@@ -77,8 +77,8 @@ class Replanner:
         replanner.route((250, 100))                      # searches a small part of the area
 
     The routes are those of `dijkstra` without a maximum exposure, ties included. `exposure` is an array, or
-    `Layers` if all cells not seen have the same drifting p_O. The exposure is not copied: change the array in
-    place and call `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does.
+    `Layers` if all cells not seen have the same p_O. An array of floats is not copied: change it in place and
+    call `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Replanner:
     def changed(self, cells: Iterable[Cell]) -> None:
         """Update the bounds for `cells` whose P_s has changed; a change of p_unseen needs no call.
 
-        Raises BadProblem for a cell outside the area, NaN and negative exposures.
+        Raises BadProblem for a cell outside the area, and for NaN or negative exposure.
         """
         field, p = self._old, self._p_unseen
         for cell in cells:
@@ -125,9 +125,10 @@ class Replanner:
                 self._lower(np.array([m]), np.array([straight]))
 
     def renew(self, exposure: NDArray[np.float64]) -> None:
-        """Replace P_s, shape (rows, cols); every cell is compared with the old array.
+        """Replace P_s, shape (rows, cols); the cost of every cell is compared with the older field.
 
-        The array is kept, not copied. Raises BadProblem for another shape, NaN and negative numbers.
+        A contiguous, writeable array of floats is not copied. Raises BadProblem for another shape or an
+        invalid exposure.
         """
         checked_field(exposure, self.goals, self._w, self._psi)
         if exposure.shape != self._now.known.shape:
@@ -137,10 +138,10 @@ class Replanner:
         exposure = compilable(exposure)
         self._now = Layers.of(exposure)
         self._p_unseen = 0.0
-        self._drift, cells, costs = compiled(bounds.compare)(
+        self._sampled_ratio, cells, costs = compiled(bounds.compare)(
             exposure, self._w, self._old.step, self._old.straight, SAMPLE_STRIDE, exposure.size // 50 + 50
         )
-        self._outdated = self._outdated or self._drift == 0.0
+        self._outdated = self._outdated or self._sampled_ratio == 0.0
         if not self._outdated:
             self._lower(cells, costs)
 
@@ -163,7 +164,7 @@ class Replanner:
                 box = self._box(guess, margin)
                 if (box[1] - box[0]) * (box[3] - box[2]) > LARGEST_BOX_SHARE * self._now.known.size:
                     break
-                found = self._within(box, start)
+                found = self._route_in_box(box, start)
                 if found:
                     self._margin = margin
                     return found
@@ -174,14 +175,14 @@ class Replanner:
         return self._old.route_from(start)
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
-        """Lower the old field's labels of `cells`; `costs` are lower costs of a straight step into each."""
+        """Lower the old field's labels of `cells`; `costs` are the present costs of a straight step."""
         if self._outdated:
             return
-        old, straight = self._old, np.minimum(costs / self._drift, self._old.straight[cells])
+        old, straight = self._old, np.minimum(costs / self._sampled_ratio, self._old.straight[cells])
         with np.errstate(invalid="ignore"):
             label = old.label[cells] - (old.straight[cells] - straight)
         if not (old.label[cells] <= MAX_LABEL_RATIO * label).all():
-            # A wall, or a cell nearly as dear, has become cheap: the old labels next to it are only rounding.
+            # A wall or a very dear cell has become cheap: the lowered label would be mostly rounding error.
             self._outdated = True
             return
         old.label[cells], old.straight[cells] = label, straight
@@ -195,16 +196,16 @@ class Replanner:
         self._old = spread_large(exposure, self.goals, self._w, self._psi, into=self._old)
         self._p_unseen = self._now.p_unseen
         self._lowered: list[int] = []
-        """cells with a lowered label, next to cells whose labels are not lowered yet"""
-        self._outdated, self._drift = False, 1.0
+        """cells whose lowered label has not been spread to their neighbours yet"""
+        self._outdated, self._sampled_ratio = False, 1.0
         self.searched_cells = self._now.known.size
-        """number of cells searched for the last route"""
+        """number of cells in the last searched box or area; 0 if the last start was a goal"""
 
     def _guess(self, start: Cell) -> NDArray[np.int64]:
-        """Lower the old labels near the route, and return flat indices of a good route by the old field."""
+        """Spread lowered labels up to the start; return flat indices of a rough route, empty if none."""
         old, m = self._old, self._old.index(start)
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
-        self._lowered = old.lower(waiting, float(old.label[m]) * PROOF_RATIO).tolist()
+        self._lowered = old.spread_lowered(waiting, float(old.label[m]) * PROOF_RATIO).tolist()
         most = 4 * (old.rows + old.cols)
         path, arrived = compiled(bounds.descend_roughly)(old.label, old.extra, old.width, old.goals, m, most)
         return path if arrived else path[:0]
@@ -219,8 +220,8 @@ class Replanner:
             min(int(cols.max()) + margin + 1, self._old.cols),
         )
 
-    def _within(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
-        """Return the route in the box; empty unless every route out of the box is proved dearer."""
+    def _route_in_box(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
+        """Return the route in the box; empty unless every route that leaves the box is proved dearer."""
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
         exposure = self._now.within(slice(top, bottom), slice(left, right))
@@ -232,21 +233,21 @@ class Replanner:
         outside = compiled(bounds.least_cost_outside)(
             field.labels_from(inside), field.rows, field.cols,
             old.label, old.straight, old.width, top, left, old.rows,
-            self._valid_below(), self._rate(),
+            self._valid_below(), self._cost_ratio(),
         )  # fmt: skip
         if not outside > cost * PROOF_RATIO:
             return ()
         return tuple((r + top, c + left) for r, c in field.route_from(inside))
 
     def _valid_below(self) -> float:
-        """Return the label below which all old labels are lower bounds."""
+        """Return the label up to which the old labels are lower bounds."""
         return float(self._old.label[self._lowered].min()) if self._lowered else math.inf
 
-    def _rate(self) -> float:
+    def _cost_ratio(self) -> float:
         """Return a lower bound of new cost / old cost, valid for all cells."""
         if self._now.p_unseen >= self._p_unseen:
-            return self._drift
+            return self._sampled_ratio
         # The ratio of the costs s + w(K + pU) is least for K = 0 and the greatest pU of the area.
         step, greatest = self._old.step, self._old.greatest
         fallen = step + (greatest - step) * self._now.p_unseen / self._p_unseen
-        return self._drift * (fallen / greatest if greatest > 0.0 else 1.0)
+        return self._sampled_ratio * (fallen / greatest if greatest > 0.0 else 1.0)

@@ -2,7 +2,7 @@
 
 # ERRATUM: the paper holds that the route of least ΣP_s "would also be the one that gives the maximum value of
 # the safety factor". Counterexample: one cell of 0.50 has a smaller sum than two cells of 0.26, but a smaller
-# safety factor too (0.500 against 0.548). The correct sum is Σ −ln(1 − P_s), which equals ΣP_s only for small
+# safety factor too (0.500 against 0.548). The correct sum is Σ −ln(1 − P_s), which is close to ΣP_s for small
 # P_s. The paper's planner is `dijkstra` at w = 1.
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from swarmctl.planners import kernels
 from swarmctl.planners.base import Problem, Route, is_open, route_of
 
 CERTAIN_LOSS = 1e6
-"""Cost of a cell of P_s ≥ 1, instead of −ln(0) = ∞. It exceeds the sum over the rest of any route, so that a
-route enters as few such cells as possible. A cell of infinite P_s is a wall."""
-
+"""Cost of a cell of P_s ≥ 1, instead of −ln(0) = ∞. The other cells of a usual route cost less together, so
+the route enters as few such cells as possible. A cell of infinite P_s is a wall."""
 
 USES_W = False
 
@@ -34,7 +33,7 @@ class Params:
 def plan(problem: Problem, _params: Params) -> Route:
     """Return the route of least cost Σ −ln(1 − P_s); among equal routes the shortest.
 
-    w, ψ and bounds on length have no influence. Raises Unreachable.
+    `w`, ψ and bounds on length have no influence. Raises Unreachable.
     """
     field = kernels.spread(_losses(problem.passable), problem.goals, 1.0, 0.0)
     if math.isinf(field.cost_of(problem.start)):

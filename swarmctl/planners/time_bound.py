@@ -1,9 +1,9 @@
 """The paper's search under a time bound (Figure 7): the route of least exposure or distance over all w.
 
 The problem has a bound on length, or a window of lengths. At the vehicle's speed these are a time bound, or
-an arrival window. The routes over all w in [0, 1] are the corners of a lower envelope (`envelope`). From
-w = 0 to w = 1 the routes get longer and less exposed. So the best route is next to the bound. Each search
-gives the next w to try; `Route.searched` lists all searches.
+an arrival window. The routes over all w in [0, 1] form a lower envelope (`envelope`). From w = 0 to w = 1 the
+routes get longer and less exposed. So the best route is next to a bound. Each search gives the next w to try;
+`Route.searched` lists all searches.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds
 from swarmctl.planners.base import Problem, Route, is_open, route_of
-from swarmctl.planners.envelope import SummedRoute, Sweep
+from swarmctl.planners.envelope import EnvelopeSearch, SummedRoute
 
 # DEVIATION: the paper searches "in the space of w" without a method. A list of values of w would miss the
 # routes of the values between; this search covers every w.
-
 
 USES_W = False
 
@@ -39,10 +38,10 @@ def plan(problem: Problem, params: Params) -> Route:
     Raises Unreachable, and BoundTooTight if no route over all w keeps the bounds.
     """
     if problem.start in problem.goals:
-        return _checked(problem, params, [SummedRoute((problem.start,), 0.0, 0.0)], Sweep(problem))
-    sweep = Sweep(problem)
+        return _checked(problem, params, [SummedRoute((problem.start,), 0.0, 0.0)], EnvelopeSearch(problem))
+    envelope = EnvelopeSearch(problem)
     candidates = _least_exposed if params.minimise == "exposure" else _shortest
-    return _checked(problem, params, candidates(sweep, *bounds.window(problem)), sweep)
+    return _checked(problem, params, candidates(envelope, *bounds.window(problem)), envelope)
 
 
 def measure(problem: Problem, cells: Sequence[Cell], params: Params) -> float:
@@ -52,29 +51,31 @@ def measure(problem: Problem, cells: Sequence[Cell], params: Params) -> float:
     return _sum(problem, cells, params)
 
 
-def _least_exposed(sweep: Sweep, _least: float, greatest: float) -> list[SummedRoute]:
-    """Return the longest route within the upper bound, and the next longer route."""
+def _least_exposed(envelope: EnvelopeSearch, _least: float, greatest: float) -> list[SummedRoute]:
+    """Return the longest route of the envelope within the upper bound, and the next longer route."""
     if math.isinf(greatest):
-        return [sweep.search(0.0)[0]]
-    shortest, _ = sweep.search(math.inf)
+        return [envelope.search(0.0)[0]]
+    shortest, _ = envelope.search(math.inf)
     if shortest.length_cells > greatest:
         return [shortest]
-    bracket = sweep.bracket(shortest, greatest)
+    bracket = envelope.bracket(shortest, greatest)
     return [bracket.short] if bracket.long is None else [bracket.short, bracket.long]
 
 
-def _shortest(sweep: Sweep, least: float, greatest: float) -> list[SummedRoute]:
-    """Return the shortest route within the lower bound, and the next shorter route."""
-    shortest, _ = sweep.search(math.inf)
+def _shortest(envelope: EnvelopeSearch, least: float, greatest: float) -> list[SummedRoute]:
+    """Return the shortest route of the envelope from the lower bound on, and the next shorter route."""
+    shortest, _ = envelope.search(math.inf)
     if shortest.length_cells > greatest:
         return [shortest]
     if shortest.length_cells >= least:  # several routes may be as short: take the least exposed
-        return [sweep.bracket(shortest, shortest.length_cells).short]
-    bracket = sweep.bracket(shortest, math.nextafter(least, 0.0))
+        return [envelope.bracket(shortest, shortest.length_cells).short]
+    bracket = envelope.bracket(shortest, math.nextafter(least, 0.0))
     return [bracket.short] if bracket.long is None else [bracket.long, bracket.short]
 
 
-def _checked(problem: Problem, params: Params, candidates: list[SummedRoute], sweep: Sweep) -> Route:
+def _checked(
+    problem: Problem, params: Params, candidates: list[SummedRoute], envelope: EnvelopeSearch
+) -> Route:
     """Return the candidate that keeps the bounds. Raises BoundTooTight with the nearest candidate."""
     least, greatest = bounds.window(problem)
 
@@ -83,12 +84,12 @@ def _checked(problem: Problem, params: Params, candidates: list[SummedRoute], sw
 
     best = min(candidates, key=missed_by)
     route = route_of(problem, best.cells, _sum(problem, best.cells, params))
-    route = replace(route, searched=tuple(sweep.searched))
+    route = replace(route, searched=tuple(envelope.searched))
     if missed_by(best) == 0.0:
         return route
     if len(candidates) == 1 and best.length_cells > greatest:
         raise bounds.shortest_too_long(problem, route)
-    raise bounds.none_between(problem, "no route that some w finds", route)
+    raise bounds.none_between(problem, "no route for any w", route)
 
 
 def _sum(problem: Problem, cells: Sequence[Cell], params: Params) -> float:

@@ -2,9 +2,8 @@
 
 The search begins with the least exposed route within the upper bound, as in `constrained`. If this route is
 too short, the planner tries detours over one cell, then over two cells. A detour is the best route to the
-cell and the best route from the cell to a goal, by Eq. 5 at a medium price of length. The answer is the least
-exposed detour within the window that passes no cell twice. A better route may exist, because the longest
-path is a hard problem.
+cell and the best route from the cell to a goal, by Eq. 5 at the price ψ = mean exposure. The answer is the
+least exposed detour within the window that passes no cell twice. A better route may exist.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from swarmctl.planners.base import Problem, Route, is_open, route_of
 USES_W = False
 
 N_DETOURS, N_PAIRED = 400, 25
-"""greatest number of detour cells, evenly over the area: for one cell, and for two cells"""
+"""greatest number of cells, evenly over the area, for detours over one cell, and over two cells"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +34,10 @@ class Params:
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """Return the least exposed route found within both bounds on length; w and ψ have no influence.
+    """Return the least exposed route found within both bounds on length; `w` and ψ have no influence.
 
-    Raises Unreachable, and BoundTooTight with the route that misses the bounds least.
+    Raises Unreachable, and BoundTooTight. Its `nearest` is the longest route found below the lower bound, or
+    the shortest route if all routes are above the upper bound.
     """
     upper = replace(problem, min_length_cells=0.0)
     nearest = constrained.plan(upper, constrained.Params(max_labels=params.max_labels))
@@ -66,14 +66,14 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
 
 
 class _Detours:
-    """Routes from the start to a goal over given cells, which pass no cell twice."""
+    """Routes without repeated cells from the start to a goal, over one or two chosen cells."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self._passable = problem, problem.passable
         finite = self._passable[np.isfinite(self._passable)]
         self._price = float(finite.mean()) if finite.size and finite.mean() > 0.0 else 1.0
-        self._to_goals = self._to(problem.goals)
-        self._to_start = self._to((problem.start,))
+        self._to_goals = self._field_to(problem.goals)
+        self._to_start = self._field_to((problem.start,))
 
     def over_one(self) -> Iterator[tuple[Cell, ...]]:
         for over in self._cells(N_DETOURS):
@@ -83,17 +83,17 @@ class _Detours:
     def over_two(self) -> Iterator[tuple[Cell, ...]]:
         cells = list(self._cells(N_PAIRED))
         for second in cells:
-            to_second, onward = self._to((second,)), self._to_goals.route_from(second)
+            to_second, onward = self._field_to((second,)), self._to_goals.route_from(second)
             for first in cells:
                 if first != second and not math.isinf(to_second.cost_of(first)):
                     to_first = reversed(self._to_start.route_from(first))
                     yield from _if_simple((*to_first, *to_second.route_from(first)[1:], *onward[1:]))
 
-    def _to(self, goals: Sequence[Cell]) -> kernels.Field:
+    def _field_to(self, goals: Sequence[Cell]) -> kernels.Field:
         return kernels.spread(self._passable, goals, 0.5, self._price)
 
     def _cells(self, most: int) -> Iterator[Cell]:
-        """Yield at most `most` cells that a route can pass, evenly over the area and its edges."""
+        """Yield at most `most` cells that a route can pass, evenly over the area with its edges."""
         rows, cols = self._passable.shape
         n = math.isqrt(most)
         ends = {self._problem.start, *self._problem.goals}

@@ -1,10 +1,10 @@
 """The searches of all planners, for small and for large areas.
 
-A small area (at most SMALL_CELLS) is searched by scipy and numpy, and by kernels that the interpreter runs. A
-large area is searched by the same kernels as machine code (`compilation`). The results are equal bit for bit.
+scipy, numpy and kernels that the interpreter runs search a small area (at most SMALL_CELLS). Kernels compiled
+to machine code search a large area (`compilation`). The results are equal bit for bit.
 
-Kernels are plain functions of flat arrays. The arrays have one cell of padding around the area, so that every
-cell has eight neighbours and no bounds need checking; the index is (row + 1) * (cols + 2) + col + 1.
+Kernels are plain functions of flat arrays. The arrays have one cell of padding around the area, so every cell
+has eight neighbours. The index of a cell is (row + 1) * (cols + 2) + col + 1.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def spread(
 ) -> Field:
     """Return the field by Eq. 5 for P_s of shape (rows, cols), without checks.
 
-    `into` is an older, unused field. A large field of the same shape is overwritten, which saves memory.
+    `into` is an older, unused field. A large field of the same shape is overwritten to save memory.
     """
     if is_small(exposure.size):
         return SmallField(exposure, goals, w, psi_per_cell)

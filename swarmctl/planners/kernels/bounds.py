@@ -9,28 +9,27 @@ from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
 
 def compare(
-    exposure: Floats, w: float, step: float, straight: Floats, stride: int, most: int
+    exposure: Floats, w: float, step: float, straight: Floats, stride: int, max_cells: int
 ) -> tuple[float, Ints, Floats]:
     """Compare the present costs, from P_s of shape (rows, cols), with the older costs in `straight`.
 
-    Return a rate of at most 1, the cells whose cost has fallen below this share of the older cost, and their
-    present costs. The rate is the least ratio of present to older cost among every `stride`-th cell: a
-    common drift then does not count as a change of each cell. The rate is 0 if more than `most` cells have
-    fallen.
+    Return a ratio of at most 1, the cells whose present cost is less than ratio · older cost, and the present
+    costs of these cells. The ratio is the least present / older cost of every `stride`-th cell, so a common
+    drift of all costs is no change of a cell. The ratio is 0 if more than `max_cells` cells have changed.
     """
     rows, cols = exposure.shape
     width = cols + 2
-    rate = 1.0
+    ratio = 1.0
     for sample in range(0, rows * cols, stride):
         row = sample // cols
         col = sample - row * cols
-        was = straight[(row + 1) * width + col + 1]
-        if 0.0 < was < np.inf:
-            rate = min(rate, (w * exposure[row, col] + step) / was)
-    fallen = np.empty(most, dtype=np.int64)
-    costs = np.empty(most)
+        old_cost = straight[(row + 1) * width + col + 1]
+        if 0.0 < old_cost < np.inf:
+            ratio = min(ratio, (w * exposure[row, col] + step) / old_cost)
+    fallen = np.empty(max_cells, dtype=np.int64)
+    costs = np.empty(max_cells)
     size = 0
-    limit = rate * (1.0 - 1e-12)
+    limit = ratio * (1.0 - 1e-12)
     for row in range(rows):
         base = (row + 1) * width + 1
         n_fallen = 0
@@ -38,7 +37,7 @@ def compare(
             n_fallen += w * exposure[row, col] + step < limit * straight[base + col]
         if n_fallen == 0:
             continue
-        if size + n_fallen > most:
+        if size + n_fallen > max_cells:
             return 0.0, fallen[:0], costs[:0]
         for col in range(cols):
             cost = w * exposure[row, col] + step
@@ -46,32 +45,33 @@ def compare(
                 fallen[size] = base + col
                 costs[size] = cost
                 size += 1
-    return rate, fallen[:size], costs[:size]
+    return ratio, fallen[:size], costs[:size]
 
 
 def descend_roughly(
-    label: Floats, extra: float, width: int, goals: Ints, m: int, most: int
+    label: Floats, extra: float, width: int, goals: Ints, m: int, max_cells: int
 ) -> tuple[Ints, bool]:
-    """Return a route from m to one of the sorted `goals` along falling labels, without regard to ties.
+    """Return a rough route from m to one of the sorted `goals`: each step goes to the least label.
 
-    The second value is True if the route reaches a goal within `most` cells.
+    The route ignores ties and corners of walls. The second value is False, and the route empty, if no goal
+    is reached within `max_cells` cells.
     """
     offsets = offsets_of(width)
-    path = np.empty(most, dtype=np.int64)
-    for count in range(most):
+    path = np.empty(max_cells, dtype=np.int64)
+    for count in range(max_cells):
         path[count] = m
         if is_goal(goals, m):
             return path[: count + 1], True
         best = np.inf
-        onward = -1
+        next_cell = -1
         for k in range(8):
             through = label[m + offsets[k]] + (0.0 if k < 4 else extra)
             if through < best:
                 best = through
-                onward = m + offsets[k]
-        if onward < 0:
+                next_cell = m + offsets[k]
+        if next_cell < 0:
             break
-        m = onward
+        m = next_cell
     return path[:0], False
 
 
@@ -86,13 +86,14 @@ def least_cost_outside(
     left: int,
     area_rows: int,
     valid_below: float,
-    rate: float,
+    ratio: float,
 ) -> float:
-    """Return a lower bound on the cost of every route that leaves a box between the start and a goal.
+    """Return a lower bound on the cost of all routes from the start to a goal that leave a box.
 
-    `from_start` is the cost to each cell of the box, (rows, cols) padded and flat. The corner of the box is
+    `from_start` is the cost to each cell of the box, (rows, cols) padded and flat. The box's first cell is
     cell (top, left) of the area. `label` and `old_straight` are older labels and costs of the whole area, of
-    `area_rows` rows and width - 2 columns. Labels below `valid_below`, times `rate`, are lower bounds.
+    `area_rows` rows and width - 2 columns. An older label above `valid_below` counts as `valid_below`;
+    `ratio` turns older costs into lower bounds of the present costs.
     """
     best = np.inf
     box_width = cols + 2
@@ -105,7 +106,7 @@ def least_cost_outside(
                 continue
             in_box = row * box_width + col
             in_area = (row + top) * width + col + left
-            to_go = rate * (min(label[in_area], valid_below) - old_straight[in_area])
+            to_go = ratio * (min(label[in_area], valid_below) - old_straight[in_area])
             if from_start[in_box] < np.inf:
                 best = min(best, from_start[in_box] + to_go)
     return best

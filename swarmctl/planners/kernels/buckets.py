@@ -1,8 +1,8 @@
 """A label-correcting search with a queue of buckets; it completes a field after the sweeps.
 
-Cells wait in buckets by their label. A bucket is `span` wide, and the buckets form a circle. A few edges cost
-more than the whole circle. The cells at the ends of such edges wait in a separate list, `far`, until the
-circle reaches their labels.
+Cells wait in buckets by their label. A bucket is `span` wide, and the buckets form a ring. A few edges may
+cost more than the whole ring. The cells at the ends of such edges wait in a separate list, `far`, until the
+ring reaches their labels.
 
 If no edge is cheaper than `span`, all labels in the current bucket are final (Dial; Denardo and Fox), and
 each cell is processed once. With cheaper edges, a cell whose label improves is processed again, generation by
@@ -23,11 +23,11 @@ BLOCK_CELLS = 256
 N_BUCKETS = 1024
 TYPICAL_SPANS = 24
 """number of spans in a typical edge; fewer if the cheapest edge allows a wider span"""
-N_SAMPLES = 128
-"""number of edges sampled for the typical edge"""
+MIN_SAMPLES = 128
+"""least number of cells sampled for the cost of the typical edge"""
 MAX_KEY = np.int64(2**62)
 MAX_ROUTE_CELLS = 2**23
-"""greatest number of cells of a route, which costs under MAX_KEY spans even over the dearest edges"""
+"""Greatest number of cells of a route. The span is so wide that such a route costs at most MAX_KEY spans."""
 
 
 def correct(
@@ -38,23 +38,23 @@ def correct(
     seeds: Ints,
     least: float,
     greatest: float,
-    walls: bool,
+    has_walls: bool,
     waiting: Bytes,
     until: float = np.inf,
 ) -> Ints:
-    """Improve the neighbours of `seeds`, and their neighbours, until no label can be improved.
+    """Spread the labels of `seeds` until no label can be improved.
 
     `least` and `greatest` bound the finite values of `straight`; `waiting` is all zero before and after. Stop
-    when the least waiting label is `until` or more, and return the cells that wait.
+    early at the first bucket from `until` on, and return the cells that still wait.
     """
     span = _span(straight, least, greatest)
     per_span = 1.0 / span
     n_buckets = min(int((greatest + extra) * per_span) + 3, N_BUCKETS)
     top = np.full(n_buckets, -1, dtype=np.int64)  # a bucket's block to fill; -1: empty
     fill = np.full(n_buckets, BLOCK_CELLS, dtype=np.int64)  # number of cells in that block
-    far = seeds.copy()  # cells beyond the circle, in no order
+    far = seeds.copy()  # cells beyond the ring, in no order
     n_far, far_key = far.size, np.int64(0)
-    due = far[:0]  # cells of `far` that the circle has reached, by label
+    due = far[:0]  # cells of `far` that the ring has reached, by label
     pool, below, free = _more_blocks(np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64))
     n_free = free.size
     offsets = offsets_of(width)
@@ -101,7 +101,7 @@ def correct(
                     better = (along if k < 4 else across) + straight[m]
                     if better >= label[m]:
                         continue
-                    if walls and k >= 4:  # as in `cuts_corner`; m is no wall, because its label improves
+                    if has_walls and k >= 4:  # as in `cuts_corner`; m is no wall, because its label improves
                         beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
                         if straight[beside] == np.inf or straight[other] == np.inf:
                             continue
@@ -151,9 +151,9 @@ def correct(
 def _span(straight: Floats, least: float, greatest: float) -> float:
     """Return the width of a bucket: the greater of the cheapest edge and a part of a typical edge.
 
-    The typical edge is a median, so that a few very dear cells do not matter.
+    The typical edge is a median, so a few very dear cells do not matter.
     """
-    samples = straight[:: max(straight.size // N_SAMPLES, 1)]
+    samples = straight[:: max(straight.size // MIN_SAMPLES, 1)]
     finite = samples[samples < np.inf]
     typical = np.median(finite) if finite.size > 0 else 0.0
     if typical == 0.0:
@@ -163,7 +163,7 @@ def _span(straight: Floats, least: float, greatest: float) -> float:
 
 
 def _more_blocks(pool: Int32s, below: Ints) -> tuple[Int32s, Ints, Ints]:
-    """Return the pool at twice its size, the block below each block, and the free (new) blocks."""
+    """Return the pool with room for more blocks, the block below each block, and a stack of new blocks."""
     n = below.size
     n_new = max(n, 64)
     free = np.zeros(n + n_new, dtype=np.int64)

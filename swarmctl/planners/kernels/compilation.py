@@ -1,7 +1,7 @@
 """Compilation of kernels by numba, at their first use.
 
-A kernel is a plain function of arrays and numbers. `compiled` returns it as machine code that releases the
-interpreter lock. This module alone uses numba, and imports it at the first call.
+A kernel is a plain function of arrays and numbers. Its machine code releases the interpreter lock. Only this
+module imports numba, and only at the first call.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ R = TypeVar("R")
 
 @functools.cache
 def _dispatcher(kernel: FunctionType) -> Any:
-    """Return the kernel for numba, linked with the kernels that it calls; the first call compiles it."""
+    """Return numba's dispatcher of a kernel and of the kernels that it calls; its first call compiles."""
     from numba import njit  # noqa: PLC0415 - small areas need no numba
 
     called = {name: kernel.__globals__.get(name) for name in kernel.__code__.co_names}
@@ -30,17 +30,17 @@ def _dispatcher(kernel: FunctionType) -> Any:
     linked = FunctionType(kernel.__code__, kernel.__globals__ | helpers, kernel.__name__, kernel.__defaults__)
     try:
         return njit(nogil=True, cache=True)(linked)
-    except RuntimeError:  # no folder for the cache can be written
+    except RuntimeError:  # no folder for the cache is writable
         return njit(nogil=True)(linked)
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
-    """Return the kernel as machine code; numba stores it on disk for later processes."""
+    """Return the kernel as machine code; numba caches the code on disk if a folder is writable."""
     return _dispatcher(kernel)  # type: ignore[no-any-return]
 
 
 def cache() -> tuple[Path, str] | None:
-    """Return the folder in which numba stores kernels, and a key of this machine and version of the kernels.
+    """Return numba's cache folder, and a key of this machine, Python, numba and the files of the kernels.
 
     None if no folder is writable; numba then compiles again in each process.
     """

@@ -2,26 +2,33 @@
 
 From each cell the route goes to the neighbour of least total cost. Costs within REL_TIE of each other count
 as equal, so that rounding does not change the route. The shortest of equal routes is taken, then the first in
-the order of `offsets_of`. Lengths are computed only if routes cost the same: for the cells on the cheapest
-routes from that cell.
+the order of `offsets_of`. Only a cell at which routes cost the same needs lengths. They are computed for the
+cells on the cheapest routes from this cell.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offered, offsets_of
+from swarmctl.planners.kernels.lattice import (
+    ROOT2,
+    Floats,
+    Ints,
+    cuts_corner,
+    least_neighbour_label,
+    offsets_of,
+)
 
 REL_TIE = 1e-12
 """relative difference below which costs are equal; sums over thousands of cells have a smaller error"""
 LENGTH_TIE = 1e-9
 """difference below which lengths are equal [cells]; different sums of steps differ by more on real areas"""
 UNKNOWN = np.inf
-"""value in `length` of a cell without a length yet"""
+"""value in `length` of a cell whose length is not known yet"""
 ON_STACK = -1.0
-"""value in `length` of a cell on the stack of `find_lengths`; `find_lengths_in_circles` writes -2 - index"""
+"""value in `length` of a cell on the stack of `find_lengths`"""
 MANY_GOALS = 4
-"""number of goals above which the least length to the nearest goal counts as 0"""
+"""number of goals above which `_least_length` is 0, to save time"""
 
 
 def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, m: int) -> float:
@@ -35,7 +42,7 @@ def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets:
 
 
 def costs(
-    label: Floats, step: float, extra: float, straight: Floats, rows: int, cols: int, walls: bool
+    label: Floats, step: float, extra: float, straight: Floats, rows: int, cols: int, has_walls: bool
 ) -> Floats:
     """Return the least cost from every cell, (rows, cols), as if no cell were a goal."""
     width = cols + 2
@@ -43,12 +50,12 @@ def costs(
     cost = np.empty((rows, cols))
     for row in range(rows):
         base = (row + 1) * width + 1
-        if walls:
+        if has_walls:
             for col in range(cols):
                 cost[row, col] = cost_of(label, step, extra, straight, offsets, base + col)
             continue
         for col in range(cols):
-            cost[row, col] = offered(label, extra, width, base + col) + step
+            cost[row, col] = least_neighbour_label(label, extra, width, base + col) + step
     return cost
 
 
@@ -57,7 +64,7 @@ def descend(
     step: float,
     extra: float,
     straight: Floats,
-    walls: bool,
+    has_walls: bool,
     width: int,
     goals: Ints,
     starts: Ints,
@@ -66,12 +73,12 @@ def descend(
     """Return the routes from all starts of finite cost to the sorted `goals`, one after the other.
 
     The second value is the end of each route in the first; the third is `length` with the lengths computed
-    here (size 0 if none are known). If several routes cost the same and their lengths are unknown, the search
-    assumes that the shortest is as short as the lattice allows. If the assumption fails, the search goes back
-    to the cell of the assumption and computes the lengths.
+    here (size 0 if none are known). At a tie with unknown lengths the search assumes that the shortest route
+    is as short as the lattice allows. If the assumption fails, the search goes back to the cell of the tie
+    and computes the lengths.
     """
     offsets = offsets_of(width)
-    offers = np.empty(8)
+    neighbour_costs = np.empty(8)
     path = np.empty(512 * starts.size, dtype=np.int64)
     ends = np.empty(starts.size, dtype=np.int64)
     passed = np.zeros(label.size if starts.size > 1 else 0, dtype=np.int32)  # index in `path`, plus 1
@@ -92,21 +99,21 @@ def descend(
                 break
             bound = np.inf
             for k in range(8):
-                offers[k] = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step
-                if walls and k >= 4 and cuts_corner(straight, offsets, m, k):
-                    offers[k] = np.inf
-                bound = min(bound, offers[k])
+                neighbour_costs[k] = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step
+                if has_walls and k >= 4 and cuts_corner(straight, offsets, m, k):
+                    neighbour_costs[k] = np.inf
+                bound = min(bound, neighbour_costs[k])
             bound *= 1.0 + REL_TIE
             best, ties = -1, 0
             for k in range(7, -1, -1):
-                if offers[k] <= bound:
+                if neighbour_costs[k] <= bound:
                     ties += 1
                     best = m + offsets[k]
             if ties > 1 and assumed_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
                 assumed_since = count
             if ties > 1 or assumed_since >= 0:
                 best, assumption_fails = _shortest(
-                    offers, bound, width, offsets, goals, m, length, assumed_since >= 0
+                    neighbour_costs, bound, width, offsets, goals, m, length, assumed_since >= 0
                 )
                 if assumption_fails:
                     count, assumed_since = assumed_since, -1
@@ -142,12 +149,12 @@ def _with_lengths_from(
     if length.size == 0:
         length = np.full(label.size, UNKNOWN)
     if not find_lengths(label, step, extra, straight, width, goals, m, length):
-        find_lengths_in_circles(label, step, extra, straight, width, goals, m, length)
+        find_lengths_with_cycles(label, step, extra, straight, width, goals, m, length)
     return length
 
 
 def _shortest(
-    offers: Floats,
+    neighbour_costs: Floats,
     bound: float,
     width: int,
     offsets: Ints,
@@ -156,14 +163,14 @@ def _shortest(
     length: Floats,
     assumes_least: bool,
 ) -> tuple[int, bool]:
-    """Return the neighbour of m on the shortest route that costs no more than `bound`.
+    """Return the neighbour of m on the shortest route of at most the cost `bound`.
 
-    Lengths are from `length` or, if `assumes_least`, the least that the lattice allows. The second value is
-    true if no route is as short as assumed.
+    Lengths are from `length`, or with `assumes_least` the least that the lattice allows. The second value is
+    True if no route is as short as assumed.
     """
     best, best_length = -1, np.inf
     for k in range(8):
-        if offers[k] <= bound:
+        if neighbour_costs[k] <= bound:
             n = m + offsets[k]
             to_go = (1.0 if k < 4 else ROOT2) + (
                 _least_length(goals, width, n) if assumes_least else length[n]
@@ -174,7 +181,7 @@ def _shortest(
 
 
 def _least_length(goals: Ints, width: int, m: int) -> float:
-    """Return a lower bound on the length of a route from m to the nearest goal; 0 for many goals."""
+    """Return a lower bound on the length of a route from m to a goal [cells]; 0 for many goals."""
     if goals.size > MANY_GOALS:
         return 0.0
     least = np.inf
@@ -201,9 +208,9 @@ def find_lengths(
     start: int,
     length: Floats,
 ) -> bool:
-    """Write the lengths of the shortest among the cheapest routes, for `start` and all cells on these routes.
+    """Write the least length of the cheapest routes, for all cells on the cheapest routes from `start`.
 
-    The search is depth first. Return false if steps of cost 0 form a circle; `length` is then unfinished.
+    The search is depth first. Return False if steps of cost 0 form a cycle; `length` is then incomplete.
     """
     offsets = offsets_of(width)
     stack = np.empty(1024, dtype=np.int64)
@@ -259,7 +266,7 @@ def _cheapest_directions(
     return directions
 
 
-def find_lengths_in_circles(
+def find_lengths_with_cycles(
     label: Floats,
     step: float,
     extra: float,
@@ -269,9 +276,9 @@ def find_lengths_in_circles(
     start: int,
     length: Floats,
 ) -> None:
-    """Write the lengths that `find_lengths` writes, also if steps of cost 0 form a circle.
+    """Write the lengths that `find_lengths` writes, also if steps of cost 0 form a cycle.
 
-    Dijkstra's algorithm over the edges of cheapest routes, with buckets one cell of length wide.
+    The method is Dijkstra's algorithm over the edges of cheapest routes. A bucket is one cell of length wide.
     """
     offsets = offsets_of(width)
     cells, directions, size = _cells_without_length(label, step, extra, straight, width, goals, start, length)
@@ -291,19 +298,19 @@ def find_lengths_in_circles(
             n_seeds += 1
     seeds = seeds[:n_seeds]
     seeds = seeds[np.argsort(least[seeds])]
-    piles = np.empty((3, 256), dtype=np.int64)  # indices into `cells`, by whole cells of length in a circle
-    heights = np.zeros(3, dtype=np.int64)
-    joined, key = 0, np.int64(0)
-    while joined < n_seeds or heights.sum() > 0:
-        if heights.sum() == 0:
-            key = np.int64(least[seeds[joined]])
-        pile = key % 3
-        while joined < n_seeds and least[seeds[joined]] < key + 1:
-            piles = _push_on_pile(piles, heights, int(pile), seeds[joined])
-            joined += 1
-        while heights[pile] > 0:
-            heights[pile] -= 1
-            index = piles[pile, heights[pile]]
+    buckets = np.empty((3, 256), dtype=np.int64)  # a ring of stacks of indices into `cells`, by whole length
+    sizes = np.zeros(3, dtype=np.int64)
+    n_joined, key = 0, np.int64(0)
+    while n_joined < n_seeds or sizes.sum() > 0:
+        if sizes.sum() == 0:
+            key = np.int64(least[seeds[n_joined]])
+        bucket = key % 3
+        while n_joined < n_seeds and least[seeds[n_joined]] < key + 1:
+            buckets = _push_into_bucket(buckets, sizes, int(bucket), seeds[n_joined])
+            n_joined += 1
+        while sizes[bucket] > 0:
+            sizes[bucket] -= 1
+            index = buckets[bucket, sizes[bucket]]
             n, known = cells[index], least[index]
             if length[n] >= 0.0:
                 continue
@@ -318,19 +325,19 @@ def find_lengths_in_circles(
                 if longer >= least[other] or (directions[other] >> back) & 1 == 0:
                     continue
                 least[other] = longer
-                piles = _push_on_pile(piles, heights, int(longer) % 3, other)
+                buckets = _push_into_bucket(buckets, sizes, int(longer) % 3, other)
         key += 1
 
 
-def _push_on_pile(piles: Ints, heights: Ints, pile: int, index: int) -> Ints:
-    """Add an index to a stack; return the stacks, enlarged if necessary."""
-    if heights[pile] == piles.shape[1]:
-        larger = np.empty((3, 2 * piles.shape[1]), dtype=np.int64)
-        larger[:, : piles.shape[1]] = piles
-        piles = larger
-    piles[pile, heights[pile]] = index
-    heights[pile] += 1
-    return piles
+def _push_into_bucket(buckets: Ints, sizes: Ints, bucket: int, index: int) -> Ints:
+    """Add an index to a bucket; return the buckets, enlarged if necessary."""
+    if sizes[bucket] == buckets.shape[1]:
+        larger = np.empty((3, 2 * buckets.shape[1]), dtype=np.int64)
+        larger[:, : buckets.shape[1]] = buckets
+        buckets = larger
+    buckets[bucket, sizes[bucket]] = index
+    sizes[bucket] += 1
+    return buckets
 
 
 def _cells_without_length(
@@ -343,9 +350,9 @@ def _cells_without_length(
     start: int,
     length: Floats,
 ) -> tuple[Ints, Ints, int]:
-    """Return the cells of unknown length on the cheapest routes from `start`, and their directions.
+    """Return the cells of unknown length on the cheapest routes from `start`, and their cheapest directions.
 
-    The directions are those of `_cheapest_directions`; the third value is the number of cells.
+    The third value is the number of cells. Write -2 - index into `length` for each of these cells.
     """
     offsets = offsets_of(width)
     cells = np.empty(256, dtype=np.int64)

@@ -1,6 +1,6 @@
-"""The cost to go from every cell to the nearest goal, and the routes that follow from it.
+"""The least cost from every cell to a goal, and the cheapest routes.
 
-The label of a cell is its cost to go plus the cost of entering the cell. Labels are the least fixed point of
+The label of a cell is its cost to go plus w·P_s of the cell. Labels are the least fixed point of
 
     label[m] = min over neighbours n of (label[n] + extra, if the step is diagonal) + straight[m]
 
@@ -20,8 +20,8 @@ from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints
 
 SMALL_CELLS = 64 * 64
-"""Largest area that is searched without machine code. One field of this size takes about 3 ms, and a planner
-with bounds takes about 30 ms. The compiler would take 20 s."""
+"""Largest area searched without machine code [cells]. One field of this size takes about 3 ms, a planner with
+bounds about 30 ms. The compiler would take 20 s."""
 MAX_FLOAT = np.finfo(np.float64).max
 
 
@@ -31,7 +31,7 @@ def is_small(n_cells: int) -> bool:
 
 
 class Field(abc.ABC):
-    """The labels of `rows` × `cols` cells as padded flat arrays, and the costs and routes that follow."""
+    """The labels of `rows` × `cols` cells, and their costs and routes. The arrays are padded and flat."""
 
     w: float
     step: float
@@ -61,7 +61,7 @@ class Field(abc.ABC):
 
     @abc.abstractmethod
     def cost(self) -> Floats:
-        """Return (rows, cols) least cost from every cell to a goal; read-only."""
+        """Return the least cost from every cell to a goal, (rows, cols), read-only."""
 
     @abc.abstractmethod
     def cost_of(self, cell: Cell) -> float:
@@ -69,10 +69,10 @@ class Field(abc.ABC):
 
     @abc.abstractmethod
     def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
-        """Return, for each start of finite cost, the cells to a goal: rows and columns, (n, 2)."""
+        """Return a route to a goal for each start of finite cost, as rows and columns, (n, 2)."""
 
     def route_from(self, start: Cell) -> tuple[Cell, ...]:
-        """Return the cells from a start of finite cost to a goal."""
+        """Return the route from a start of finite cost to a goal, both included."""
         (path,) = self.routes_from([start])
         rows, cols = path.T.tolist()
         return tuple(zip(rows, cols, strict=True))
@@ -89,10 +89,10 @@ class Field(abc.ABC):
 
     @abc.abstractmethod
     def _has_exposure(self, exposure: Floats) -> bool:
-        """Return whether `straight` was computed from this P_s; its shape is the field's."""
+        """Return whether `straight` was computed from this P_s, which has the field's shape."""
 
     def _begin_search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> Floats:
-        """Store goals and weights; return the initial labels of the goals."""
+        """Store `w`, `step` and `goals`; return the labels of the goals."""
         self.w, self.step, self.goals = w, (1.0 - w) * psi_per_cell, self._flat(goals)
         at_goals = exposure[self.goals // self.width - 1, self.goals % self.width - 1]
         return np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, MAX_FLOAT))

@@ -1,10 +1,10 @@
-"""Label setting: routes by two sums at once, length and exposure.
+"""A label-setting search for routes by two sums, length and exposure.
 
-A label is a route from the start to a cell with its length and its exposure. A label is dropped if another
-label of its cell dominates it, with at most its length and at most its exposure. A label that cannot lead to
-a useful route is dropped too. Three fields give lower bounds for the rest of a route: the least length, the
-least exposure, and the least exposure + price · length. Labels are extended in the order of the third sum. So
-a label that reaches a goal is final, and the queue bounds all routes that are not found yet.
+A label is a route from the start to a cell, with the length and the exposure of the route. A label is dropped
+if another label of the cell is at most as long and at most as exposed. A label that cannot lead to a useful
+route is dropped too. Three fields give lower bounds for the rest of a route: the least length, the least
+exposure, and the least exposure + price · length. Labels are extended in the order of the third sum. So a
+label that reaches a goal is final, and the queue bounds all routes that are not found yet.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from swarmctl.planners.kernels.field import Field, is_small
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offsets_of, pop_least, push
 
 KEY_TIE = 1e-13
-"""smallest relative gain by which a route counts as better"""
+"""smallest relative gain by which a route counts as better in exposure + price · length"""
 FIRST_POOL = 1 << 12
-"""number of labels with memory at the start of a search; the memory grows"""
+"""number of labels for which a search allocates memory at its start"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +46,9 @@ class ToGo:
 
 
 def _to_go(field: Field) -> Floats:
-    """Return `Field.cost`, padded and flat, from the labels alone."""
-    entering = field.straight - field.step
-    return np.subtract(field.label, entering, out=np.zeros(entering.size), where=np.isfinite(entering))
+    """Return the least cost from each cell to a goal, padded and flat; 0 in walls."""
+    exposed = field.straight - field.step
+    return np.subtract(field.label, exposed, out=np.zeros(exposed.size), where=np.isfinite(exposed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +59,7 @@ class LabelSearchResult:
     """routes from the start to a goal in the order found; none dominates another"""
     least_open: float
     """lower bound on exposure + price · length of the routes not found; infinite if all were found"""
-    labels: int
-    """number of labels of the search"""
+    n_labels: int
 
 
 def label_search(
@@ -70,28 +69,28 @@ def label_search(
     to_go: ToGo,
     *,
     longest_cells: float,
-    below: float,
-    whole: bool,
+    below_exposure: float,
+    whole_front: bool,
     max_labels: int = 0,
 ) -> LabelSearchResult:
-    """Return routes no longer than `longest_cells` and less exposed than `below`; `exposure` is P_s.
+    """Return routes no longer than `longest_cells` and less exposed than `below_exposure`; `exposure` is P_s.
 
-    With `whole` the result has all routes that no other route dominates. Otherwise each route is less exposed
-    than the route before, and the last route is the least exposed. `max_labels` limits the number of labels
-    (0: no limit).
+    With `whole_front` the result has a route for each non-dominated pair of sums. Otherwise each route is
+    less exposed than the previous one, and the last route is the least exposed. `max_labels` limits the
+    number of labels (0: no limit).
     """
     rows, cols = exposure.shape
     width = cols + 2
-    enter = np.full((rows + 2, width), np.inf)
-    enter[1:-1, 1:-1] = exposure
-    is_goal = np.zeros(enter.size, dtype=np.bool_)
+    p_s = np.full((rows + 2, width), np.inf)
+    p_s[1:-1, 1:-1] = exposure
+    is_goal = np.zeros(p_s.size, dtype=np.bool_)
     for row, col in goals:
         is_goal[(row + 1) * width + col + 1] = True
     first = (start[0] + 1) * width + start[1] + 1
     search = set_labels if is_small(exposure.size) else compiled(set_labels)
     ends, cell, parent, least_open = search(
-        enter.reshape(-1), width, first, is_goal, to_go.length, to_go.exposure, to_go.priced, to_go.price,
-        longest_cells, below, whole, max_labels,
+        p_s.reshape(-1), width, first, is_goal, to_go.length, to_go.exposure, to_go.priced, to_go.price,
+        longest_cells, below_exposure, whole_front, max_labels,
     )  # fmt: skip
     routes = []
     for end in ends.tolist():
@@ -106,7 +105,7 @@ def label_search(
 
 
 def set_labels(
-    enter: Floats,
+    p_s: Floats,
     width: int,
     first: int,
     is_goal: NDArray[np.bool_],
@@ -115,13 +114,16 @@ def set_labels(
     to_priced: Floats,
     price: float,
     longest: float,
-    below: float,
-    whole: bool,
+    below_exposure: float,
+    whole_front: bool,
     max_labels: int,
 ) -> tuple[Ints, NDArray[np.int32], NDArray[np.int32], float]:
-    """Return the labels at goals in the order found, cells and parents of all labels, and the least key."""
+    """Return the labels at goals in the order found, the cells and the parents of all labels, and a key.
+
+    The key is the least sum of the labels that the limit left open; infinite within the limit.
+    """
     offsets = offsets_of(width)
-    head = np.full(enter.size, -1, dtype=np.int32)  # newest living label of each cell; `after` has the older
+    head = np.full(p_s.size, -1, dtype=np.int32)  # newest label of each cell; `after` has the older
     cell = np.empty(FIRST_POOL, dtype=np.int32)
     parent = np.empty(FIRST_POOL, dtype=np.int32)
     after = np.empty(FIRST_POOL, dtype=np.int32)
@@ -129,11 +131,11 @@ def set_labels(
     alive = np.empty(FIRST_POOL, dtype=np.bool_)
     heap, keys, size = np.empty(FIRST_POOL, dtype=np.int64), np.empty(FIRST_POOL), 0
     stairs = np.empty((16, 2))  # (length, exposure) of the routes found, each longer and less exposed
-    stairs[0, 0], stairs[0, 1] = 0.0, below
+    stairs[0, 0], stairs[0, 1] = 0.0, below_exposure
     n_stairs = 1
     ends = np.empty(16, dtype=np.int64)
     n_ends = 0
-    cutoff = (below + price * longest) * (1.0 - KEY_TIE)
+    cutoff = (below_exposure + price * longest) * (1.0 - KEY_TIE)
     cell[0] = first
     parent[0] = -1
     after[0] = -1
@@ -149,14 +151,14 @@ def set_labels(
             continue
         m = cell[label]
         length, exposure = sums[label, 0], sums[label, 1]
-        if _is_above(stairs, n_stairs, length + to_length[m], exposure + to_exposure[m]):
+        if _is_dominated(stairs, n_stairs, length + to_length[m], exposure + to_exposure[m]):
             continue
         if is_goal[m]:
             if n_ends == ends.size:
                 ends = np.append(ends, ends)
             ends[n_ends] = label
             n_ends += 1
-            if not whole:
+            if not whole_front:
                 n_stairs = 0
                 length = 0.0
             if n_stairs + 1 >= stairs.shape[0]:
@@ -174,16 +176,16 @@ def set_labels(
             alive = np.append(alive, alive)
         for k in range(8):
             n = m + offsets[k]
-            if enter[n] == np.inf or (k >= 4 and cuts_corner(enter, offsets, m, k)):
+            if p_s[n] == np.inf or (k >= 4 and cuts_corner(p_s, offsets, m, k)):
                 continue
             new_length = length + (1.0 if k < 4 else ROOT2)
-            new_exposure = exposure + enter[n]
+            new_exposure = exposure + p_s[n]
             new_key = new_exposure + price * new_length + to_priced[n]
             if (
                 new_key >= cutoff
                 or new_length + to_length[n] > longest
-                or _is_above(stairs, n_stairs, new_length + to_length[n], new_exposure + to_exposure[n])
-                or not _enters(head, after, alive, sums, n, new_length, new_exposure)
+                or _is_dominated(stairs, n_stairs, new_length + to_length[n], new_exposure + to_exposure[n])
+                or not _is_nondominated(head, after, alive, sums, n, new_length, new_exposure)
             ):
                 continue
             cell[count] = n
@@ -198,7 +200,7 @@ def set_labels(
     return ends[:n_ends], cell[:count], parent[:count], np.inf
 
 
-def _enters(
+def _is_nondominated(
     head: NDArray[np.int32],
     after: NDArray[np.int32],
     alive: NDArray[np.bool_],
@@ -229,8 +231,8 @@ def _enters(
     return True
 
 
-def _is_above(stairs: Floats, n_stairs: int, length: float, exposure: float) -> bool:
-    """Return whether a route found is at most as long and at most as exposed."""
+def _is_dominated(stairs: Floats, n_stairs: int, length: float, exposure: float) -> bool:
+    """Return whether a step of `stairs` is at most as long and at most as exposed as these sums."""
     low, high = 0, n_stairs  # the first step that is longer
     while low < high:
         middle = (low + high) >> 1
@@ -253,7 +255,7 @@ def _insert(stairs: Floats, n_stairs: int, length: float, exposure: float) -> in
 
 
 def _highest_corner(stairs: Floats, n_stairs: int, price: float, longest: float) -> float:
-    """Return the greatest exposure + price · length of a route between the steps."""
+    """Return an upper bound on exposure + price · length of the routes that no step dominates."""
     highest = stairs[n_stairs - 1, 1] + price * longest
     for step in range(n_stairs - 1):
         highest = max(highest, stairs[step, 1] + price * stairs[step + 1, 0])

@@ -26,16 +26,16 @@ class LargeField(Field):
         self.straight = np.empty(size)
         self.label = np.empty(size)
         self.goals = np.empty(0, dtype=np.int64)
-        self.least, self.greatest, self.walls = 0.0, 0.0, False
+        self.least, self.greatest, self.has_walls = 0.0, 0.0, False
         """least and greatest finite cost of a straight step, and True if there are walls"""
         self._lengths: list[Floats] = []
-        """known lengths of routes, at most one array; `routes_from` removes the array while it works, because
-        threads may share a field"""
+        """At most one array of known lengths of routes [cells]. `routes_from` removes the array during its
+        work, because threads may share a field."""
         self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
 
     def cost(self) -> Floats:
         cost = compiled(descent.costs)(
-            self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.walls
+            self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.has_walls
         )
         cost[self.goals // self.width - 1, self.goals % self.width - 1] = 0.0
         cost.flags.writeable = False
@@ -56,7 +56,7 @@ class LargeField(Field):
         except IndexError:
             length = NO_LENGTHS
         path, ends, length = compiled(descent.descend)(
-            self.label, self.step, self.extra, self.straight, self.walls, self.width, self.goals,
+            self.label, self.step, self.extra, self.straight, self.has_walls, self.width, self.goals,
             np.array([self.index(start) for start in starts], dtype=np.int64), length,
         )  # fmt: skip
         self._lengths[:] = [length]
@@ -66,22 +66,22 @@ class LargeField(Field):
         """Compute the field for P_s of shape (rows, cols), without checks."""
         seeds = self._begin_search(exposure, goals, w, psi_per_cell)
         prepare = compiled(sweep.prepare)
-        self.least, self.greatest, self.walls = prepare(exposure, w, self.step, self.straight)
+        self.least, self.greatest, self.has_walls = prepare(exposure, w, self.step, self.straight)
         self._lengths.clear()
         self.label.fill(np.inf)
         self.label[self.goals] = seeds
         self._settle(self.label, self.goals)
 
     def labels_from(self, start: Cell) -> Floats:
-        """Return the cost of the route to each cell from `start`, which is no wall: padded and flat."""
+        """Return the least cost from `start`, which is no wall, to each cell: padded and flat."""
         labels = np.full(self.label.size, np.inf)
         m = self.index(start)
         labels[m] = 0.0
         self._settle(labels, np.array([m]))
         return labels
 
-    def lower(self, cells: Ints, until: float) -> Ints:
-        """Spread the lowered labels of `cells`, least first, up to `until`; return the cells that remain."""
+    def spread_lowered(self, cells: Ints, until: float) -> Ints:
+        """Spread the lowered labels of `cells`, least first, up to `until`; return the cells that wait."""
         return self._correct(self.label, cells, until)
 
     def _has_exposure(self, exposure: Floats) -> bool:
@@ -94,16 +94,16 @@ class LargeField(Field):
         # Outward from the seeds; between two seeds the sweeps cross.
         seed_rows, seed_cols = seeds // width, seeds % width
         for first, end, direction in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
-            by_columns(label, self.straight, extra, self.walls, width, rows, first, end, direction)
+            by_columns(label, self.straight, extra, self.has_walls, width, rows, first, end, direction)
         for first, end, direction in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
-            by_rows(label, self.straight, extra, self.walls, width, cols, first, end, direction)
-        improved = compiled(sweep.improvable)(label, self.straight, extra, self.walls, rows, cols)
+            by_rows(label, self.straight, extra, self.has_walls, width, cols, first, end, direction)
+        improved = compiled(sweep.improve_once)(label, self.straight, extra, self.has_walls, rows, cols)
         self._correct(label, improved, np.inf)
 
     def _correct(self, label: Floats, seeds: Ints, until: float) -> Ints:
         return compiled(buckets.correct)(
             label, self.straight, self.extra, self.width, seeds,
-            self.least, self.greatest, self.walls, self._waiting, until,
+            self.least, self.greatest, self.has_walls, self._waiting, until,
         )  # fmt: skip
 
 
@@ -117,7 +117,7 @@ def spread_large(
 ) -> LargeField:
     """Return the field by Eq. 5 for P_s of shape (rows, cols), by compiled kernels, without checks.
 
-    `into` is an older, unused field. A field of the same shape is overwritten, which saves memory.
+    `into` is an older, unused field. A large field of the same shape is overwritten to save memory.
     """
     rows, cols = exposure.shape
     if not isinstance(into, LargeField) or (into.rows, into.cols) != (rows, cols):

@@ -1,4 +1,4 @@
-"""The 8-connected lattice of flat padded arrays, and a heap."""
+"""The 8-connected lattice of cells with flat padded indices, and a binary heap."""
 
 from __future__ import annotations
 
@@ -20,42 +20,42 @@ def offsets_of(width: int) -> Ints:
     return np.array([1, width, -1, -width, width + 1, width - 1, -width - 1, -width + 1])
 
 
-def cuts_corner(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
-    """Return whether the diagonal step from m in direction k (4 to 7) passes the corner of a wall."""
+def cuts_corner(entry_cost: Floats, offsets: Ints, m: int, k: int) -> bool:
+    """Return whether the diagonal step from m in direction k (4 to 7) passes a wall's corner (inf: wall)."""
     # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size on a diagonal edge
     # passes over the corners of the two cells beside the edge, so a wall in one of these cells closes the
     # edge. A vehicle in a wall may leave the wall in any direction, because the exit has priority.
     beside, other = m + offsets[k - 4], m + offsets[(k - 3) & 3]
-    return bool(enter[m] != np.inf and (enter[beside] == np.inf or enter[other] == np.inf))
+    return bool(entry_cost[m] != np.inf and (entry_cost[beside] == np.inf or entry_cost[other] == np.inf))
 
 
-def offered(label: Floats, extra: float, width: int, m: int) -> float:
-    """Return the least label of the neighbours of m, plus `extra` for diagonal neighbours; ignore walls."""
+def least_neighbour_label(label: Floats, extra: float, width: int, m: int) -> float:
+    """Return the least label of m's neighbours, plus `extra` for diagonal ones, without a check of walls."""
     near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
     low = min(label[m - width - 1], label[m - width + 1])
     high = min(label[m + width - 1], label[m + width + 1])
     return float(min(near, min(low, high) + extra))
 
 
-def push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[Ints, Floats, int]:
-    """Add a cell to a binary heap, least key first; return the heap, enlarged if necessary, and its size."""
-    if size == cells.size:
-        cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
+def push(items: Ints, keys: Floats, size: int, item: int, key: float) -> tuple[Ints, Floats, int]:
+    """Add an item to a heap, least key first; return the heap, enlarged if necessary, and its size."""
+    if size == items.size:
+        items = np.concatenate((items, np.empty(size, dtype=np.int64)))
         keys = np.concatenate((keys, np.empty(size)))
     slot = size
     while slot > 0 and keys[(slot - 1) >> 1] > key:
-        cells[slot] = cells[(slot - 1) >> 1]
+        items[slot] = items[(slot - 1) >> 1]
         keys[slot] = keys[(slot - 1) >> 1]
         slot = (slot - 1) >> 1
-    cells[slot] = cell
+    items[slot] = item
     keys[slot] = key
-    return cells, keys, size + 1
+    return items, keys, size + 1
 
 
-def pop_least(cells: Ints, keys: Floats, size: int) -> int:
-    """Remove the least key from the heap; return the new size."""
+def pop_least(items: Ints, keys: Floats, size: int) -> int:
+    """Remove the item of the least key from the heap; return the new size."""
     size -= 1
-    cell, key = cells[size], keys[size]
+    item, key = items[size], keys[size]
     slot = 0
     while True:
         child = 2 * slot + 1
@@ -65,9 +65,9 @@ def pop_least(cells: Ints, keys: Floats, size: int) -> int:
             child += 1
         if keys[child] >= key:
             break
-        cells[slot] = cells[child]
+        items[slot] = items[child]
         keys[slot] = keys[child]
         slot = child
-    cells[slot] = cell
+    items[slot] = item
     keys[slot] = key
     return size

@@ -46,12 +46,12 @@ class SmallField(Field):
 
     def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
         goals = set(self.goals.tolist())
-        onward = self._onward
+        next_cells = self._next_cells
         paths = []
         for start in starts:
             path = [self.index(start)]
             while path[-1] not in goals:
-                path.append(onward[path[-1]])
+                path.append(next_cells[path[-1]])
             paths.append(np.stack(np.divmod(path, self.width), axis=1) - 1)
         return paths
 
@@ -67,9 +67,9 @@ class SmallField(Field):
     def _labels(self, seeds: Floats) -> Floats:
         """Return the labels of all cells, from the labels of the goals.
 
-        Each cell has two nodes, so that the sums are rounded as in the sweeps of a large field. Straight
-        steps start at the label, diagonal steps at the label + `extra`. The last node is the source of the
-        goals.
+        Each cell has two nodes, so that the sums are rounded as in a large field. Straight steps start at
+        the first node (the label), diagonal steps at the second (the label + `extra`). One more node is the
+        source of the goals.
         """
         size = self.straight.size
         into = self.straight[self._graph.neighbours]
@@ -86,41 +86,41 @@ class SmallField(Field):
         return found[0, :size]
 
     @functools.cached_property
-    def _offers(self) -> Floats:
-        """Cost from each cell through each neighbour, without the straight step: (cells, 8)."""
-        offers = self.label[self._graph.neighbours]
-        offers[:, 4:] += self.extra
+    def _neighbour_costs(self) -> Floats:
+        """Cost from each cell through each neighbour, less `step`: (cells, 8)."""
+        costs = self.label[self._graph.neighbours]
+        costs[:, 4:] += self.extra
         leaves_wall = np.isinf(self.straight[self._graph.cells])
-        offers[:, 4:][self._closed & ~leaves_wall[:, np.newaxis]] = np.inf
-        return offers
+        costs[:, 4:][self._closed & ~leaves_wall[:, np.newaxis]] = np.inf
+        return costs
 
     @functools.cached_property
     def _costs(self) -> Floats:
         """Least cost from each cell to a goal; for a goal, the cost of leaving and returning."""
-        costs: Floats = self._offers.min(axis=1) + self.step
+        costs: Floats = self._neighbour_costs.min(axis=1) + self.step
         return costs
 
     @functools.cached_property
-    def _onward(self) -> list[int]:
-        """Next cell on the route from each cell, by the rule of `descent`."""
+    def _next_cells(self) -> list[int]:
+        """Flat index of the next cell on the route from each cell, by the rule of `descent`."""
         cells, neighbours = self._graph.cells, self._graph.neighbours
-        offers, bound = self._offers + self.step, self._costs * (1.0 + REL_TIE)
-        is_open = (offers <= bound[:, np.newaxis]) & np.isfinite(offers)
-        is_open[np.isin(cells, self.goals)] = False
-        best = is_open.argmax(axis=1)
-        if (np.count_nonzero(is_open, axis=1) > 1).any():
-            to_go = np.where(is_open, self._lengths(is_open)[neighbours] + LENGTHS, np.inf)
+        costs, bound = self._neighbour_costs + self.step, self._costs * (1.0 + REL_TIE)
+        is_cheapest = (costs <= bound[:, np.newaxis]) & np.isfinite(costs)
+        is_cheapest[np.isin(cells, self.goals)] = False
+        best = is_cheapest.argmax(axis=1)
+        if (np.count_nonzero(is_cheapest, axis=1) > 1).any():
+            to_go = np.where(is_cheapest, self._lengths(is_cheapest)[neighbours] + LENGTHS, np.inf)
             least = np.full(len(cells), np.inf)
             for k in range(8):
                 shorter = to_go[:, k] < least - LENGTH_TIE
                 best[shorter], least[shorter] = k, to_go[shorter, k]
-        onward = np.zeros(self.label.size, dtype=np.int64)
-        onward[cells] = neighbours[np.arange(len(cells)), best]
-        return onward.tolist()
+        next_cells = np.zeros(self.label.size, dtype=np.int64)
+        next_cells[cells] = neighbours[np.arange(len(cells)), best]
+        return next_cells.tolist()
 
-    def _lengths(self, is_open: NDArray[np.bool_]) -> Floats:
+    def _lengths(self, is_cheapest: NDArray[np.bool_]) -> Floats:
         """Return the length of the shortest among the cheapest routes from each cell."""
-        cell, k = np.nonzero(is_open)
+        cell, k = np.nonzero(is_cheapest)
         ends = self._graph.neighbours[cell, k], self._graph.cells[cell]
         shape = (self.label.size, self.label.size)
         graph = coo_array((LENGTHS[k], ends), shape=shape).tocsr()
@@ -129,7 +129,7 @@ class SmallField(Field):
 
 
 class _Graph(NamedTuple):
-    """The lattice of an area's shape; cells are flat padded indices."""
+    """The graph of an area of one shape; cells are flat padded indices."""
 
     cells: Ints
     neighbours: Ints

@@ -1,10 +1,10 @@
 """A first estimate of the whole field, exact nearly everywhere, in a fraction of a search's time.
 
 Most parts of a route are monotone: the rows, or the columns, never turn back. Sweeps find all monotone
-routes. Sweeps carry labels outward from the goals, once by columns and once by rows. Each column (row) takes
-labels from the column (row) before, and then passes labels along its cells in both directions. A sweep needs
-a few additions for each cell in the order of memory, no queue, and predictable branches. Afterwards `buckets`
-corrects the labels of routes that turn back.
+routes. Sweeps carry labels outward from the goals, first by columns and then by rows. Each column (row) takes
+labels from the previous column (row), and then passes labels along its cells in both directions. A sweep
+needs no queue, and a few additions for each cell. Afterwards `buckets` corrects the labels of routes that
+turn back.
 
 Diagonal steps past the corners of walls are excluded as in `cuts_corner`. That check takes a quarter of the
 time, so areas without walls have loops of their own.
@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.planners.kernels.lattice import Floats, Ints, offered
+from swarmctl.planners.kernels.lattice import Floats, Ints, least_neighbour_label
 
 
 def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[float, float, bool]:
-    """Write the cost of a straight step into each cell of (rows, cols) into the padded flat `straight`.
+    """Fill the padded flat `straight` with the cost of a straight step into each cell of (rows, cols).
 
     Return the least and the greatest finite cost, and whether there are walls.
     """
@@ -58,7 +58,7 @@ def sweep_columns(
     label: Floats,
     straight: Floats,
     extra: float,
-    walls: bool,
+    has_walls: bool,
     width: int,
     rows: int,
     first: int,
@@ -70,14 +70,14 @@ def sweep_columns(
         before = col - direction
         lower, middle = label[before], label[width + before]
         carried = np.inf
-        for row in range(1, 1 if walls else rows + 1):
+        for row in range(1, 1 if has_walls else rows + 1):
             here = row * width + col
             upper = label[here + width - direction]
             from_before = min(min(lower, upper) + extra, middle)
             lower, middle = middle, upper
             carried = min(label[here], min(from_before, carried) + straight[here])
             label[here] = carried
-        for row in range(1, rows + 1 if walls else 1):
+        for row in range(1, rows + 1 if has_walls else 1):
             here = row * width + col
             beside = straight[here - direction]
             low = _past(label[here - direction - width], beside, straight[here - width])
@@ -96,7 +96,7 @@ def sweep_rows(
     label: Floats,
     straight: Floats,
     extra: float,
-    walls: bool,
+    has_walls: bool,
     width: int,
     cols: int,
     first: int,
@@ -107,7 +107,7 @@ def sweep_rows(
     for row in range(first, end, direction):
         base = row * width
         before = base - direction * width
-        if walls:
+        if has_walls:
             for col in range(1, cols + 1):
                 beside = straight[before + col]
                 low = _past(label[before + col - 1], beside, straight[base + col - 1])
@@ -129,20 +129,22 @@ def sweep_rows(
             label[here] = carried
 
 
-def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows: int, cols: int) -> Ints:
-    """Write the labels that a neighbour improves; return the cells of these labels."""
+def improve_once(
+    label: Floats, straight: Floats, extra: float, has_walls: bool, rows: int, cols: int
+) -> Ints:
+    """Improve each label once by its neighbours; return the cells of the improved labels."""
     width = cols + 2
     counts = np.zeros(rows + 1, dtype=np.int64)
     for row in range(1, rows + 1):
         count = 0
-        if walls:
+        if has_walls:
             for here in range(row * width + 1, row * width + cols + 1):
                 count += (
-                    _offered_past_walls(label, straight, extra, width, here) + straight[here] < label[here]
+                    _least_reachable_label(label, straight, extra, width, here) + straight[here] < label[here]
                 )
         else:
             for here in range(row * width + 1, row * width + cols + 1):
-                count += offered(label, extra, width, here) + straight[here] < label[here]
+                count += least_neighbour_label(label, extra, width, here) + straight[here] < label[here]
         counts[row] = count
     found = np.empty(counts.sum(), dtype=np.int64)
     better = np.empty(found.size)
@@ -151,21 +153,21 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
         if counts[row] == 0:
             continue
         for here in range(row * width + 1, row * width + cols + 1):
-            if walls:
-                offer = _offered_past_walls(label, straight, extra, width, here)
+            if has_walls:
+                improved = _least_reachable_label(label, straight, extra, width, here)
             else:
-                offer = offered(label, extra, width, here)
-            offer += straight[here]
-            if offer < label[here]:
+                improved = least_neighbour_label(label, extra, width, here)
+            improved += straight[here]
+            if improved < label[here]:
                 found[size] = here
-                better[size] = offer
+                better[size] = improved
                 size += 1
     label[found] = better
     return found
 
 
-def _offered_past_walls(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """Return the result of `offered` without the steps that pass the corner of a wall."""
+def _least_reachable_label(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
+    """Return `least_neighbour_label` without the steps that pass the corner of a wall."""
     west, east = straight[here - 1], straight[here + 1]
     south, north = straight[here - width], straight[here + width]
     low = min(_past(label[here - width - 1], west, south), _past(label[here - width + 1], east, south))

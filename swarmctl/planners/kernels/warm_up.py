@@ -15,7 +15,7 @@ from swarmctl.planners.kernels.compilation import compiled
 def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
     """Compile all kernels, or load them from numba's cache.
 
-    `report` receives the number of compiled kernels and of all kernels, before each kernel and at the end.
+    `report` receives the number of kernels compiled so far and of all, before each kernel and at the end.
     """
     calls = list(_calls())
     for done, (kernel, arguments) in enumerate(calls):
@@ -25,9 +25,10 @@ def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> 
 
 
 def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
-    """Yield each kernel with arguments of the right types, for an area of one cell.
+    """Yield kernels with arguments of the right types, for an area of one cell.
 
-    Each kernel follows the kernels that it calls, so that each step is short.
+    Python code calls all of these but `find_lengths` and its variant. The two come before their caller
+    `descend`, so that each step is short.
     """
     exposure, label, length = np.zeros((1, 1)), np.full(9, math.inf), np.full(9, math.inf)
     straight, waiting = label.copy(), np.zeros(9, dtype=np.uint8)
@@ -38,14 +39,14 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     yield sweep.is_prepared, (exposure, 0.5, 0.5, straight)
     yield sweep.sweep_columns, (label, straight, 0.2, False, width, 1, 1, 2, 1)
     yield sweep.sweep_rows, (label, straight, 0.2, False, width, 1, 1, 2, 1)
-    yield sweep.improvable, (label, straight, 0.2, False, *area)
+    yield sweep.improve_once, (label, straight, 0.2, False, *area)
     yield buckets.correct, (label, straight, 0.2, width, cells, 0.5, 0.5, False, waiting, math.inf)
     field = (label, 0.5, 0.2, straight)
     yield descent.cost_of, (*field, offsets, goal)
     yield descent.costs, (*field, *area, False)
     yield descent.find_lengths, (*field, width, cells, goal, length)
     length.fill(math.inf)
-    yield descent.find_lengths_in_circles, (*field, width, cells, goal, length)
+    yield descent.find_lengths_with_cycles, (*field, width, cells, goal, length)
     yield descent.descend, (*field, False, width, cells, cells, np.empty(0))
     yield bounds.compare, (exposure, 0.5, 0.5, straight, 1, 1)
     yield bounds.descend_roughly, (label, 0.2, width, cells, goal, 1)
