@@ -6,7 +6,6 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -129,11 +128,14 @@ def _check_starts(scenario: Scenario) -> Iterator[ConfigProblem]:
     """Yield the problem of the first two vehicles that start at one position."""
     frame = scenario.grid.frame
     starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
-    for (here, name), (there, other) in pairwise(starts):
-        if math.dist(here, there) < MIN_START_DISTANCE_M:
-            text = f"{name} and {other} start less than {MIN_START_DISTANCE_M:g} m apart; move one start"
-            yield ConfigProblem(("vehicles",), text)
-            break
+    for k, (here, name) in enumerate(starts):
+        for there, other in starts[k + 1 :]:
+            if there[0] - here[0] >= MIN_START_DISTANCE_M:
+                break
+            if math.dist(here, there) < MIN_START_DISTANCE_M:
+                text = f"{name} and {other} start less than {MIN_START_DISTANCE_M:g} m apart; move one start"
+                yield ConfigProblem(("vehicles",), text)
+                return
 
 
 def _check_approach(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[ConfigProblem]:
@@ -260,22 +262,10 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
     if inside is not None and inside in config.area.no_fly:
         text = f"the start is in cell {inside} of area.no_fly; move it"
         yield ConfigProblem((*here, "start"), text)
-    if vehicle.entry is not None:
-        where: KeyPath = (*here, "entry")
-        if inside is not None:
-            text = f"the start is inside the area, in cell {inside}, so there is no entry; remove this key"
-            yield ConfigProblem(where, text)
-            return
-        if not grid.contains(vehicle.entry):
-            yield from _outside(grid, [vehicle.entry], where, "entry", listed=False)
-        elif not on_border(grid, vehicle.entry):
-            yield ConfigProblem(
-                where, f"{vehicle.entry} is not on the border of the area; give a border cell"
-            )
-        elif vehicle.entry in config.area.no_fly:
-            yield ConfigProblem(where, f"{vehicle.entry} is in area.no_fly; give another border cell")
+    if vehicle.entry is not None and (problems := list(_check_given_entry(config, grid, index, inside))):
+        yield from problems
         return
-    entry = entry_of(config, grid, start)
+    entry = vehicle.entry or entry_of(config, grid, start)
     if entry is None:
         text = "every border cell is in area.no_fly, so the vehicle cannot enter the area; free a border cell"
         yield ConfigProblem((*here, "start"), text)
@@ -287,6 +277,23 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
             f"{config.flight.max_start_distance_m:g} m; correct the start, or raise that limit"
         )
         yield ConfigProblem((*here, "start"), text)
+
+
+def _check_given_entry(
+    config: Config, grid: Grid, index: int, inside: Cell | None
+) -> Iterator[ConfigProblem]:
+    """Yield the problem of a configured entry cell. `inside`: the start's cell, None outside the area."""
+    entry, where = config.vehicles[index].entry, ("vehicles", index, "entry")
+    assert entry is not None
+    if inside is not None:
+        text = f"the start is inside the area, in cell {inside}, so there is no entry; remove this key"
+        yield ConfigProblem(where, text)
+    elif not grid.contains(entry):
+        yield from _outside(grid, [entry], where, "entry", listed=False)
+    elif not on_border(grid, entry):
+        yield ConfigProblem(where, f"{entry} is not on the border of the area; give a border cell")
+    elif entry in config.area.no_fly:
+        yield ConfigProblem(where, f"{entry} is in area.no_fly; give another border cell")
 
 
 def _check_identities(config: Config) -> Iterator[ConfigProblem]:

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from swarmctl.core.section import Section
 
+MAX_LOST_LINK_S = 120
+
 
 class Policy(Section):
     """Declared reactions of each vehicle's autopilot. A vehicle with other parameters fails preflight."""
@@ -20,7 +22,7 @@ class Policy(Section):
     lost_link_after_s: int = Field(
         10,
         ge=5,
-        le=120,
+        le=MAX_LOST_LINK_S,
         description="Time without a heartbeat until the reaction to a lost link, by the vehicle's clock [s]. "
         "No effect with continue.",
     )

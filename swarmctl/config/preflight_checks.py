@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.preflight import MAX_LOST_LINK_S
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.planar import crossing_sides
 
@@ -38,9 +39,10 @@ def _check_lost_link(config: Config) -> Iterator[ConfigProblem]:
         return
     least_s = MIN_HEARTBEATS * simulate.speedup
     if policy.lost_link_after_s < least_s:
+        longer = f"{least_s:g} s or more, " if least_s <= MAX_LOST_LINK_S else ""
         text = (
             f"{policy.lost_link_after_s} s is less than {MIN_HEARTBEATS} heartbeats at simulate.speedup = "
-            f"{simulate.speedup:g}; give {least_s:g} or more, a lower speedup, or lost_link: continue"
+            f"{simulate.speedup:g}; give {longer}a lower speedup, or lost_link: continue"
         )
         yield ConfigProblem(
             (*SECTION, "policy", "lost_link_after_s"), text, depends_on=("simulate", "speedup")

@@ -26,6 +26,13 @@ def test_a_good_configuration_has_no_problems(tmp_path: Path) -> None:
     assert problems(GOOD, tmp_path) == []
 
 
+def test_a_start_between_two_others_by_longitude_does_not_hide_that_they_are_near(tmp_path: Path) -> None:
+    third = "  - {name: c, url: 'udpin://:14550', sysid: 3, goal: [6, 9], "
+    third += "start: {lat_deg: 46.005, lon_deg: 13.990002}}"
+    near = GOOD.replace("46.001, lon_deg: 13.99}", "46.0, lon_deg: 13.990004}")
+    assert_problems(problems(f"{near}{third}\n", tmp_path), [(":8: vehicles", "a and b")])
+
+
 BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
     ("an unknown key", "rows: 20", "rosw: 20, rows: 20", [(":2: area.rosw", "'rows'")]),
     ("a missing key", "cell_size_m: 50", "", [(":2: area.cell_size_m",)]),
@@ -53,6 +60,12 @@ BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
         "sysid: 1, start: {lat_deg: 46.0",
         "sysid: 1, start: {lat_deg: 47.0",
         [(":9: vehicles[0].start", "110", "flight.max_start_distance_m = 5000")],
+    ),
+    (
+        "a start too far away from its given entry",
+        "sysid: 1, start: {lat_deg: 46.0",
+        "entry: [0, 0], sysid: 1, start: {lat_deg: 47.0",
+        [(":9: vehicles[0].start", "11", "flight.max_start_distance_m = 5000")],
     ),
     (
         "an entry in the middle",

@@ -48,3 +48,14 @@ def test_a_polygon_with_crossing_sides_is_refused_with_the_sides(
     first, second = sides
     place = f":11: preflight.fence.polygon[{second}]"
     assert_problems(problems(fence(corners), tmp_path), [(place, f"[{first}]", f"[{second}]")])
+
+
+@pytest.mark.parametrize(("speedup", "advice"), [(20, "60 s or more"), (50, "a lower speedup")])
+def test_a_lost_link_shorter_than_three_heartbeats_is_refused(
+    speedup: int, advice: str, tmp_path: Path
+) -> None:
+    simulated = f"simulate: {{count: 1, goal: [0, 9], speedup: {speedup}}}\n"
+    policy = "preflight: {policy: {lost_link: return, lost_link_after_s: 10}}\n"
+    text = GOOD.partition("vehicles:")[0] + simulated + policy
+    place = ":9: preflight.policy.lost_link_after_s"
+    assert_problems(problems(text, tmp_path), [(place, f"speedup = {speedup}; give {advice}")])
