@@ -54,7 +54,7 @@ class Phase(StrEnum):
     LEAVING = "leaving"
     """returning, or landing where it is, by an order or a failsafe rule"""
     RELEASED = "released"
-    """taken over by a pilot, the autopilot's failsafe or another station; the agent commands no more"""
+    """taken over by a pilot, the autopilot's failsafe or another station; the agent sends no own orders"""
     DONE = "done"
     FAILED = "failed"
 
@@ -267,7 +267,7 @@ class AgentState:
     n_climbs: int = 0
     """number of climbs to give way"""
     incarnation: int = 0
-    """number of this run of the agent's program, part of the names of observations"""
+    """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf

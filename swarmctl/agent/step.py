@@ -66,9 +66,9 @@ def needs_tick(state: AgentState, now: float) -> bool:
 
 
 def _was_just_swapped(state: AgentState) -> bool:
-    """Return whether the last mission change is more recent than a mission change usually takes.
+    """Return whether the time since the last mission change is below the expected time of a mission change.
 
-    The agent waits for this time, so that its next plan includes all observations until then.
+    The agent does not plan during this time, so that its next plan includes all observations until then.
     """
     if state.phase is not Phase.FLYING:
         return False
@@ -76,7 +76,7 @@ def _was_just_swapped(state: AgentState) -> bool:
 
 
 def _must_plan_now(state: AgentState) -> bool:
-    """Return whether the vehicle has no plan to continue, or a wall is close ahead."""
+    """Return whether the plan has to change, because none is flown, it must change, or a wall is close."""
     if state.must_change or state.route is None:
         return True
     if not may_learn_of_walls(state):

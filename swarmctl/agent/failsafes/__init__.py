@@ -1,8 +1,8 @@
 """Failsafe rules in flight: one rule a file. Pure.
 
-A rule is a module with `NAME`, `Params` and `evaluate` (`base.Rule`), and imports core alone. `enforcement`
-follows the strongest new demand (`base.STRENGTH`). A new rule is a file, a line in `RULES`, and a key in
-`swarmctl.config.failsafes`.
+A rule is a module with `NAME`, `Params` and `evaluate` (`base.Rule`), and imports `base` and core alone.
+`enforcement` follows the strongest new demand (`base.STRENGTH`). A new rule is a file, a line in `RULES`, and
+a key in `swarmctl.config.failsafes`.
 """
 
 from __future__ import annotations

@@ -75,12 +75,12 @@ def _demand(
     if blind_s is not None and blind_s >= params.land_s:
         return _return_or_landing(params, facts, blind_s)
     if no_fix_s is not None and no_fix_s >= params.seconds:
-        text, reaction = "no GPS fix", "lands"
+        text, order = "no GPS fix", "a landing"
     elif blind_s is not None and blind_s >= params.seconds:
-        text, reaction = "telemetry without a position", "returns or lands"
+        text, order = "telemetry without a position", "a return or a landing"
     else:
         return None
-    wait = f"if the autopilot does not react, this program {reaction} the vehicle after {params.land_s:g} s"
+    wait = f"if the autopilot does not react, this program orders {order} after {params.land_s:g} s"
     return Demand(DemandKind.WARN, f"{text} for {params.seconds:g} s; {wait}")
 
 

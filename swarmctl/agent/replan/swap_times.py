@@ -9,7 +9,7 @@ N_KEPT = 3
 PRIOR_S = 1.5
 """least expected duration before the first measurement [s]"""
 MARGIN_S = 0.5
-"""constant margin over the measured duration [s]: positions come 4 times a second"""
+"""constant margin over the measured duration [s]: positions come 4 or 5 times a second"""
 MARGIN_SHARE = 0.25
 """margin as a share of the measured duration: links and plans differ"""
 MAX_EXPECTED_S = 60.0

@@ -242,7 +242,7 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
         plan = with_level_off(state.task, replace(plan, track=plan.track[n_passed:]), here, 0.0)
     higher = replace(higher, interrupted_plan=msgspec.structs.replace(state.interrupted_plan, plan=plan))
     own = own_trajectory(higher)
-    text, now_s = f"the vehicle has held for {RETRY_HEIGHT_AFTER_S:.0f} s", state.vehicle.time_boot_s
+    text, now_s = f"the vehicle has held for at least {RETRY_HEIGHT_AFTER_S:.0f} s", state.vehicle.time_boot_s
     clear = own is not None and _is_clear(higher, own, others) and not _passes_silent(higher)
     if higher.height_m > state.height_m and clear:
         higher = replace(higher, holding_since_boot_s=now_s, deferred_for=frozenset())

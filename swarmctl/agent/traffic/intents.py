@@ -2,7 +2,7 @@
 
 | situation | intent is sent |
 |---|---|
-| a new plan begins | at once |
+| a new plan, a take-off, or the arrival over the goal | at once |
 | the vehicle is off its announced position | at most once a second |
 | otherwise | every 5 s, for late joiners and against losses |
 
