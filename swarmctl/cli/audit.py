@@ -12,7 +12,7 @@ import typer
 
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
 from swarmctl.core.operator_text import printable
-from swarmctl.report.evidence.chain import CheckedChain, Entry, check, sealed
+from swarmctl.report.evidence.chain import CheckedChain, Entry, check, signed_content
 from swarmctl.report.evidence.digest import Digest, digest
 from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.tables import Column, FittedTable
@@ -60,7 +60,9 @@ def audit(
     troubles = [printable(text) for text in _troubles(path, checked, keys)]
     if troubles:
         fail(troubles, EXPECTED)
-    say(f"{path}: complete and unchanged: {len(checked.entries)} entries; the final hash is {checked.last}")
+    say(
+        f"{path}: complete and unchanged: {len(checked.entries)} entries; the final hash is {checked.last_hash}"
+    )
     say(_signed_by(checked, keys))
 
 
@@ -86,7 +88,7 @@ def _troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[
     elif checked.closing is None:
         yield (
             f"{path}:{len(checked.entries)}: the evidence is not closed: the process died, or lines were "
-            f"cut; the last valid hash is {checked.last} [not-closed]"
+            f"cut; the last valid hash is {checked.last_hash} [not-closed]"
         )
     else:
         yield from _signature_troubles(path, checked, checked.closing, keys)
@@ -104,7 +106,9 @@ def _signature_troubles(
             )
         return
     by, key, value = (str(signature.get(name)) for name in ("by", "key", "signature"))
-    if not is_valid_signature(sealed(closing["entries"], str(checked.entries[-1]["previous"])), key, value):
+    if not is_valid_signature(
+        signed_content(closing["entries"], str(checked.entries[-1]["previous"])), key, value
+    ):
         yield (
             f"{path}: the signature by {by} is invalid: the chain was rewritten after it was signed "
             "[signature-invalid]"
@@ -144,7 +148,7 @@ def _show(checked: CheckedChain, *, shows_all: bool) -> None:
         say(_line(entry))
     for vehicle, changes in summary.unasked.items():
         say(printable(f"{vehicle}: changes without a recorded command: {_counted(changes)}"))
-    for vehicle, n in summary.landed.items():
+    for vehicle, n in summary.n_disarmed_on_ground.items():
         times = f" × {n}" if n > 1 else ""
         say(printable(f"{vehicle}: disarmed automatically after landing{times}"))
 

@@ -61,7 +61,7 @@ def test_an_upload_is_its_announcement_and_one_entry_of_all_its_items() -> None:
     other.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
     for seq in (2, 0, 1):
         other.sent(item(seq, 460000001 if seq == 2 else 460000000))
-    assert other.so_far()[0][1]["sha256"] != items[1]["sha256"]
+    assert other.unrecorded_entries()[0][1]["sha256"] != items[1]["sha256"]
 
 
 def test_an_answer_to_a_repeated_item_ends_no_upload() -> None:
@@ -91,9 +91,9 @@ def test_an_unacknowledged_upload_is_recorded_at_the_end() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
     traffic.sent(item(0))
-    ((_, what),) = traffic.so_far()
+    ((_, what),) = traffic.unrecorded_entries()
     assert (what["items"], what["of"]) == (1, 3)
-    assert traffic.so_far() == []
+    assert traffic.unrecorded_entries() == []
 
 
 def test_only_requested_parameters_count_as_answers() -> None:
@@ -169,7 +169,7 @@ def test_disarming_after_a_landing_is_not_unasked(turned: bool) -> None:
     down = [effect("landed", "IN_AIR", "ON_GROUND"), effect("armed", True, False)]
     summary = digest([effect("landed", "UNDEFINED", "IN_AIR"), *(reversed(down) if turned else down)])
     assert summary.unasked == {}
-    assert summary.landed == {"alpha": 1}
+    assert summary.n_disarmed_on_ground == {"alpha": 1}
 
 
 def test_disarming_in_the_air_is_unasked() -> None:
@@ -210,7 +210,7 @@ def test_items_appended_one_by_one_are_one_entry(copies: int) -> None:
     for seq in (13, 12, 11):
         other.sent(partial(seq))
         other.sent(item(seq))
-    assert other.so_far()[0][1]["sha256"] == items[1]["sha256"], "whatever their order"
+    assert other.unrecorded_entries()[0][1]["sha256"] == items[1]["sha256"], "whatever their order"
 
 
 def test_a_request_between_partial_lists_does_not_divide_them_and_an_order_does() -> None:
@@ -224,14 +224,14 @@ def test_a_request_between_partial_lists_does_not_divide_them_and_an_order_does(
     assert order["command"] == "COMPONENT_ARM_DISARM"
     ((_, begins),) = appended(traffic, [14])
     assert begins["start_index"] == 14
-    assert traffic.so_far()[0][1]["first"] == 14
+    assert traffic.unrecorded_entries()[0][1]["first"] == 14
 
 
 def test_refused_partial_lists_are_recorded_with_their_items() -> None:
     traffic = Traffic()
     appended(traffic, [11])
     assert traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 1)) == []
-    entries = traffic.so_far()
+    entries = traffic.unrecorded_entries()
     assert [
         (what.get("result"), what.get("times")) for kind, what in entries if kind == "acknowledgement"
     ] == [
@@ -250,7 +250,7 @@ def test_a_running_transfer_is_recorded_so_far_and_only_once() -> None:
     for seqs in ((0,), (0,), (1, 2)):
         for seq in seqs:
             traffic.sent(item(seq))
-        counts.append([what["items"] for _, what in traffic.so_far()])
+        counts.append([what["items"] for _, what in traffic.unrecorded_entries()])
     assert counts == [[1], [], [3]]
     assert [kind for kind, _ in traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 0))] == [
         "acknowledgement"

@@ -1,4 +1,4 @@
-"""The chain of entries: the next line, and the check of a file. Pure."""
+"""The chain of entries: the form of a line, and the check of a file. Pure."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ FORMAT = 1
 GENESIS = "0" * 64
 """`previous` of the first entry"""
 
-Kind = Literal["opened", "command", "acknowledgement", "effect", "waiver", "operator", "note", "closed"]
-KINDS = frozenset(get_args(Kind))
+EntryKind = Literal["opened", "command", "acknowledgement", "effect", "waiver", "operator", "note", "closed"]
+KINDS = frozenset(get_args(EntryKind))
 KEYS = frozenset({"n", "unix_s", "run_s", "vehicle", "kind", "what", "previous", "hash"})
 
 Entry = Mapping[str, Any]
+Content = Mapping[str, Any]
+"""`what` of an entry"""
 
 
 def canonical(value: Any) -> bytes:
-    """Return canonical JSON: keys sorted, no spaces, ASCII.
-
-    Numbers that JSON lacks become words, such as MAVLink's NaN for an unchanged value.
-    """
+    """Return canonical JSON: keys sorted, no spaces, ASCII; NaN and infinity as text, bytes as hex digits."""
     return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
 
@@ -50,11 +49,13 @@ class Chain:
     def __init__(self) -> None:
         self.n = 0
         """number of entries so far"""
-        self.last = GENESIS
+        self.last_hash = GENESIS
         """the hash of the last entry"""
 
-    def link(self, kind: Kind, vehicle: str | None, what: Entry, *, unix_s: float, run_s: float) -> bytes:
-        """Return the next line, with its line end."""
+    def link(
+        self, kind: EntryKind, vehicle: str | None, what: Content, *, unix_s: float, run_s: float
+    ) -> bytes:
+        """Add an entry; return its line with the line end."""
         entry = {
             "n": self.n,
             "unix_s": round(unix_s, 6),
@@ -62,13 +63,13 @@ class Chain:
             "vehicle": vehicle,
             "kind": kind,
             "what": what,
-            "previous": self.last,
+            "previous": self.last_hash,
         }
         body = canonical(entry)
-        self.last = sha256(body)
+        self.last_hash = sha256(body)
         self.n += 1
         # "hash" is the first key in canonical order.
-        return b'{"hash":"%s",%s\n' % (self.last.encode(), body[1:])
+        return b'{"hash":"%s",%s\n' % (self.last_hash.encode(), body[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,29 +89,29 @@ class CheckedChain:
     entries: tuple[Entry, ...]
     """the entries before the fault, or all"""
     fault: ChainFault | None
-    last: str
-    """the hash of the last unchanged entry"""
+    last_hash: str
+    """the hash of the last entry before the fault; GENESIS without entries"""
 
     @property
-    def opened(self) -> Entry:
+    def opened(self) -> Content:
         """The description of the run in the first entry; empty without entries."""
         return self.entries[0]["what"] if self.entries else {}
 
     @property
-    def closing(self) -> Entry | None:
-        """The content of the closing entry; None: the process died, or lines were cut off."""
-        whole = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
-        return self.entries[-1]["what"] if whole else None
+    def closing(self) -> Content | None:
+        """The content of the closing entry; None with a fault or without a closing entry."""
+        is_closed = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
+        return self.entries[-1]["what"] if is_closed else None
 
 
 def check(lines: Iterable[bytes]) -> CheckedChain:
-    """Return the entries of a chain up to its end or its first fault. Malformed bytes raise no exception."""
+    """Return the entries of a chain up to its end or its first fault. Lines that are not JSON are faults."""
     entries: list[Entry] = []
     last = GENESIS
     for line in lines:
         entry, fault = _read(line)
         if entry is not None:
-            fault = _out_of_place(entry, entries, last)
+            fault = _mismatch(entry, entries, last)
         if entry is None or fault is not None:
             found, expected = fault or ("", "")
             return CheckedChain(tuple(entries), ChainFault(len(entries) + 1, found, expected), last)
@@ -143,7 +144,7 @@ def _read(line: bytes) -> tuple[Entry | None, _Mismatch | None]:
     return entry, None
 
 
-def _out_of_place(entry: Entry, before: list[Entry], last: str) -> _Mismatch | None:
+def _mismatch(entry: Entry, before: list[Entry], last: str) -> _Mismatch | None:
     n = len(before)
     if before and before[-1]["kind"] == "closed":
         return f"entry {entry['n']} after the closing one", "the end of the file"
@@ -153,14 +154,14 @@ def _out_of_place(entry: Entry, before: list[Entry], last: str) -> _Mismatch | N
         return f"an entry of the kind {entry['kind']}", "the opening entry first, and only there"
     if entry["previous"] != last:
         return f"the previous hash {entry['previous']}", f"{last}, the hash of the line before"
-    own = sha256(canonical({key: value for key, value in entry.items() if key != "hash"}))
-    if entry["hash"] != own:
-        return f"the hash {entry['hash']}", f"{own}, the hash of its content: the line was changed"
+    actual_hash = sha256(canonical({key: value for key, value in entry.items() if key != "hash"}))
+    if entry["hash"] != actual_hash:
+        return f"the hash {entry['hash']}", f"{actual_hash}, the hash of the other keys: the line was changed"
     if entry["kind"] == "closed" and entry["what"].get("entries") != n:
-        return f"a count of {entry['what'].get('entries')} entries", f"{n}"
+        return f"a count of {entry['what'].get('entries')} entries", f"a count of {n}"
     return None
 
 
-def sealed(entries: int, last: str) -> bytes:
-    """Return the bytes that a closing entry's signature covers: the number of entries and the last hash."""
-    return b"swarmctl evidence\0" + canonical({"entries": entries, "previous": last})
+def signed_content(n_entries: int, last_hash: str) -> bytes:
+    """Return the bytes that a signature covers: number and last hash of the entries before the closing."""
+    return b"swarmctl evidence\0" + canonical({"entries": n_entries, "previous": last_hash})

@@ -1,4 +1,4 @@
-"""A digest of a chain: commands by vehicle, their acknowledgements and their observed effects. Pure."""
+"""A digest of a chain: commands by vehicle, their answers and observed effects; people's actions. Pure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from swarmctl.core.vehicle import Landed
-from swarmctl.report.evidence.chain import Entry
+from swarmctl.report.evidence.chain import Content, Entry
 from swarmctl.report.evidence.transfer import ANNOUNCEMENTS
 
 _ITEMS = "MISSION_ITEM_INT"
@@ -29,14 +29,14 @@ _CHANGED_PART = {
 }
 """command -> the part of a vehicle's state that changes when the vehicle follows the command"""
 _ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
-"""messages that a vehicle acknowledges, besides commands"""
+"""messages, besides commands, that count as unanswered until an acknowledgement"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
 """ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and continues the transfer"""
 
 
 @dataclass(slots=True)
 class CommandRow:
-    """The digest of one command to one vehicle."""
+    """The digest of all commands, or other messages, of one name to one vehicle."""
 
     vehicle: str
     command: str
@@ -44,10 +44,11 @@ class CommandRow:
     answers: Counter[str] = field(default_factory=Counter)
     unanswered: int = 0
     seen: Counter[str] = field(default_factory=Counter)
+    """first change of the vehicle's state after a command -> how often"""
     is_in_transfer: bool = False
     """True after an entry with items of a transfer; further entries of the same transfer may follow"""
     by_others: int = 0
-    """number of commands sent by another station"""
+    """number of messages from other stations, included in `sent`"""
 
     @property
     def refused(self) -> int:
@@ -60,11 +61,11 @@ class Digest:
 
     rows: list[CommandRow] = field(default_factory=list)
     unasked: dict[str, Counter[str]] = field(default_factory=dict)
-    """changes of mode and arming without a recorded command, by vehicle"""
-    landed: Counter[str] = field(default_factory=Counter)
-    """number of automatic disarmings after landings, by vehicle"""
+    """changes of mode and arming without a recorded command, by vehicle, except disarmings on the ground"""
+    n_disarmed_on_ground: Counter[str] = field(default_factory=Counter)
+    """number of disarmings on the ground without a recorded command, by vehicle"""
     people: list[Entry] = field(default_factory=list)
-    """waivers and operators' actions"""
+    """entries of waivers and operators' actions"""
 
 
 def digest(entries: Iterable[Entry]) -> Digest:
@@ -72,18 +73,18 @@ def digest(entries: Iterable[Entry]) -> Digest:
     found = Digest()
     rows: dict[tuple[str, str], CommandRow] = {}
     asked: dict[tuple[str, str], CommandRow] = {}
-    """(vehicle, part of its state) -> last command to change this part"""
+    """(vehicle, part of its state) -> row of the last command to change this part"""
     on_ground: dict[str, bool] = {}
     for entry in entries:
         vehicle, what = entry["vehicle"] or "all", entry["what"]
         match entry["kind"]:
             case "command":
-                _sent(rows, asked, vehicle, what)
+                _count_command(rows, asked, vehicle, what)
             case "acknowledgement":
-                _answered(rows, vehicle, what)
+                _count_answer(rows, vehicle, what)
             case "effect":
-                _seen(asked, found, vehicle, what)
-                _touched_down(found, on_ground, vehicle, what)
+                _count_change(asked, found, vehicle, what)
+                _move_disarming(found, on_ground, vehicle, what)
             case "waiver" | "operator":
                 found.people.append(entry)
     vehicles = list(dict.fromkeys(vehicle for vehicle, _ in rows))
@@ -91,11 +92,11 @@ def digest(entries: Iterable[Entry]) -> Digest:
     return found
 
 
-def _sent(
+def _count_command(
     rows: dict[tuple[str, str], CommandRow],
     asked: dict[tuple[str, str], CommandRow],
     vehicle: str,
-    what: Entry,
+    what: Content,
 ) -> None:
     name = str(what.get("command", what.get("message", "?")))
     row = rows.setdefault((vehicle, name), CommandRow(vehicle, name))
@@ -112,7 +113,7 @@ def _sent(
         asked[vehicle, _CHANGED_PART[name]] = row
 
 
-def _answered(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Entry) -> None:
+def _count_answer(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Content) -> None:
     answer = str(what.get("result", what.get("message", "?")))
     message = what.get("message")
     names = {"MISSION_ACK": _UPLOADS, "PARAM_VALUE": _PARAMETERS}.get(
@@ -125,8 +126,8 @@ def _answered(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Entry
         row.unanswered -= answer != "IN_PROGRESS" and row.unanswered > 0
 
 
-def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
-    """Move a disarming from `unasked` to `landed` if the vehicle is on the ground.
+def _move_disarming(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
+    """Move a disarming from `unasked` to `n_disarmed_on_ground` if the vehicle is on the ground.
 
     Telemetry may report the landing before or after the disarming.
     """
@@ -135,12 +136,12 @@ def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what:
         on_ground[vehicle] = to == Landed.ON_GROUND.name
     unasked = found.unasked.get(vehicle, Counter())
     if part in ("landed", "armed") and on_ground.get(vehicle) and unasked[_DISARMED]:
-        found.landed[vehicle] += unasked.pop(_DISARMED)
+        found.n_disarmed_on_ground[vehicle] += unasked.pop(_DISARMED)
         if not unasked:
             del found.unasked[vehicle]
 
 
-def _seen(
+def _count_change(
     asked: dict[tuple[str, str], CommandRow], found: Digest, vehicle: str, what: dict[str, Any]
 ) -> None:
     part = str(what.get("changed"))

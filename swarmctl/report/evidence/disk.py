@@ -9,20 +9,17 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 
 class Disk:
-    """Syncs of one open file, one at a time; all requests during a sync are served by the next sync."""
+    """Syncs of one open file, one at a time; the next sync serves all requests during a sync."""
 
-    def __init__(self, fileno: int, failed: Callable[[OSError], None], *, in_thread: bool) -> None:
-        """`failed` gets the error of a sync.
-
-        `in_thread`: sync in a separate thread. All methods need a running loop, which also calls `failed`.
-        """
+    def __init__(self, fileno: int, on_error: Callable[[OSError], None], *, in_thread: bool) -> None:
+        """`in_thread`: sync in a separate thread; `sync` then needs a running event loop."""
         self._fileno = fileno
-        self._failed = failed
+        self._on_error = on_error
         self._pool = ThreadPoolExecutor(1, "evidence") if in_thread else None
         self._running: Future[None] | None = None
         self._future: asyncio.Future[None] | None = None
         """the running sync as a future of the loop"""
-        self._again = False
+        self._is_sync_requested = False
 
     def sync(self) -> None:
         """Begin a sync; without a thread, wait for its end."""
@@ -31,25 +28,25 @@ class Disk:
         elif self._future is None:
             self._begin(self._pool)
         else:
-            self._again = True
+            self._is_sync_requested = True
 
-    async def idle(self) -> None:
-        """Wait until every requested sync is done."""
+    async def wait_idle(self) -> None:
+        """Wait until every requested sync is done or one has failed."""
         while self._future is not None:
             await asyncio.wait((self._future,))
 
     def close(self) -> None:
-        """Wait for the running sync, and sync the rest. The file must still be open."""
+        """Wait for the running sync, and sync once more. The file must still be open."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-            # The loop's callback may come too late.
+            # The loop may call `_done` only after this method.
             if self._running is not None and isinstance(error := self._running.exception(), OSError):
-                self._failed(error)
+                self._on_error(error)
         self._sync_here()
 
     def _begin(self, pool: ThreadPoolExecutor) -> None:
-        self._again = False
+        self._is_sync_requested = False
         self._running = pool.submit(os.fsync, self._fileno)
         self._future = asyncio.wrap_future(self._running)
         self._future.add_done_callback(self._done)
@@ -60,14 +57,14 @@ class Disk:
         if self._pool is None:
             return  # `close` handles the error
         if isinstance(error, OSError):
-            self._failed(error)
+            self._on_error(error)
         elif error is not None:
             raise error
-        elif self._again:
+        elif self._is_sync_requested:
             self._begin(self._pool)
 
     def _sync_here(self) -> None:
         try:
             os.fsync(self._fileno)
         except OSError as error:
-            self._failed(error)
+            self._on_error(error)

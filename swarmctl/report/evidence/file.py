@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
-from swarmctl.report.evidence.chain import Chain, Entry, Kind, sealed
+from swarmctl.report.evidence.chain import Chain, Content, EntryKind, signed_content
 from swarmctl.report.evidence.disk import Disk
 
 FILE_NAME = "evidence.jsonl"
@@ -29,12 +29,12 @@ class Signer(Protocol):
 
 
 class EvidenceFile:
-    """An append-only file. A full disk ends the file with a message to the operator, without an exception."""
+    """An append-only file. A failed write, as on a full disk, ends it with a message to the operator."""
 
     def __init__(
         self,
         path: Path,
-        opened: Entry,
+        opened: Content,
         *,
         unix_s: Callable[[], float],
         run_s: Callable[[], float],
@@ -43,10 +43,10 @@ class EvidenceFile:
     ) -> None:
         """Create the file; `opened` describes the run. Raises OSError if the file cannot be created.
 
-        `in_thread`: sync in a separate thread, which needs a running loop.
+        `in_thread`: sync in a separate thread; a durable entry then needs a running event loop.
         """
         self.trouble = ""
-        """reason for an early end of the evidence"""
+        """reason for an early end of the evidence; empty without one"""
         self._path = path
         self._unix_s, self._run_s, self._say = unix_s, run_s, say
         self._chain = Chain()
@@ -58,8 +58,10 @@ class EvidenceFile:
     def is_closed(self) -> bool:
         return self._file.closed
 
-    def add(self, kind: Kind, what: Entry, vehicle: str | None = None, *, durable: bool = False) -> bool:
-        """Append an entry and return whether the entry is written; `durable`: sync the file soon."""
+    def add(
+        self, kind: EntryKind, what: Content, vehicle: str | None = None, *, durable: bool = False
+    ) -> bool:
+        """Append an entry; return False if the evidence has ended. `durable`: begin a sync of the file."""
         if self.trouble or self._file.closed:
             return False
         line = self._chain.link(kind, vehicle, what, unix_s=self._unix_s(), run_s=self._run_s())
@@ -73,15 +75,15 @@ class EvidenceFile:
         return not self.trouble
 
     async def settled(self) -> str:
-        """Wait until all entries are on the disk; return the reason of a failure, or an empty text."""
+        """Wait at most SYNC_TIMEOUT_S for all entries to reach the disk; return the failure, or ""."""
         if self.trouble or self._file.closed:
             return self.trouble or f"{self._path}: the evidence is closed"
         self._disk.sync()
         try:
             async with asyncio.timeout(SYNC_TIMEOUT_S):
-                await self._disk.idle()
+                await self._disk.wait_idle()
         except TimeoutError:
-            return f"{self._path}: the disk has not taken the evidence within {SYNC_TIMEOUT_S:g} s"
+            return f"{self._path}: the disk has not stored the evidence within {SYNC_TIMEOUT_S:g} s"
         return self.trouble
 
     def _write(self, line: bytes) -> None:
@@ -92,16 +94,16 @@ class EvidenceFile:
     def _end(self, error: OSError) -> None:
         if not self.trouble:
             self.trouble = f"{self._path}: the evidence ends early: {error.strerror or error}"
-            self._say(f"{self.trouble}; no further vehicle is armed [evidence-ended]")
+            self._say(f"{self.trouble}; flights continue, but no further vehicle is armed [evidence-ended]")
 
     def close(self, signer: Signer | None = None) -> None:
-        """Write the closing entry, signed if a signer is given. Idempotent."""
+        """Write the closing entry, signed if a signer is given, and close the file. Idempotent."""
         if self._file.closed:
             return
-        entries, last = self._chain.n, self._chain.last
-        what: dict[str, object] = {"entries": entries}
+        n_entries, last_hash = self._chain.n, self._chain.last_hash
+        what: dict[str, object] = {"entries": n_entries}
         if signer is not None:
-            signature = signer.sign(sealed(entries, last))
+            signature = signer.sign(signed_content(n_entries, last_hash))
             what["signature"] = {"by": signer.name, "key": signer.public_key, "signature": signature}
         self.add("closed", what)
         self._disk.close()

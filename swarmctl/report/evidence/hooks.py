@@ -25,7 +25,7 @@ class Evidence:
         self._traffic: dict[tuple[int, str], Traffic] = {}
         """by vehicle and sending station; an empty name is this station"""
         self._in_transfer: set[tuple[int, str]] = set()
-        """vehicles and stations with items or answers that are not in an entry yet"""
+        """vehicles and stations whose transfers may have items or answers without an entry"""
         self._states: dict[int, VehicleState] = {}
 
     # The wire
@@ -37,7 +37,7 @@ class Evidence:
         """
         if message.get_type() in KEEP_ALIVE:
             if not by:
-                self._items_so_far()
+                self._write_running_transfers()
             return True
         if message.get_type() in ITEMS:
             self._in_transfer.add((sysid, by))
@@ -49,17 +49,16 @@ class Evidence:
         return recorded or not is_arming
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
-        own = self._traffic_of(sysid, "")
-        self._write(sysid, own.received(message))
+        traffic = self._traffic_of(sysid, "")
+        self._write(sysid, traffic.received(message))
         if message.get_type() == "MISSION_ACK":
             self._in_transfer.add((sysid, ""))
         if message.get_type() == "HEARTBEAT":
-            for (other, _), traffic in self._traffic.items():
-                if other == sysid:
-                    traffic.byte_wise = own.byte_wise
+            for (vehicle, _), others_traffic in self._traffic.items():
+                if vehicle == sysid:
+                    others_traffic.byte_wise = traffic.byte_wise
 
     async def settled(self) -> str:
-        """Wait until all entries are on the disk; return the reason of a failure, or an empty text."""
         return await self._file.settled()
 
     # The agents
@@ -98,17 +97,17 @@ class Evidence:
         """End the chain. Idempotent."""
         if self._file.is_closed:
             return
-        self._items_so_far()
+        self._write_running_transfers()
         self._file.close(signer)
 
     @property
     def trouble(self) -> str:
         return self._file.trouble
 
-    def _items_so_far(self) -> None:
-        """Write entries of running transfers. A call at each heartbeat limits the loss in a crash."""
+    def _write_running_transfers(self) -> None:
+        """Write entries of running transfers. A call at each sent heartbeat limits the loss in a crash."""
         for sysid, by in sorted(self._in_transfer):
-            entries = self._traffic_of(sysid, by).so_far()
+            entries = self._traffic_of(sysid, by).unrecorded_entries()
             self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in entries])
         self._in_transfer.clear()
 

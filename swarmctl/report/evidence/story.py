@@ -1,4 +1,4 @@
-"""Entries from an agent's events and effects: observed effects, operators' requests, decisions. Pure."""
+"""Entries from an agent's events and effects: state changes, operators' requests, decisions. Pure."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from swarmctl.report.evidence.chain import canonical, sha256
 from swarmctl.report.evidence.transfer import NewEntry
 
 EFFECTS = ("mode", "armed", "landed", "mission_seq")
-"""parts of a vehicle's state that change after a followed command or another station's action"""
+"""parts of a vehicle's state with an entry at each change"""
 
 
 def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:
     """Return an entry for each change of a part of EFFECTS."""
     changes = {name: (getattr(before, name), getattr(after, name)) for name in EFFECTS}
     return [
-        ("effect", {"changed": name, "from": _word(old), "to": _word(new)})
+        ("effect", {"changed": name, "from": _enum_name(old), "to": _enum_name(new)})
         for name, (old, new) in changes.items()
         if old != new
     ]
 
 
 def event_entries(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
-    """Return entries for operators' requests and answers, decisions, and results of missions and orders."""
-    entries: list[NewEntry] = [*_asked(event, effects), *_ended(event)]
+    """Return entries for an operator's request with its answer, an event of the flight, and decisions."""
+    entries: list[NewEntry] = [*_request(event, effects), *_flight_event(event)]
     for effect in effects:
         match effect:
             case ev.Command(order):
@@ -46,7 +46,7 @@ def _plan(plan: FlightPlan) -> dict[str, Any]:
     return {"waypoints": len(plan.track), "sha256": sha256(canonical(asdict(plan)))}
 
 
-def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
+def _request(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
     what: dict[str, Any]
     match event:
         case ev.OperatorCommand(order=order, command=int(), ignore=ignored):
@@ -60,7 +60,7 @@ def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
     return [("operator", {**what, **outcome})]
 
 
-def _ended(event: ev.Event) -> list[NewEntry]:
+def _flight_event(event: ev.Event) -> list[NewEntry]:
     match event:
         case ev.MissionAccepted(plan_id):
             return [("note", {"ended": "mission", "plan": plan_id})]
@@ -81,5 +81,5 @@ def _ended(event: ev.Event) -> list[NewEntry]:
     return []
 
 
-def _word(value: Any) -> Any:
+def _enum_name(value: Any) -> Any:
     return value.name if hasattr(value, "name") else value

@@ -1,10 +1,10 @@
-"""Entries from the MAVLink messages of one vehicle: commands and acknowledgements. Pure.
+"""Evidence entries from the MAVLink messages to and from one vehicle: commands and acknowledgements. Pure.
 
-- Every message sent is a command, except those that only keep a link alive.
-- The end of a transfer (mission, fence or rally points) makes one entry, with number and hash of the items.
-  Each call of `so_far` makes an entry for the items so far.
-- Consecutive partial lists, each for one item, are one transfer. The first list is an entry. The
-  acknowledgements of the lists are counted with the items.
+- Keep-alive messages, mission requests and mission items make no entry when sent. Other messages do.
+- The items of an upload make one entry, with their number and hash, when the upload ends. An earlier call of
+  `unrecorded_entries` makes an entry, too.
+- Several MISSION_WRITE_PARTIAL_LIST in a row are one upload. The first list makes an entry.
+  `unrecorded_entries` counts their MISSION_ACKs by result.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from swarmctl.mavlink.protocol.parameters import BYTE_WISE, decoded
 from swarmctl.report.evidence.transfer import ANNOUNCEMENTS, PARTIAL, NewEntry, Transfer
 
 KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
-"""messages without a command or a request"""
+"""messages that keep a link alive or compare clocks"""
 ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
 _REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
-_ADDRESS_FIELDS = frozenset({"target_system", "target_component", "mavpackettype"})
+_OMITTED_FIELDS = frozenset({"target_system", "target_component", "mavpackettype"})
 
 
 def arms(message: Message) -> bool:
@@ -32,7 +32,7 @@ def arms(message: Message) -> bool:
 
 
 class Traffic:
-    """One vehicle's messages in the order of the wire."""
+    """Messages from one station to one vehicle, and the vehicle's answers, in the order of the wire."""
 
     def __init__(self) -> None:
         self._upload: Transfer | None = None
@@ -51,11 +51,11 @@ class Traffic:
                 self._upload = Transfer(int(message.mission_type))
             self._upload.take(message)
             return []
-        if kind == PARTIAL and (appended := self._appended(message)) is not None:
-            appended.announce(message)
+        if kind == PARTIAL and (upload := self._partial_upload_of(message)) is not None:
+            upload.announce(message)
             return []
         return [
-            *self._before(kind, message),
+            *self._begin_or_end(kind, message),
             ("command", {**self._content(message), **self._read_back(kind)}),
         ]
 
@@ -69,11 +69,11 @@ class Traffic:
                 return [("acknowledgement", {"message": "COMMAND_ACK", "command": command, "result": result})]
             case "MISSION_ACK":
                 content = self._content(message)
-                if (appended := self._appended(message)) is not None:
-                    appended.answers[content["result"]] += 1
+                if (upload := self._partial_upload_of(message)) is not None:
+                    upload.answers[content["result"]] += 1
                     return []
                 # ArduPilot answers INVALID_SEQUENCE to a repeated item, and continues the transfer.
-                ended = [] if content["result"] == "INVALID_SEQUENCE" else self.so_far()
+                ended = [] if content["result"] == "INVALID_SEQUENCE" else self.unrecorded_entries()
                 return [*ended, ("acknowledgement", content)]
             case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:
                 self._download.take(message)
@@ -90,16 +90,16 @@ class Traffic:
             content["param_value"] = decoded(message, byte_wise=True).value
         return content
 
-    def so_far(self) -> list[NewEntry]:
-        """Return entries for those items and answers of an upload that are not in an entry yet."""
-        return [] if self._upload is None else self._upload.so_far()
+    def unrecorded_entries(self) -> list[NewEntry]:
+        """Return entries for items and answers of the upload that have no entry yet."""
+        return [] if self._upload is None else self._upload.unrecorded_entries()
 
-    def _before(self, kind: str, message: Message) -> list[NewEntry]:
-        """Return the entries of a transfer that this message ends. An announcement begins a new transfer."""
+    def _begin_or_end(self, kind: str, message: Message) -> list[NewEntry]:
+        """Begin the transfer that a sent message announces; return the last entries of the upload before."""
         entries: list[NewEntry] = []
         if kind in ANNOUNCEMENTS or kind == "MISSION_ACK" or self._is_partial:
-            entries = self.so_far()
-        if self._is_partial and kind != "MISSION_REQUEST_LIST":  # a read-back during the transfer
+            entries = self.unrecorded_entries()
+        if self._is_partial and kind != "MISSION_REQUEST_LIST":  # A read-back does not end the upload.
             self._upload = None
         if kind == "MISSION_COUNT":
             self._upload = Transfer(int(message.mission_type), int(message.count))
@@ -116,14 +116,14 @@ class Traffic:
     def _is_partial(self) -> bool:
         return self._upload is not None and self._upload.is_partial
 
-    def _appended(self, message: Message) -> Transfer | None:
-        """Return the running transfer of partial lists to which the message belongs, or None."""
+    def _partial_upload_of(self, message: Message) -> Transfer | None:
+        """Return the running upload by partial lists if it has the message's mission type."""
         upload = self._upload
         belongs = upload is not None and upload.is_partial and upload.mission_type == message.mission_type
         return upload if belongs else None
 
     def _read_back(self, kind: str) -> dict[str, Any]:
-        """Return the content of a download for its last message, the acknowledgement."""
+        """End the download if its MISSION_ACK is sent; return {"read": downloaded items} then, else {}."""
         if kind != "MISSION_ACK" or self._download is None:
             return {}
         transfer, self._download = self._download, None
@@ -134,7 +134,7 @@ def _content(message: Message) -> dict[str, Any]:
     kind = message.get_type()
     content = {
         "message": kind,
-        **{k: _text(v) for k, v in message.to_dict().items() if k not in _ADDRESS_FIELDS},
+        **{k: _text(v) for k, v in message.to_dict().items() if k not in _OMITTED_FIELDS},
     }
     # The key is a secret; the fact that a key was sent is not.
     content.pop("secret_key", None)

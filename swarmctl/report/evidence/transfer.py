@@ -1,4 +1,4 @@
-"""A running transfer of a mission, a fence or rally points, as one entry. Pure."""
+"""A running transfer of a mission, a fence or rally points, and its entries. Pure."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.report.evidence.chain import Kind, canonical, sha256
+from swarmctl.report.evidence.chain import EntryKind, canonical, sha256
 
 PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
 ANNOUNCEMENTS = frozenset({"MISSION_COUNT", PARTIAL})
 """the messages that announce items"""
 
-NewEntry = tuple[Kind, dict[str, Any]]
+NewEntry = tuple[EntryKind, dict[str, Any]]
 
 
 @dataclass(slots=True)
@@ -25,7 +25,7 @@ class Transfer:
     mission_type: int
     """MAV_MISSION_TYPE"""
     count: int | None = None
-    """number of items by MISSION_COUNT"""
+    """number of items by MISSION_COUNT; None without one"""
     items: dict[int, tuple[Any, ...]] = field(default_factory=dict)
     announced: set[int] = field(default_factory=set)
     """numbers announced by partial lists"""
@@ -47,7 +47,7 @@ class Transfer:
         self.announced.update(range(int(message.start_index), int(message.end_index) + 1))
 
     def content(self) -> dict[str, Any]:
-        """Return the first number, the number of items, the number announced, and the hash."""
+        """Return the number and hash of the items; `of`: number announced, None if unknown."""
         first = {"first": min(self.items)} if self.is_partial and self.items else {}
         return {
             **first,
@@ -57,8 +57,8 @@ class Transfer:
             "sha256": _hash(self.items),
         }
 
-    def so_far(self) -> list[NewEntry]:
-        """Return entries for those items, and answers to partial lists, that are not in an entry yet."""
+    def unrecorded_entries(self) -> list[NewEntry]:
+        """Return entries for items, and for answers to partial lists, that have no entry yet."""
         entries: list[NewEntry] = []
         if self.items and not self.is_recorded:
             self.is_recorded = True
