@@ -199,7 +199,7 @@ class Link(Protocol):
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         """Request streams, set hold mode and wait until the vehicle is ready to arm.
 
-        `on_waiting` gets the reasons for waiting when they change, at most once a second. Raises NotReady
+        `on_waiting` gets the reasons for waiting about once a second. Raises NotReady
         with the last reasons, PrepareFailed.
         """
 

@@ -85,7 +85,6 @@ class DirectLink:
         self._waiter: asyncio.Future[Any] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._on_waiting: Callable[[tuple[str, ...]], None] | None = None
-        self._reasons: tuple[str, ...] = ()
         self._next_report_s = 0.0
         self._ground_lock = asyncio.Lock()
         """lock of uploads and requests on the ground, so that they run one after another"""
@@ -133,7 +132,7 @@ class DirectLink:
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         self._require_connection()
         self._apply(self._session.keep_streams(self._now()))
-        self._on_waiting, self._reasons = on_waiting, ()
+        self._on_waiting = on_waiting
         try:
             async with asyncio.timeout(timeout_s):
                 done: Done = await self._perform("prepare", basic.prepare)
@@ -347,12 +346,10 @@ class DirectLink:
         self._report_waiting()
 
     def _report_waiting(self) -> None:
-        """Report the reasons for waiting when they change, at most once a second."""
+        """Report the reasons for waiting, at most once per REPORT_PERIOD_S."""
         if self._on_waiting is None or self._now() < self._next_report_s:
             return
-        reasons = self._session.state.not_ready
-        if reasons and reasons != self._reasons:
-            self._reasons = reasons
+        if reasons := self._session.state.not_ready:
             self._next_report_s = self._now() + REPORT_PERIOD_S
             self._on_waiting(reasons)
 

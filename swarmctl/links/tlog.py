@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 _TIME = struct.Struct(">Q")
 
@@ -18,10 +20,12 @@ class TlogWriter:
 
     def __init__(self, path: Path, wall_time_us: Callable[[], int], say: Callable[[str], None]) -> None:
         self._path = path
-        self._file = path.open("wb", buffering=1 << 16)
         self._wall_time_us = wall_time_us
         self._say = say
         self._is_ended = False
+        self._file: BinaryIO = io.BytesIO()
+        with self._ending_at_error():
+            self._file = path.open("wb", buffering=1 << 16)
 
     def write(self, frame: bytes) -> None:
         if not self._is_ended:

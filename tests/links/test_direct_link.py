@@ -167,9 +167,10 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
     assert 1_700_000_000 <= stamps[0] < 1_700_000_001
 
 
-def test_a_full_disk_ends_the_tlog_with_one_message_but_not_the_link():
+@pytest.mark.parametrize("path", ["/dev/full", "/no/such/folder/alpha.tlog"])
+def test_a_tlog_that_cannot_be_written_ends_with_one_message_but_not_the_link(path):
     async def story():
-        async with World(Copter(1), tlog=Path("/dev/full")) as world:
+        async with World(Copter(1), tlog=Path(path)) as world:
             link = world.link()
             await link.connect(10)
             await link.upload(north(2))
@@ -177,7 +178,7 @@ def test_a_full_disk_ends_the_tlog_with_one_message_but_not_the_link():
             await link.upload(north(3))
             link.close()
         (line,) = world.said
-        assert line.startswith("/dev/full: No space left on device")
+        assert line.startswith(path)
         assert line.endswith("[log-ended]")
 
     play(story())
