@@ -34,21 +34,22 @@ def may_be_armed(state: AgentState) -> bool:
 
 def end_at_touchdown(state: AgentState) -> AgentState:
     """Return the state with the outcome of the flight, for a vehicle that is disarmed after its launch."""
+    state = replace(state, pending=None, alarms=())
     # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     at_goal = state.phase is Phase.LANDING or holds_over_goal
     if at_goal and (state.cell in state.task.goals or _rolled_out(state)):
-        return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
+        return replace(state, phase=Phase.DONE, outcome=ARRIVED)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
         cause = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{cause}; landed{_distance_text(state)}", pending=None)
+        return replace(state, phase=phase, outcome=f"{cause}; landed{_distance_text(state)}")
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"
     mode = state.vehicle.mode or "unknown"
     reason = f"the vehicle disarmed {where}, not at its goal, in mode {mode}{rest} [disarmed-on-the-way]"
-    return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
+    return replace(state, phase=Phase.FAILED, outcome=reason)
 
 
 def _distance_text(state: AgentState) -> str:

@@ -14,6 +14,7 @@ from swarmctl.agent.state import Phase
 from swarmctl.agent.step import needs_tick
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.vehicle import Landed
 from swarmctl.report.separation import SeparationStatistics
 
 
@@ -80,6 +81,15 @@ def test_an_alarm_is_reported_once() -> None:
     assert operator_texts(story.at(125.0)) != []
     story.crossing(3)
     assert operator_texts(story.at(130.0)) == []
+
+
+def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:
+    story = Approached(action="none")
+    story.crossing(1)
+    story.at(125.0)
+    down = {"armed": False, "landed": Landed.ON_GROUND}
+    (shared,) = (m for m in publications(story.at(126.0, **down)) if isinstance(m, StateShared))
+    assert "vehicle 1" not in shared.trouble
 
 
 def test_action_none_only_reports_the_alarm() -> None:
