@@ -47,6 +47,7 @@ from swarmctl.links.base import (
     VehicleRestored,
 )
 
+CRITICAL = 2  # MAV_SEVERITY
 UPLOADS = Backoff(attempts=3, first_s=2.0)
 IDENTIFY_TIMEOUT_S = 15.0
 NEIGHBOURS_EVERY_S = 0.5
@@ -167,10 +168,13 @@ class Runner:
                 self.note(text, to_operator=True)
             case AddressChanged(address):
                 self.note(f"the vehicle now sends from {address}", to_operator=True)
-            case StatusText(_, text):
-                self.note(text)
+            case StatusText(severity, text):
+                # On the ground an autopilot repeats the reasons against arming; preflight reports them.
+                in_flight = self.state.phase not in ON_GROUND and self.state.vehicle.armed
+                self.note(f"autopilot: {text}", to_operator=in_flight and severity <= CRITICAL)
             case ProcedureDone(name, failure, stood_still_s):
-                text = f"{name.replace('_', ' ')}: {f'not completed: {failure}' if failure else 'done'}"
+                result = f"not completed: {failure}" if failure else "completed"
+                text = f"procedure {name.replace('_', ' ')}: {result}"
                 stood = f"; the vehicle stood still for {stood_still_s:.1f} s" if stood_still_s else ""
                 self.note(extended(text, stood))
             case FirstHeartbeat():

@@ -17,12 +17,14 @@ from swarmctl.agent.state import AgentState, Phase
 from swarmctl.bus.network import RunClock
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
+from swarmctl.core.frames import AgentMessage
 from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.network import network_of
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.links.base import StatusText
 from swarmctl.mavlink.protocol.outcome import Swapped
 
 TAKES_S = 5.0
@@ -64,22 +66,44 @@ Script = Sequence[tuple[float, Sequence[ev.Event]]]
 """times [s], and the events posted then"""
 
 
+@dataclass
+class Notes:
+    """An observer that keeps the lines about a vehicle, and whether they are for the operator."""
+
+    lines: list[tuple[str, bool]] = field(default_factory=list)
+
+    def folded(
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
+    ) -> None: ...
+
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
+
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
+        self.lines.append((text, to_operator))
+
+
+def flying(link: SlowLink, *observers: Notes) -> Runner:
+    """Return the runner of a vehicle in flight."""
+    scenario = small()
+    runner = Runner(
+        scenario.tasks[0],
+        scenario.prior,
+        link,  # type: ignore[arg-type]
+        Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
+        network_of(scenario, MemoryBus(), RunClock(0.0)),
+        observers,
+    )
+    where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, armed=True)
+    runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, armed_seen=True)
+    return runner
+
+
 def flown(script: Script) -> SlowLink:
     """Post the script to a vehicle in flight and return its link; a coroutine never awaited is a failure."""
 
     async def scene() -> SlowLink:
-        scenario, link = small(), SlowLink()
-        runner = Runner(
-            scenario.tasks[0],
-            scenario.prior,
-            link,  # type: ignore[arg-type]
-            Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
-            network_of(scenario, MemoryBus(), RunClock(0.0)),
-            (),
-        )
-        where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, armed=True)
-        runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, armed_seen=True)
-        task = asyncio.create_task(runner.run())
+        link = SlowLink()
+        task = asyncio.create_task((runner := flying(link)).run())
         for at_s, events in script:
             await asyncio.sleep(at_s - asyncio.get_running_loop().time())
             for event in events:
@@ -129,3 +153,17 @@ def test_an_order_waits_for_the_end_of_the_job_it_cancels() -> None:
     link = flown([(0.0, [order("hold")]), (1.0, [order("return")]), (2.0, [order("land")])])
     begun = ["hold begins", "hold cancelled", "return begins", "return cancelled", "land begins", "land done"]
     assert link.log == begun
+
+
+def test_critical_texts_of_a_flying_autopilot_are_for_the_operator() -> None:
+    notes = Notes()
+
+    async def scene() -> None:
+        runner = flying(SlowLink(), notes)
+        runner.on_link_event(StatusText(0, "Crash: Disarming"))
+        runner.on_link_event(StatusText(6, "Mission: 2 WP"))
+        runner.state = replace(runner.state, phase=Phase.STANDBY)
+        runner.on_link_event(StatusText(2, "PreArm: Need 3D Fix"))
+
+    run_virtual(scene())
+    assert [for_operator for _, for_operator in notes.lines] == [True, False, False]
