@@ -98,12 +98,12 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
         is_armed, is_disarmed = (in_modes({hold, mission}, armed=armed) for armed in (True, False))
         disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
         yield from send_guarded(ctx, disarm, is_armed, is_disarmed, skip_if_done=True)
-    if blocked and not ctx.state.armed:
-        return LaunchBlocked(blocked, was_armed=True)
-    if blocked:
+    if ctx.state.armed:
         return Done(
-            f"the vehicle does not take off and does not disarm: {failure} [no-take-off] [no-disarming]"
+            f"the vehicle does not take off and is still armed: {failure} [no-take-off] [no-disarming]"
         )
+    if blocked:
+        return LaunchBlocked(blocked, was_armed=True)
     return Done(f"the vehicle does not take off: {failure} [no-take-off]")
 
 
