@@ -89,6 +89,16 @@ def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
     return (_TimedLines if with_time else PlainLines)(out, verbose=verbose)
 
 
+def require_simulated_clock(path: Path, scenario: Scenario) -> None:
+    """Exit if a vehicle or a link of the configuration needs the machine's clock."""
+    simulate = scenario.config.simulate
+    if scenario.config.vehicles:
+        fail([f"{path}: vehicles with a URL fly in real time only; remove --clock virtual"], USAGE)
+    if simulate is not None and simulate.link == "mavsdk":
+        text = "MAVSDK uses the machine's clock; remove --clock virtual, or set `link: direct`"
+        fail([f"{path}: simulate.link: {text}"], USAGE)
+
+
 def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
     """Return the scenario with these receivers of the vehicles' traffic added; exit if a URL is invalid."""
     config = scenario.config

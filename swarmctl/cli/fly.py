@@ -18,7 +18,6 @@ from swarmctl.cli.configuration import (
 )
 from swarmctl.cli.console import (
     EXPECTED,
-    USAGE,
     ConfigOrExampleOption,
     ExampleOption,
     OutOption,
@@ -35,6 +34,7 @@ from swarmctl.cli.flights import (
     arming_permission,
     conclude,
     parse_waivers_or_exit,
+    require_simulated_clock,
     terminal,
     uninterrupted,
     with_forwarding,
@@ -76,16 +76,8 @@ def fly(
     """Fly the swarm, simulated or real, from the ground to the last landing."""
     config = config_or_example(config, example)
     scenario = with_forwarding(load_scenario_or_exit(config), forward or [])
-    if clock is Clock.VIRTUAL and scenario.config.vehicles:
-        fail([f"{config}: vehicles with a URL fly in real time only; remove --clock virtual"], USAGE)
-    if clock is Clock.VIRTUAL and scenario.config.simulate and scenario.config.simulate.link == "mavsdk":
-        fail(
-            [
-                f"{config}: simulate.link: MAVSDK uses the machine's clock; fly in real time (without "
-                "--clock virtual) or with `link: direct`"
-            ],
-            USAGE,
-        )
+    if clock is Clock.VIRTUAL:
+        require_simulated_clock(config, scenario)
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     if clock is Clock.REAL:
         require_flyable(config, scenario, out_folder)

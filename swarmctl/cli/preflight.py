@@ -14,15 +14,19 @@ from swarmctl.cli.configuration import config_or_example, load_scenario_or_exit,
 from swarmctl.cli.console import (
     EXPECTED,
     INTERRUPTED,
-    USAGE,
     ConfigOrExampleOption,
     ExampleOption,
     VerboseOption,
     err,
-    fail,
     out,
 )
-from swarmctl.cli.flights import WaiveOption, parse_waivers_or_exit, terminal, uninterrupted
+from swarmctl.cli.flights import (
+    WaiveOption,
+    parse_waivers_or_exit,
+    require_simulated_clock,
+    terminal,
+    uninterrupted,
+)
 from swarmctl.cli.fly import Clock, ClockOption
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
@@ -50,8 +54,8 @@ def preflight(
     """
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
-    if clock is Clock.VIRTUAL and scenario.config.vehicles:
-        fail([f"{config}: vehicles with a URL fly in real time only; remove --clock virtual"], USAGE)
+    if clock is Clock.VIRTUAL:
+        require_simulated_clock(config, scenario)
     options = replace(app.DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)

@@ -45,6 +45,12 @@ def test_fit_vehicles_pass_and_no_run_folder_is_made(tmp_path: Path, monkeypatch
     assert [file.name for file in tmp_path.iterdir()] == ["swarm.yaml"]
 
 
+@pytest.mark.parametrize("command", ["fly", "preflight"])
+def test_mavsdk_does_not_fly_on_the_virtual_clock(command: str, tmp_path: Path) -> None:
+    file = config(tmp_path, SMALL.replace("ready_s: 1", "ready_s: 1, link: mavsdk"))
+    assert swarmctl(command, "--config", file, "--clock", "virtual").exit_code == 2
+
+
 def test_failed_checks_are_in_the_table_with_advice(tmp_path: Path) -> None:
     result = swarmctl("preflight", "--config", config(tmp_path, DEMANDING), "--clock", "virtual")
     assert result.exit_code == 1
