@@ -251,7 +251,7 @@ class Fleet:
 
     def _decide(self, now: float) -> None:
         """Run the decisions of vehicles with an event or a due alarm."""
-        due = (self._alarm_s <= now + EPSILON_S) | self.world.events
+        due = (self._alarm_s <= now + EPSILON_S) | self.world.has_event
         for index in np.flatnonzero(due).tolist():
             vehicle = self.vehicles[index]
             vehicle.body.take_events()

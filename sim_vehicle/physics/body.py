@@ -2,13 +2,13 @@
 
 import math
 
-from sim_vehicle.physics.motion import YAW_RATE_RAD_S, MotionOrder
+from sim_vehicle.physics.motion import MAX_YAW_RATE_RAD_S, MotionOrder
 from sim_vehicle.physics.world import World
 
 MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
 # (lowest, highest) value that the equations of motion support.
 SPEED_RANGE_M_S, ACCELERATION_RANGE_M_S2, RADIUS_RANGE_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
-YAW_RATE_RANGE_RAD_S = (math.radians(1.0), YAW_RATE_RAD_S)
+YAW_RATE_RANGE_RAD_S = (math.radians(1.0), MAX_YAW_RATE_RAD_S)
 BANK_RANGE_RAD = (math.radians(5.0), math.radians(75.0))
 MAX_WIND_M_S = 100.0
 STALL_RANGE_M_S = (2.0, 50.0)
@@ -124,8 +124,8 @@ class Body:
 
     def take_events(self) -> bool:
         """Return True if an event happened since the last call."""
-        happened = bool(self._motion.events[self._index])
-        self._motion.events[self._index] = False
+        happened = bool(self._motion.has_event[self._index])
+        self._motion.has_event[self._index] = False
         return happened
 
     def locate(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
@@ -162,13 +162,15 @@ class Body:
         if not _finite(east_m, north_m, up_m):
             return
         continues = (
-            bool(motion.reached[i]) and motion.order[i] == MotionOrder.POSITION and motion.circle_m[i] == 0
+            bool(motion.reached[i])
+            and motion.order[i] == MotionOrder.POSITION
+            and motion.circle_radius_m[i] == 0
         )
         start = motion.target if continues else motion.estimate
         self._set_leg(float(start[0, i]), float(start[1, i]), east_m, north_m)
         motion.target[:, i] = (east_m, north_m, up_m)
         motion.pass_speed_m_s[i] = pass_speed_m_s
-        motion.circle_m[i] = 0.0
+        motion.circle_radius_m[i] = 0.0
         self._begin(MotionOrder.POSITION)
 
     def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:
@@ -178,7 +180,7 @@ class Body:
             return
         if not radius_m or not math.isfinite(radius_m):
             radius_m = float(motion.loiter_radius_m[i])
-        motion.circle_m[i] = math.copysign(max(abs(radius_m), 1.0), radius_m)
+        motion.circle_radius_m[i] = math.copysign(max(abs(radius_m), 1.0), radius_m)
         motion.target[:, i] = (east_m, north_m, up_m)
         self._begin(MotionOrder.POSITION)
 
@@ -191,7 +193,7 @@ class Body:
         self._set_leg(here_east_m, here_north_m, east_m, north_m)
         motion.target[:, i] = (east_m, north_m, self.ground_amsl_m)
         motion.slope[i] = (up_m - self.ground_amsl_m) / max(float(motion.leg_length_m[i]), 1.0)
-        motion.circle_m[i] = 0.0
+        motion.circle_radius_m[i] = 0.0
         self._begin(MotionOrder.GLIDE)
 
     def stop(self) -> None:
@@ -227,7 +229,7 @@ class Body:
         motion.target[:, i] = here
         if speed > 0:
             self._set_leg(here[0], here[1], here[0] + east / speed, here[1] + north / speed)
-        motion.circle_m[i] = 0.0
+        motion.circle_radius_m[i] = 0.0
         self._begin(MotionOrder.VELOCITY)
         self._turn(yaw_rad, yaw_rate_rad_s)
 
@@ -243,10 +245,10 @@ class Body:
         i, motion = self._index, self._motion
         if not _finite(*acceleration_m_s2, climb_m_s):
             return
-        motion.wanted_tilt[:, i] = acceleration_m_s2
+        motion.wanted_thrust_acceleration[:, i] = acceleration_m_s2
         motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(climb_m_s, float(motion.climb_m_s[i])))
         motion.target[:, i] = self.position_m
-        motion.circle_m[i] = 0.0
+        motion.circle_radius_m[i] = 0.0
         self._begin(MotionOrder.TILT)
         self._turn(yaw_rad, yaw_rate_rad_s)
 
@@ -295,7 +297,7 @@ class Body:
             (motion.descent_m_s, descent_m_s, SPEED_RANGE_M_S),
             (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATION_RANGE_M_S2),
             (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATION_RANGE_M_S2),
-            (motion.radius_m, radius_m, RADIUS_RANGE_M),
+            (motion.acceptance_radius_m, radius_m, RADIUS_RANGE_M),
             (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATE_RANGE_RAD_S),
             (motion.airspeed_min_m_s, airspeed_min_m_s, SPEED_RANGE_M_S),
             (motion.airspeed_max_m_s, airspeed_max_m_s, SPEED_RANGE_M_S),
@@ -313,7 +315,7 @@ class Body:
         widening = 1.0 / max(math.cos(min(turn_rad, math.pi - 1e-6) / 2), 1e-6) - 1.0
         if widening < 1e-6:
             return speed
-        turn_radius_m = float(motion.radius_m[i]) / widening
+        turn_radius_m = float(motion.acceptance_radius_m[i]) / widening
         return min(speed, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * turn_radius_m))
 
     def set_gps_fix(self, fix_type: int) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import (
+    FULL_TURN_RAD,
     GRAVITY_M_S2,
-    TURN_RAD,
     Bools,
     Ints,
     Motion,
@@ -26,7 +26,7 @@ POSITION_GAIN_HZ = 2.0  # speed per metre near a stopping point; the square root
 DRAG_PER_M = 0.016  # deceleration by drag [m/s2] per square of the airspeed [m2/s2]
 TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
 TILT_TIME_S = 0.15  # time constant of the attitude
-SPIN_RAD_S = TURN_RAD  # yaw rate with a lost motor
+SPIN_RAD_S = FULL_TURN_RAD  # yaw rate with a lost motor
 SPINNING_LIMIT_M_S2 = 0.5  # horizontal acceleration limit with a lost motor
 MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # weight minus the lift of two motors of four
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
@@ -36,7 +36,7 @@ IDLE_W = 16.0
 
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
     """Advance velocities and attitudes of the copters `i` by `dt_s` [s]."""
-    order = m.acting[i]
+    order = m.effective_order[i]
     has_thrust = m.airborne[i] & (order != MotionOrder.FALL)
     climb_error_m = m.target[2][i] - m.estimate[2][i]
     acceleration = _horizontal_acceleration(m, i, order, climb_error_m, dt_s) * has_thrust
@@ -48,7 +48,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     tilt = (acceleration + known_drag) * has_thrust
     tilts = order == MotionOrder.TILT
     if np.count_nonzero(tilts):
-        np.copyto(tilt, m.wanted_tilt[:, i], where=tilts & has_thrust)
+        np.copyto(tilt, m.wanted_thrust_acceleration[:, i], where=tilts & has_thrust)
     size = np.hypot(tilt[0], tilt[1])
     if size.max(initial=0.0) > TILT_LIMIT_M_S2:
         tilt *= np.minimum(1.0, TILT_LIMIT_M_S2 / np.maximum(size, 1e-9))
@@ -111,7 +111,7 @@ def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -
     size = np.abs(error_m)
     wanted = np.minimum(np.sqrt((2 * BRAKING_SHARE) * limit * size), POSITION_GAIN_HZ * size)
     wanted = np.where(error_m > 0, np.minimum(wanted, m.climb_m_s[i]), -np.minimum(wanted, m.descent_m_s[i]))
-    wanted = np.where(order == MotionOrder.POSITION, wanted, m.acting_rate_m_s[i])
+    wanted = np.where(order == MotionOrder.POSITION, wanted, m.effective_rate_m_s[i])
     step = limit * dt_s
     change = np.minimum(np.maximum(wanted - m.velocity[2][i], -step), step)
     falls = order == MotionOrder.FALL

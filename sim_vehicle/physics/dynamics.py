@@ -1,8 +1,7 @@
-"""Motion of the airframes: arrays over the whole fleet, one fixed time step, no Python loop over vehicles.
+"""Motion of the airframes: arrays over the whole fleet, no Python loop over vehicles.
 
 `copter` and `plane` convert orders to velocities. This module has the common part: the effect of failures on
-orders, take-off, touchdown, and arrival at targets. The ground is flat at the altitude of each vehicle's
-start.
+orders, take-off, touchdown, and arrival at targets. The ground below a vehicle has the altitude of its start.
 """
 
 import numpy as np
@@ -14,7 +13,7 @@ from sim_vehicle.physics.wind import Wind, WindSettings
 
 CRASH_M_S = 5.0  # vertical speed of a ground contact above which the airframe breaks
 MOTOR_LOST_SINK_M_S = 8.0  # final sink rate of a copter with one lost motor
-PASSING_RADII = 3.0  # tolerance, in waypoint radii, of a target that the vehicle passes without a stop
+PASSING_RADII = 3.0  # tolerance of a target that a copter passes without a stop, in acceptance radii
 ALTITUDE_REACHED_M = 5.0  # altitude tolerance of a circling plane
 CIRCLE_REACHED_SHARE = 0.25  # greatest distance outside the circle that counts as reached, in radii
 
@@ -69,14 +68,13 @@ class Dynamics(Motion):
     def _restrict_orders(self) -> None:
         """Restrict orders to the abilities of damaged airframes.
 
-        A copter with an empty battery, or with two lost motors, falls. With one of four motors lost, the
-        copter spins to stay level, and the opposite motor slows down. The remaining two motors do not carry
-        the weight, so the copter sinks with increasing speed. Only a descent from a few metres ends without
-        a crash.
+        A copter with an empty battery, or with two or more lost motors, falls. With one of four motors lost,
+        the copter spins to stay level, and the opposite motor slows down. The other two motors do not carry
+        the weight, so the copter sinks ever faster. Only a descent from a few metres ends without a crash.
         """
         self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
         if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
-            self.acting, self.acting_rate_m_s = self.order, self.rate_m_s
+            self.effective_order, self.effective_rate_m_s = self.order, self.rate_m_s
             return
         steered = (
             self.airborne
@@ -85,17 +83,17 @@ class Dynamics(Motion):
             & (self.order != MotionOrder.FALL)
         )
         sinks = steered & (self.motors_lost == 1)
-        self.acting, self.acting_rate_m_s = self.order.copy(), self.rate_m_s.copy()
-        self.acting[sinks] = MotionOrder.RATE
-        self.acting_rate_m_s[sinks] = -MOTOR_LOST_SINK_M_S
-        self.acting[steered & (self.exhausted | (self.motors_lost > 1))] = MotionOrder.FALL
+        self.effective_order, self.effective_rate_m_s = self.order.copy(), self.rate_m_s.copy()
+        self.effective_order[sinks] = MotionOrder.RATE
+        self.effective_rate_m_s[sinks] = -MOTOR_LOST_SINK_M_S
+        self.effective_order[steered & (self.exhausted | (self.motors_lost > 1))] = MotionOrder.FALL
 
     def _lift_off(self) -> None:
         lifts = copter.lifts_off(self)
         if self._has_planes:
             lifts |= plane.lifts_off(self)
         self.airborne |= lifts
-        self.events |= lifts
+        self.has_event |= lifts
 
     def _touch_ground(self, touches: Bools) -> None:
         speed = -self.velocity[2]
@@ -103,7 +101,7 @@ class Dynamics(Motion):
         breaks = touches & (speed > CRASH_M_S)
         self.crashed |= breaks
         self.airborne &= ~touches
-        self.events |= touches
+        self.has_event |= touches
         self.position[2, touches] = self.ground_m[touches]
         self.velocity[2, touches] = 0.0
         self.velocity[:2, touches & (breaks | ~self.planes)] = 0.0
@@ -115,20 +113,20 @@ class Dynamics(Motion):
         self.order[touches & ~self.planes] = MotionOrder.GROUNDED
 
     def _update_reached(self) -> None:
-        error = self.target - self.estimate
-        level = np.hypot(error[0], error[1])
-        past = error[0] * self.leg_direction[0] + error[1] * self.leg_direction[1] <= 0
-        distance = np.hypot(level, error[2])
-        passed = past & (self.pass_speed_m_s > 0) & (distance <= PASSING_RADII * self.radius_m)
-        reached = (distance <= self.radius_m) | passed
+        to_target = self.target - self.estimate
+        horizontal = np.hypot(to_target[0], to_target[1])
+        past = to_target[0] * self.leg_direction[0] + to_target[1] * self.leg_direction[1] <= 0
+        distance = np.hypot(horizontal, to_target[2])
+        passed = past & (self.pass_speed_m_s > 0) & (distance <= PASSING_RADII * self.acceptance_radius_m)
+        reached = (distance <= self.acceptance_radius_m) | passed
         if self._has_planes:
-            around = level <= np.abs(self.circle_m) * (1.0 + CIRCLE_REACHED_SHARE)
-            circles = around & (np.abs(error[2]) <= ALTITUDE_REACHED_M)
-            flown_by = (level <= self.radius_m) | past
-            reached = np.where(self.planes, np.where(self.circle_m != 0, circles, flown_by), reached)
+            near = horizontal <= np.abs(self.circle_radius_m) * (1.0 + CIRCLE_REACHED_SHARE)
+            circling = near & (np.abs(to_target[2]) <= ALTITUDE_REACHED_M)
+            flown_by = (horizontal <= self.acceptance_radius_m) | past
+            reached = np.where(self.planes, np.where(self.circle_radius_m != 0, circling, flown_by), reached)
         newly = reached & self.airborne & ~self.reached
         self.reached |= newly
-        self.events |= newly
+        self.has_event |= newly
 
     # -- derived quantities -------------------------------------------------------------------------------
 
@@ -156,11 +154,11 @@ class Dynamics(Motion):
             roll, pitch, _ = self.attitude
             roll_rate, pitch_rate, yaw_rate = self.attitude_rate
             sin, cos = np.sin(roll), np.cos(roll)
-            level = yaw_rate * np.cos(pitch)
+            turn = yaw_rate * np.cos(pitch)
             rates = (
                 roll_rate - yaw_rate * np.sin(pitch),
-                pitch_rate * cos + level * sin,
-                level * cos - pitch_rate * sin,
+                pitch_rate * cos + turn * sin,
+                turn * cos - pitch_rate * sin,
             )
             self._derived["rates"] = np.column_stack(rates)
         return self._derived["rates"]

@@ -1,4 +1,4 @@
-"""Satellite receivers of the fleet: the truth, white noise, slow drift, and the offsets of faults."""
+"""GPS receivers of the fleet: a sample is the truth plus white noise, slow drift and a fault's offset."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class GpsSettings:
 
 
 class Gps:
-    """The receivers of n vehicles; arrays (3, n) are east, north, up; names that end in `_m` are (n, 3)."""
+    """The receivers of n vehicles; vectors are east, north, up: (n, 3) if the name ends in `_m`, else (3, n)."""
 
     def __init__(self, settings: GpsSettings, frame: LocalFrame, truth: Floats) -> None:
         n = truth.shape[1]
@@ -34,16 +34,16 @@ class Gps:
         axes = np.array([1.0, 1.0, VERTICAL_SHARE])[:, None]
         self._noise_m, self._drift_m = settings.noise_m * axes, settings.drift_m * axes
         self.lost: npt.NDArray[np.bool_] = np.zeros(n, dtype=bool)
-        self.offset_m = np.zeros((n, 3))  # false offset of a receiver
-        self.best_fix_type = np.full(n, FIX)
+        self.offset_m = np.zeros((n, 3))  # injected by a fault
+        self.best_fix_type = np.full(n, FIX)  # while GPS is not lost
         self.fix_type = np.full(n, FIX)
         self.satellites = np.full(n, SATELLITES)
-        self.eph_m = np.full(n, HDOP)
+        self.eph_m = np.full(n, HDOP)  # the same number serves as HDOP
         self._drift = np.zeros((3, n))
         self._position = truth.copy()
         self.position_m: Floats = self._position.T
-        self.error = np.zeros((3, n))  # of the latest sample
-        self.velocity_error = np.zeros((3, n))
+        self.error = np.zeros((3, n))  # of the latest sample [m]
+        self.velocity_error = np.zeros((3, n))  # [m/s]
         self._geodetic: tuple[Floats, Floats] | None = None
 
     def begin(self, draws: Floats) -> None:

@@ -1,8 +1,8 @@
 """State of motion of the whole fleet: positions, limits and orders.
 
-Arrays (3, n) have east, north, up (above mean sea level) as rows, so that a step uses contiguous memory.
-Arrays with a unit in the name, such as `position_m`, are views (n, 3) of the same memory. A vehicle navigates
-by its estimate, which is the truth plus the error.
+Arrays (3, n) have rows east, north, up, so that a step uses contiguous memory; up of a position is above mean
+sea level. `position_m` and the other transposed names with a unit are views (n, 3). A vehicle navigates by
+its estimate, which is the truth plus the error.
 """
 
 import numpy as np
@@ -16,36 +16,36 @@ Ints = npt.NDArray[np.int64]
 Selection = slice | npt.NDArray[np.intp]  # vehicles: all, or some by index
 
 GRAVITY_M_S2 = 9.80665
-YAW_RATE_RAD_S = np.deg2rad(90.0)
-TURN_RAD = 2.0 * np.pi
+MAX_YAW_RATE_RAD_S = np.deg2rad(90.0)
+FULL_TURN_RAD = 2.0 * np.pi
 
 
 class MotionOrder:
     """Orders of an autopilot to its airframe: plain numbers, because NumPy compares enum members slowly."""
 
     GROUNDED = 0  # motors off or idling, on the ground
-    POSITION = 1  # fly to the target: a copter stops; a plane flies past or circles around the target
+    POSITION = 1  # fly to the target: a copter stops or passes; a plane flies past or circles around
     RATE = 2  # climb or sink at a rate: a copter over the target, a plane along its leg or circle
-    VELOCITY = 3  # move at a velocity; a plane flies in the direction of the velocity
+    VELOCITY = 3  # move at a velocity; a plane keeps its airspeed and takes only the direction
     GLIDE = 4  # a plane: descend along the leg, to touch the ground at the target
     FALL = 5  # no thrust
     TILT = 6  # a copter: accelerate by its tilt, climb at a rate
 
 
 class Motion:
-    """State, limits and orders of n vehicles that start at `position_m` (n, 3); planes (n,): fixed wings."""
+    """State, limits and orders of n vehicles that start at `position_m` (n, 3); planes: (n,)."""
 
     def __init__(self, position_m: Floats, planes: Bools, wind: Wind) -> None:
         n = len(position_m)
         self.wind = wind
         self.planes = planes
-        self.events: Bools = np.zeros(n, dtype=bool)  # an event for the autopilot
+        self.has_event: Bools = np.zeros(n, dtype=bool)  # for the autopilot
         self._begin_state(position_m)
         self._begin_orders(n)
         self._begin_limits(n)
         # Orders in force in the present step, after the effect of failures.
-        self.acting = self.order
-        self.acting_rate_m_s = self.rate_m_s
+        self.effective_order = self.order
+        self.effective_rate_m_s = self.rate_m_s
 
     def _begin_state(self, position_m: Floats) -> None:
         n = len(position_m)
@@ -55,7 +55,7 @@ class Motion:
         self.attitude = np.zeros((3, n))  # roll, pitch, yaw; yaw clockwise from north, in (-pi, pi]
         self.attitude_rate = np.zeros((3, n))  # rates of roll, pitch, yaw
         self.airspeed_m_s = np.zeros(n)
-        self.thrust = np.zeros(n)  # copter: thrust in weights; plane: share of the full power
+        self.thrust = np.zeros(n)  # copter: thrust divided by weight; plane: share of the full power
         self.ground_m = self.position[2].copy()
         self.airborne: Bools = np.zeros(n, dtype=bool)
         self.touchdown_m_s = np.zeros(n)  # speed of the last touchdown; 0 once read
@@ -82,16 +82,16 @@ class Motion:
         self.leg_direction = np.zeros((2, n))  # unit vector, or 0 for an empty leg
         self.leg_length_m = np.zeros(n)
         self.leg_heading_rad = np.zeros(n)
-        self.circle_m = np.zeros(n)  # radius around the target, clockwise if positive; 0: a leg
+        self.circle_radius_m = np.zeros(n)  # around the target, clockwise if positive; 0: a leg
         self.slope = np.zeros(n)  # for MotionOrder.GLIDE: height lost per length of the leg
         self.pass_speed_m_s = np.zeros(n)  # allowed speed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
         self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY and TILT, up positive
         self.wanted_velocity = np.zeros((2, n))  # for MotionOrder.VELOCITY
-        self.wanted_tilt = np.zeros((2, n))  # for MotionOrder.TILT: horizontal acceleration by the thrust
+        self.wanted_thrust_acceleration = np.zeros((2, n))  # for MotionOrder.TILT: east, north [m/s2]
         self.wanted_heading_rad = np.zeros(n)
         self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of the wanted heading
-        self.heading_is_commanded: Bools = np.zeros(n, dtype=bool)  # else along the leg
+        self.heading_is_commanded: Bools = np.zeros(n, dtype=bool)  # False: each new leg sets the heading
 
     def _begin_limits(self, n: int) -> None:
         self.speed_m_s = np.full(n, 10.0)  # plane: airspeed
@@ -99,9 +99,9 @@ class Motion:
         self.descent_m_s = np.full(n, 1.5)
         self.acceleration_limit_m_s2 = np.full(n, 2.5)
         self.vertical_acceleration_limit_m_s2 = np.full(n, 1.0)
-        self.radius_m = np.full(n, 2.0)  # acceptance radius of a target
-        self.yaw_rate_max_rad_s = np.full(n, YAW_RATE_RAD_S)
-        self.yaw_rate_limit_rad_s = np.full(n, np.inf)  # limit of the present turn, below the maximum
+        self.acceptance_radius_m = np.full(n, 2.0)  # of a target
+        self.yaw_rate_max_rad_s = np.full(n, MAX_YAW_RATE_RAD_S)
+        self.yaw_rate_limit_rad_s = np.full(n, np.inf)  # of the present turn; the maximum holds too
         self.airspeed_min_m_s = np.full(n, 10.0)
         self.airspeed_max_m_s = np.full(n, 22.0)
         self.stall_m_s = np.full(n, 8.0)  # stall speed in level flight
@@ -111,4 +111,4 @@ class Motion:
 
 def wrapped(angle_rad: Floats) -> Floats:
     """Return an angle wrapped into (-pi, pi] [rad]."""
-    return np.asarray(angle_rad - TURN_RAD * np.ceil((angle_rad - np.pi) / TURN_RAD))
+    return np.asarray(angle_rad - FULL_TURN_RAD * np.ceil((angle_rad - np.pi) / FULL_TURN_RAD))

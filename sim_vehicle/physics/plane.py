@@ -29,7 +29,7 @@ CLIMB_OUT_BELOW_M = 3.0  # the climb-out ends at this distance below the target
 APPROACH_M = 20.0  # height above the ground below which a landing plane slows down
 FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4  # sink rate at touchdown, and its increase per metre of height
 ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
-MIN_SPEED_M_S = 3.0  # lowest airspeed in the equations
+MIN_SPEED_M_S = 3.0  # lowest divisor in place of a smaller airspeed
 MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
 
 
@@ -40,11 +40,11 @@ class _PlaneState:
     order: Ints
     airborne: Bools
     powered: Bools
-    starts: Bools  # powered and commanded to take off
-    sinks: Bools  # commanded to descend to the ground
-    height_m: Floats
-    sin: Floats  # of the yaw
-    cos: Floats
+    starts: Bools  # powered and commanded to climb; counts only on the ground
+    sinks: Bools  # commanded to descend: RATE or GLIDE
+    height_m: Floats  # above the ground
+    sin_yaw: Floats
+    cos_yaw: Floats
 
 
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
@@ -56,7 +56,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     rolling = np.zeros_like(air)
     if not state.airborne.all():
         rolling = _ground_speed(m, i, state, dt_s)
-        tailwind = m.wind.now[0][i] * state.sin + m.wind.now[1][i] * state.cos
+        tailwind = m.wind.now[0][i] * state.sin_yaw + m.wind.now[1][i] * state.cos_yaw
         air = np.where(state.airborne, air, np.maximum(rolling - tailwind, 0.0))
     airspeed = np.maximum(air, MIN_SPEED_M_S)
     stall = m.stall_m_s[i]
@@ -69,14 +69,14 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
 
 
 def lifts_off(m: Motion) -> Bools:
-    """Return the mask of the rolling planes that are commanded to climb and fast enough to fly, (n,)."""
+    """Return the mask of the planes on the ground that are commanded, able and fast enough to fly, (n,)."""
     fast = m.airspeed_m_s >= ROTATE_OVER_STALL * m.stall_m_s
     able = m.planes & ~(m.airborne | m.crashed | m.exhausted) & m.armed & (m.motors_lost == 0)
     return np.asarray(fast & able & _is_commanded_up(m, slice(None), m.order))
 
 
 def rolls(m: Motion) -> Bools:
-    """Return the mask of the planes that roll on the ground or begin to roll, (n,)."""
+    """Return the mask of the planes on the ground that move, or are armed and commanded to fly, (n,)."""
     moving = (m.velocity[0] != 0) | (m.velocity[1] != 0)
     return np.asarray(m.planes & ~m.airborne & (moving | (m.armed & (m.order != MotionOrder.GROUNDED))))
 
@@ -87,7 +87,7 @@ def load_w(m: Motion, i: Selection) -> Floats:
 
 
 def _state_of(m: Motion, i: Selection) -> _PlaneState:
-    order = m.acting[i]
+    order = m.effective_order[i]
     powered = m.armed[i] & ~(m.exhausted[i] | m.crashed[i]) & (m.motors_lost[i] == 0)
     powered &= (order != MotionOrder.FALL) & (order != MotionOrder.GROUNDED)
     yaw = m.attitude[2][i]
@@ -96,17 +96,17 @@ def _state_of(m: Motion, i: Selection) -> _PlaneState:
         airborne=m.airborne[i],
         powered=powered,
         starts=powered & _is_commanded_up(m, i, order),
-        sinks=((order == MotionOrder.RATE) & (m.acting_rate_m_s[i] < 0)) | (order == MotionOrder.GLIDE),
+        sinks=((order == MotionOrder.RATE) & (m.effective_rate_m_s[i] < 0)) | (order == MotionOrder.GLIDE),
         height_m=m.position[2][i] - m.ground_m[i],
-        sin=np.sin(yaw),
-        cos=np.cos(yaw),
+        sin_yaw=np.sin(yaw),
+        cos_yaw=np.cos(yaw),
     )
 
 
 def _is_commanded_up(m: Motion, i: Selection, order: Ints) -> Bools:
     up = (order == MotionOrder.POSITION) & (m.target[2][i] > m.ground_m[i] + 0.1)
     return np.asarray(
-        up | (((order == MotionOrder.RATE) | (order == MotionOrder.VELOCITY)) & (m.acting_rate_m_s[i] > 0))
+        up | (((order == MotionOrder.RATE) | (order == MotionOrder.VELOCITY)) & (m.effective_rate_m_s[i] > 0))
     )
 
 
@@ -139,7 +139,7 @@ def _course(m: Motion, i: Selection, state: _PlaneState, air: Floats) -> tuple[F
     cross_track = travelled[0] * leg[1] - travelled[1] * leg[0]  # to the right of the leg
     cross_track *= state.order != MotionOrder.VELOCITY  # a velocity order has a direction but no line
     course = m.leg_heading_rad[i] - np.arctan(cross_track / (LOOKAHEAD_S * air))
-    circle = m.circle_m[i]
+    circle = m.circle_radius_m[i]
     circles = circle != 0
     if not np.count_nonzero(circles):
         return course, np.zeros_like(course)
@@ -156,29 +156,29 @@ def _course(m: Motion, i: Selection, state: _PlaneState, air: Floats) -> tuple[F
 
 def _airspeed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the airspeed after the step, including gusts, (n,) [m/s]."""
-    air = m.airspeed_m_s[i] - (m.wind.change[0][i] * state.sin + m.wind.change[1][i] * state.cos)
+    air = m.airspeed_m_s[i] - (m.wind.change[0][i] * state.sin_yaw + m.wind.change[1][i] * state.cos_yaw)
     lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
     wanted = np.minimum(np.maximum(m.speed_m_s[i], lowest), m.airspeed_max_m_s[i])
     lands = state.sinks & (state.height_m < APPROACH_M)
     if np.count_nonzero(lands):  # half of the headwind is added: the wind can drop
-        headwind = -(m.wind.estimate[0][i] * state.sin + m.wind.estimate[1][i] * state.cos)
+        headwind = -(m.wind.estimate[0][i] * state.sin_yaw + m.wind.estimate[1][i] * state.cos_yaw)
         approach = np.maximum(GLIDE_OVER_STALL * stall, lowest) + np.maximum(headwind, 0.0) / 2
         wanted = np.where(lands, np.minimum(wanted, approach), wanted)
     wanted = np.where(state.powered, wanted, GLIDE_OVER_STALL * stall)
-    step = np.where(state.powered, m.acceleration_limit_m_s2[i], GLIDE_ACCELERATION_M_S2) * dt_s
-    air = np.maximum(air + np.minimum(np.maximum(wanted - air, -step), step), 0.0)
-    # A falling plane converts height to speed.
-    falls = air < m.stall_m_s[i]
-    if np.count_nonzero(falls):
+    limit = np.where(state.powered, m.acceleration_limit_m_s2[i], GLIDE_ACCELERATION_M_S2) * dt_s
+    air = np.maximum(air + np.minimum(np.maximum(wanted - air, -limit), limit), 0.0)
+    # A sinking plane below the stall speed converts height to speed.
+    stalls = air < stall
+    if np.count_nonzero(stalls):
         sink = np.maximum(-m.velocity[2][i], 0.0)
-        air += falls * (GRAVITY_M_S2 * dt_s) * sink / np.maximum(air, MIN_SPEED_M_S)
+        air += stalls * (GRAVITY_M_S2 * dt_s) * sink / np.maximum(air, MIN_SPEED_M_S)
     return np.asarray(air)
 
 
 def _climb(m: Motion, i: Selection, state: _PlaneState, air: Floats, bank: Floats, dt_s: float) -> Floats:
     """Return the vertical speed after the step, (n,) [m/s]."""
     error = m.target[2][i] - m.estimate[2][i]
-    wanted = np.where(state.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
+    wanted = np.where(state.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.effective_rate_m_s[i])
     glides = state.order == MotionOrder.GLIDE
     if np.count_nonzero(glides):
         wanted = np.where(glides, _glide_path_climb(m, i), wanted)
@@ -214,7 +214,7 @@ def _glide_path_climb(m: Motion, i: Selection) -> Floats:
 
 def _ground_speed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     """Return the speed of planes on the ground after the step, (n,) [m/s]."""
-    along = m.velocity[0][i] * state.sin + m.velocity[1][i] * state.cos
+    along = m.velocity[0][i] * state.sin_yaw + m.velocity[1][i] * state.cos_yaw
     change = np.where(state.starts, GROUND_ACCELERATION_M_S2, -GROUND_BRAKING_M_S2) * dt_s
     return np.asarray(np.maximum(along + change, 0.0))
 
@@ -231,9 +231,9 @@ def _advance(
     m: Motion, i: Selection, state: _PlaneState, air: Floats, climb: Floats, rolling: Floats
 ) -> None:
     yaw = m.attitude[2][i]
-    level = np.where(state.airborne, np.sqrt(np.maximum(air * air - climb * climb, 0.0)), rolling)
-    m.velocity[0][i] = level * np.sin(yaw) + m.wind.now[0][i] * state.airborne
-    m.velocity[1][i] = level * np.cos(yaw) + m.wind.now[1][i] * state.airborne
+    horizontal = np.where(state.airborne, np.sqrt(np.maximum(air * air - climb * climb, 0.0)), rolling)
+    m.velocity[0][i] = horizontal * np.sin(yaw) + m.wind.now[0][i] * state.airborne
+    m.velocity[1][i] = horizontal * np.cos(yaw) + m.wind.now[1][i] * state.airborne
     m.velocity[2][i] = climb
     m.airspeed_m_s[i] = air
 

@@ -1,4 +1,4 @@
-"""Strikes: hostiles fire at vehicles whose true position enters a cell (Eq. 1)."""
+"""Strikes: hostiles fire at vehicles whose true position enters a cell (Eq. 1 in docs/paper.md)."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ class Threats:
     Parameters
     ----------
     rows, cols, cell_size_m: the area; its south-west corner is the local origin.
-    firing_strength: fs_o, fs_N1, fs_N2 (Eq. 1): own cell, nearest neighbours, diagonal neighbours.
+    firing_strength: probability of a hit in the hostile's cell, its 4 adjacent and its 4 diagonal cells.
     hostiles: (row, col) of each hostile.
     """
 

@@ -11,7 +11,7 @@ from sim_vehicle.physics.noise import Normals
 
 GUST_TIME_S = 3.0  # time in which a gust decays to 1/e
 ESTIMATE_TIME_S = 2.0  # time constant of the autopilots' wind estimates
-ESTIMATE_TOLERANCE_M_S = 0.01  # error below which an estimate of a steady wind becomes exact
+ESTIMATE_TOLERANCE_M_S = 0.01  # largest error at which the estimates of a wind without gusts become exact
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,20 +41,20 @@ class Wind:
         self.change = np.zeros((2, n))  # change since the previous step
         self._gust = np.zeros((2, n))
         self._normals = Normals(rngs, 2) if settings.gust_m_s > 0 else None
-        self._still = True  # no change since the last step
+        self._estimate_is_exact = True  # without gusts, a step then changes nothing
 
     def set_steady(self, index: int, speed_m_s: float | None, from_deg: float) -> None:
-        """Set the steady wind at one vehicle; speed None: the scenario's wind."""
+        """Set the steady wind at one vehicle; speed None: speed and direction of the settings."""
         if speed_m_s is None:
             speed_m_s, from_deg = self._settings.speed_m_s, self._settings.from_deg
         vector = wind_vector_m_s(speed_m_s, from_deg)
         if vector != tuple(self.steady[:, index].tolist()):
             self.steady[:, index] = vector
-            self._still = False
+            self._estimate_is_exact = False
 
     def step(self, dt_s: float) -> None:
         """Advance gusts and estimates by `dt_s` [s]."""
-        if self._normals is None and self._still:
+        if self._normals is None and self._estimate_is_exact:
             return
         before = self.now.copy()
         if self._normals is not None:
@@ -67,7 +67,7 @@ class Wind:
         if self._normals is None and np.abs(self.now - self.estimate).max() < ESTIMATE_TOLERANCE_M_S:
             self.estimate[:] = self.now
             self.change[:] = 0.0
-            self._still = True
+            self._estimate_is_exact = True
 
     @property
     def wind_m_s(self) -> Floats:

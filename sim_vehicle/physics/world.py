@@ -1,4 +1,4 @@
-"""The physics of the fleet: airframes, air, batteries, satellites and the map, stepped in a fixed order."""
+"""The physics of the fleet: wind, estimates, airframes, GPS and batteries, stepped in this order."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ LOWEST_VOLTAGE_SHARE = 0.5  # share of the full voltage below which the current 
 class Batteries:
     """The batteries of n vehicles; arrays are (n,).
 
-    Motors draw constant power. As the voltage falls, the current rises and the charge decreases faster.
+    The load is a power: as the voltage falls, the current rises and the charge decreases faster.
     """
 
     def __init__(self, n: int) -> None:
@@ -63,7 +63,7 @@ class World:
     Parameters
     ----------
     frame: the local frame of the map.
-    lat_deg, lon_deg, alt_amsl_m: (n,) start positions.
+    lat_deg, lon_deg, alt_amsl_m: (n,) start positions [deg, deg, m].
     planes: (n,) True for fixed wings; all copters by default.
     rngs: one generator per vehicle, the only source of the vehicle's noise and gusts.
     wind: steady wind and gusts.
@@ -85,26 +85,26 @@ class World:
         n = len(lat_deg)
         if rngs is None:
             rngs = np.random.default_rng(0).spawn(n)
-        purposes = [rng.spawn(3) for rng in rngs]
+        streams = [rng.spawn(3) for rng in rngs]
         self.frame = frame
         east_m, north_m = frame.to_local(lat_deg, lon_deg)
-        self.wind = Wind(wind, [gusts for gusts, _, _ in purposes])
+        self.wind = Wind(wind, [gusts for gusts, _, _ in streams])
         start_m = np.column_stack([east_m, north_m, alt_amsl_m])
         self.dynamics = Dynamics(start_m, planes=planes, wind=self.wind)
         self.batteries = Batteries(n)
         dynamics = self.dynamics
         self.armed = dynamics.armed
-        self.events = dynamics.events  # (n,) True: an event for the vehicle's autopilot
+        self.has_event = dynamics.has_event  # (n,), for the vehicle's autopilot
         self.estimate_m, self.estimate_velocity_m_s = dynamics.estimate_m, dynamics.estimate_velocity_m_s
         self.gps = Gps(gps, frame, dynamics.position)
         # written by faults
         self.motors_lost, self.sag_v = dynamics.motors_lost, self.batteries.sag_v
         self.gps_lost, self.gps_offset_m = self.gps.lost, self.gps.offset_m
-        bias = np.column_stack([sensors.standard_normal(2) for _, _, sensors in purposes])
-        self.estimator = Estimator(dynamics.error, dynamics.velocity_error, bias, gps.drift_m)
+        bias_draws = np.column_stack([sensors.standard_normal(2) for _, _, sensors in streams])
+        self.estimator = Estimator(dynamics.error, dynamics.velocity_error, bias_draws, gps.drift_m)
         self._draws: Normals | None = None
         if gps.noise_m > 0 or gps.drift_m > 0:
-            self._draws = Normals([receiver for _, receiver, _ in purposes], receivers.DRAWS + 1)
+            self._draws = Normals([receiver for _, receiver, _ in streams], receivers.DRAWS + 1)
             self.gps.begin(self._draws.take()[: receivers.DRAWS])
             self.estimator.begin(self.gps)
         self._steps = 0
@@ -132,15 +132,15 @@ class World:
             draws = self._draws.take()
             gps_draws, height_draws = draws[: receivers.DRAWS], draws[receivers.DRAWS]
         self.gps.sample(self._gps_s, self.dynamics.position, gps_draws)
-        known = self.estimator.position_ok
+        was_ok = self.estimator.position_ok
         self.estimator.correct(self._gps_s, self.gps, height_draws)
-        self.events |= known != self.estimator.position_ok
+        self.has_event |= was_ok != self.estimator.position_ok
         self._gps_s = 0.0
 
     def _draw_current(self) -> None:
         self.batteries.step(self._battery_s, self.dynamics.load_w)
         empty = self.batteries.empty()
-        self.events |= empty != self.dynamics.exhausted
+        self.has_event |= empty != self.dynamics.exhausted
         self.dynamics.exhausted = empty
         self._battery_s = 0.0
 

@@ -129,7 +129,7 @@ class FaultEffectWriter:
         status.clock_since_s[i] = now
         status.clock_drift[i] = injected_faults.clock_drift_ppm * 1e-6
         self._take_charge(injected_faults.battery_at_most)
-        world.events[i] = True  # wakes the autopilot
+        world.has_event[i] = True  # wakes the autopilot
 
     def _take_charge(self, at_most: float) -> None:
         """Limit the charge to `at_most` (share of the full charge); a higher limit restores charge."""

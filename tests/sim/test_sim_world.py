@@ -73,7 +73,7 @@ def test_draws_do_not_depend_on_how_many_draw() -> None:
 
 def happened(body: Body, world: World) -> bool:
     """Return True for an event, and consume it; a second call finds none."""
-    shown, taken = bool(world.events[0]), body.take_events()
+    shown, taken = bool(world.has_event[0]), body.take_events()
     assert shown == taken
     assert not body.take_events()
     return taken
@@ -106,7 +106,7 @@ def test_only_vehicles_with_an_event_are_woken() -> None:
     fleet = [physics_bench.copter(world, index, height_m=None) for index in range(3)]
     fleet[1].fly_to(0, 0, physics_bench.GROUND_M + 10)
     physics_bench.wait(world, 0.1)
-    assert world.events.tolist() == [False, True, False]
+    assert world.has_event.tolist() == [False, True, False]
 
 
 def test_limits_are_kept_where_the_equations_stand() -> None:
@@ -116,7 +116,7 @@ def test_limits_are_kept_where_the_equations_stand() -> None:
     body.limit(speed_m_s=float("nan"), bank_limit_deg=float("inf"), radius_m=-5.0, acceleration_m_s2=0.0)
     assert world.dynamics.speed_m_s[0] == before
     assert np.degrees(world.dynamics.bank_limit_rad[0]) == pytest.approx(45.0)
-    assert world.dynamics.radius_m[0] > 0
+    assert world.dynamics.acceptance_radius_m[0] > 0
     assert world.dynamics.acceleration_limit_m_s2[0] > 0
 
 
