@@ -1,4 +1,4 @@
-"""Mission flights."""
+"""Flights by mission: progress, refusals, speed, fence."""
 
 from functools import partial
 
@@ -13,7 +13,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 FLY_S = 300.0  # time limit of a check
-PASS_M = 4.0  # distance at which a waypoint counts as passed
+PASS_M = 4.0  # a waypoint within this distance counts as passed
 
 
 @check("mission-flight.flies_every_item", needs=[ARM], kind="copter", limit_s=FLY_S, pins="AUTOPILOTS 1.7")
@@ -34,11 +34,9 @@ def flies_every_item(vehicle: VehicleUnderTest) -> str:
 
     took_s = vehicle.wait_until(done, "landed and disarmed", FLY_S - 30)
     for i, distance_m in enumerate(nearest):
-        holds(distance_m < PASS_M, f"passed waypoint {i + 1} at {distance_m:.1f} m")
-    holds(
-        flying.distance_to_m(vehicle, targets[-1]) < 4,
-        f"landed {flying.distance_to_m(vehicle, targets[-1]):.1f} m off",
-    )
+        holds(distance_m < PASS_M, f"the vehicle passed waypoint {i + 1} at {distance_m:.1f} m")
+    off_m = flying.distance_to_m(vehicle, targets[-1])
+    holds(off_m < 4, f"the vehicle landed {off_m:.1f} m from the last waypoint")
     reached = [m.seq for m in vehicle.since(mark, "MISSION_ITEM_REACHED")]
     first = missions.first_waypoint(vehicle)
     wanted = set(range(first, first + len(missions.CORNERS)))
@@ -49,7 +47,7 @@ def flies_every_item(vehicle: VehicleUnderTest) -> str:
 
 @check("mission-flight.counts_upwards", airborne=True, kind="copter", limit_s=FLY_S)
 def counts_upwards(vehicle: VehicleUnderTest) -> str:
-    """MISSION_CURRENT counts through the items without a step back."""
+    """MISSION_CURRENT does not decrease during a mission."""
     plans.upload_or_fail(vehicle, missions.items(vehicle, landing=False))
     first = missions.first_waypoint(vehicle)
     missions.resume(vehicle, first)
@@ -69,7 +67,7 @@ def counts_upwards(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: mission_state is 0 always (PX4)",
 )
 def state_is_active(vehicle: VehicleUnderTest) -> str:
-    """mission_state is ACTIVE in flight on ArduPilot, and 0 on PX4."""
+    """During a mission, mission_state is ACTIVE on ArduPilot and 0 on PX4."""
     expected = known_behaviour(vehicle, ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
     missions.under_way(vehicle)
     vehicle.wait(1.0)
@@ -86,7 +84,7 @@ def state_is_active(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5",
 )
 def after_landing(vehicle: VehicleUnderTest) -> str:
-    """After the landing MISSION_CURRENT is 0 and COMPLETE, and the mode stays AUTO."""
+    """After a landing by mission, MISSION_CURRENT has seq 0 and state COMPLETE; the mode stays AUTO."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(
         vehicle,
@@ -112,7 +110,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd",
 )
 def without_takeoff(vehicle: VehicleUnderTest) -> str:
-    """On the ground AUTO is refused with a text if the mission does not begin with a take-off."""
+    """An armed vehicle on the ground refuses AUTO, with a text, if the mission has no take-off."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(
         vehicle, plans.plan(vehicle, plans.waypoint(place, 30, 0), plans.waypoint(place, 30, 30))
@@ -137,7 +135,7 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
 )
 def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
-    """An armed vehicle in AUTO stays on the ground and disarms within 20 s."""
+    """An armed vehicle in AUTO stays on the ground and disarms within 25 s."""
     plans.upload_or_fail(vehicle, missions.items(vehicle))
     flying.start_streams(vehicle)
     flying.arm(vehicle)
@@ -163,14 +161,14 @@ def starts_when_armed(vehicle: VehicleUnderTest) -> str:
     flying.start_streams(vehicle)
     flying.wait_ready(vehicle)
     flying.set_mode(vehicle, "mission")
-    vehicle.accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 3, "a height of 3 m", 30)
     return f"3 m after {took_s:.0f} s"
 
 
 @check("mission-flight.speed_item", airborne=True, kind="copter", limit_s=FLY_S)
 def speed_item(vehicle: VehicleUnderTest) -> str:
-    """DO_CHANGE_SPEED in a mission sets the speed of the following legs."""
+    """DO_CHANGE_SPEED in a mission sets the speed of the next leg."""
     place = plans.current_position(vehicle)
     frame = mavlink.MAV_FRAME_MISSION
     slow = PlanItem(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=frame, params=(1, 3, -1, 0))
@@ -182,13 +180,13 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
     plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place, missions.HEIGHT_M), *legs))
     missions.resume(vehicle, missions.first_waypoint(vehicle))
     vehicle.wait_until(lambda: flying.distance_to_m(vehicle, place) > 30, "30 m from the start", 100)
-    speeds = []
+    speeds_m_s = []
     for _ in range(6):
         vehicle.wait(0.5)
-        speeds.append(flying.speed_m_s(vehicle))
-    mean = sum(speeds) / len(speeds)
-    near(mean, 3.0, 0.7, "m/s")
-    return f"{mean:.2f} m/s"
+        speeds_m_s.append(flying.speed_m_s(vehicle))
+    mean_m_s = sum(speeds_m_s) / len(speeds_m_s)
+    near(mean_m_s, 3.0, 0.7, "mean speed [m/s]")
+    return f"{mean_m_s:.2f} m/s"
 
 
 @check(
@@ -200,7 +198,7 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: fence use: fly until the breach -> RTL",
 )
 def fence_breach(vehicle: VehicleUnderTest) -> str:
-    """A mission that leaves the fence is accepted; at the fence the vehicle returns and sends a text."""
+    """A mission that leaves the fence is accepted; after the breach the vehicle sends a text and returns."""
     plans.require_type(vehicle, FENCE)
     if not parameters.has(vehicle, "FENCE_ACTION") or parameters.read(vehicle, "FENCE_ACTION").value != 1:
         raise Skip("FENCE_ACTION is not RTL (1)")
@@ -217,7 +215,7 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(1.0)
         texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
         holds(any("breached" in text for text in texts), f"expected '... fence breached', saw {texts[-4:]}")
-        near(out_m, 60.0, 25.0, "metres from the start")
+        near(out_m, 60.0, 25.0, "distance from the start [m]")
         flying.set_mode(vehicle, "land")
         vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)
     return f"RTL at {out_m:.0f} m"
@@ -232,17 +230,17 @@ def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     """A plane passes the waypoints of a mission in order and continues to fly."""
     flying.ensure_airborne(vehicle)
     home = vehicle.request("HOME_POSITION")
-    base = home.latitude, home.longitude
-    legs = ((400.0, 0.0), (400.0, 400.0), (0.0, 400.0))
-    targets = [plans.offset(base, n, e) for n, e in legs]
+    place = home.latitude, home.longitude
+    corners = ((400.0, 0.0), (400.0, 400.0), (0.0, 400.0))
+    targets = [plans.offset(place, n, e) for n, e in corners]
     items = plans.plan(
-        vehicle, plans.takeoff(base, 50.0), *[plans.waypoint(base, n, e, 60.0) for n, e in legs]
+        vehicle, plans.takeoff(place, 50.0), *[plans.waypoint(place, n, e, 60.0) for n, e in corners]
     )
     plans.upload_or_fail(vehicle, items)
     begin = missions.first_waypoint(vehicle)
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, begin))
     flying.set_mode(vehicle, "mission")
     for target in targets:
-        vehicle.wait_until(partial(_is_near, vehicle, target, 120.0), "a waypoint within 120 m", 150)
+        vehicle.wait_until(partial(_is_near, vehicle, target, 120.0), "less than 120 m to the waypoint", 150)
     holds(vehicle.armed and flying.height_m(vehicle) > 20, "the vehicle descended or disarmed")
     return f"{len(targets)} waypoints"

@@ -1,4 +1,4 @@
-"""Changes of a mission in flight: jumps, pauses, uploads."""
+"""Changes of a mission in flight: jumps, pauses, clearing, uploads."""
 
 from dataclasses import replace
 
@@ -10,19 +10,19 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 FLY_S = 300.0  # time limit of a check
-PASS_M = 4.0  # distance at which a waypoint counts as passed
+PASS_M = 4.0  # a waypoint within this distance counts as reached
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 
 
 @check("mission-flight.jump_by_message", airborne=True, kind="copter", limit_s=FLY_S)
 def jump_by_message(vehicle: VehicleUnderTest) -> str:
-    """MISSION_SET_CURRENT in flight diverts the vehicle to another waypoint."""
+    """MISSION_SET_CURRENT in flight sends the vehicle back to the previous waypoint."""
     seq = missions.under_way(vehicle)
-    place = plans.download(vehicle)[seq - 1]
+    item = plans.download(vehicle)[seq - 1]
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq - 1))
     vehicle.wait_until(lambda: missions.current(vehicle) == seq - 1, f"item {seq - 1} to be current", 5.0)
     took_s = vehicle.wait_until(
-        lambda: flying.distance_to_m(vehicle, (place.x, place.y)) < PASS_M, "the waypoint", 60
+        lambda: flying.distance_to_m(vehicle, (item.x, item.y)) < PASS_M, "arrival at the waypoint", 60
     )
     return f"item {seq - 1} after {took_s:.0f} s"
 
@@ -36,9 +36,9 @@ def jump_by_message(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)",
 )
 def jump_by_command(vehicle: VehicleUnderTest) -> str:
-    """DO_SET_MISSION_CURRENT in flight makes another item current."""
+    """DO_SET_MISSION_CURRENT in flight makes the previous waypoint current."""
     seq = missions.under_way(vehicle)
-    vehicle.accepted(SET_CURRENT, seq - 1)
+    vehicle.expect_accepted(SET_CURRENT, seq - 1)
     vehicle.wait_until(lambda: missions.current(vehicle) == seq - 1, f"item {seq - 1} to be current", 3.0)
     return f"item {seq - 1}"
 
@@ -51,11 +51,11 @@ def jump_by_command(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4",
 )
 def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
-    """DO_PAUSE_CONTINUE (ArduPilot) or the hold and mission modes (PX4) pause and continue a mission."""
+    """DO_PAUSE_CONTINUE (ArduPilot) or a change of mode (PX4) pauses and continues a mission."""
     by_command = known_behaviour(vehicle, ardupilot=True, px4=False)
     seq = missions.under_way(vehicle)
     if by_command:
-        vehicle.accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)
+        vehicle.expect_accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)
     else:
         equal(
             result_name(vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)),
@@ -68,11 +68,12 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(1.0)
         state = vehicle.last["MISSION_CURRENT"].message.mission_state
         equal(state, mavlink.MISSION_STATE_PAUSED, "mission_state")
-        vehicle.accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
+        vehicle.expect_accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
     else:
         flying.set_mode(vehicle, "mission")
     vehicle.wait_until(lambda: flying.speed_m_s(vehicle) > 1.0, "a speed above 1 m/s", 15)
-    equal(missions.current(vehicle) in (seq, seq + 1), True, "the same item")
+    current = missions.current(vehicle)
+    holds(current in (seq, seq + 1), f"expected item {seq} or {seq + 1} after the pause, saw {current}")
     return "stopped, then continued"
 
 
@@ -84,7 +85,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: CLEAR_ALL while flying the mission",
 )
 def clear_in_flight(vehicle: VehicleUnderTest) -> str:
-    """Clearing the mission in flight is an ERROR on ArduPilot in AUTO; PX4 accepts and then loiters."""
+    """ArduPilot in AUTO answers MISSION_CLEAR_ALL with ERROR; PX4 accepts the message and holds."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     missions.under_way(vehicle)
     seen = mission_result_name(plans.clear(vehicle))
@@ -107,13 +108,13 @@ def clear_in_flight(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: COUNT 0 is accepted in AUTO, vehicle then loiters",
 )
 def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
-    """An empty upload in AUTO is accepted, and the vehicle stays in the air."""
+    """An empty upload in AUTO is accepted, and the vehicle stops at its height."""
     missions.under_way(vehicle)
     plans.upload_or_fail(vehicle, [])
     vehicle.wait(5.0)
-    height = flying.height_m(vehicle)
+    before_m = flying.height_m(vehicle)
     vehicle.wait(8.0)
-    near(flying.height_m(vehicle), height, 2.0, "height")
+    near(flying.height_m(vehicle), before_m, 2.0, "height [m]")
     holds(flying.speed_m_s(vehicle) < 1.0, f"the vehicle moves at {flying.speed_m_s(vehicle):.1f} m/s")
     return "ACCEPTED, loiters"
 
@@ -126,7 +127,7 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: re-upload in AUTO/mission mode",
 )
 def upload_in_flight(vehicle: VehicleUnderTest) -> str:
-    """A new mission is accepted in flight; the vehicle keeps the index and flies the new item."""
+    """An upload in flight is accepted and keeps the current index; the vehicle flies to the new waypoint."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     seq = missions.under_way(vehicle)
     place = plans.current_position(vehicle)
@@ -139,9 +140,9 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     items[seq] = replace(items[seq], x=target[0], y=target[1])
     plans.upload_or_fail(vehicle, items)
     vehicle.wait(1.5)
-    equal(missions.current(vehicle), seq, "index")
+    equal(missions.current(vehicle), seq, "current index")
     took_s = vehicle.wait_until(
-        lambda: flying.distance_to_m(vehicle, target) < PASS_M, "the new waypoint", 90
+        lambda: flying.distance_to_m(vehicle, target) < PASS_M, "arrival at the new waypoint", 90
     )
     return f"index {seq} kept, new waypoint after {took_s:.0f} s"
 
@@ -155,7 +156,7 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: shorter mission than the current index: index moved to last item",
 )
 def shorter_upload(vehicle: VehicleUnderTest) -> str:
-    """The upload of a shorter mission in flight moves the index to the new last item."""
+    """The upload of a shorter mission in flight makes its last item current."""
     missions.under_way(vehicle)
     items = missions.items(vehicle, landing=False)[:2]
     plans.upload_or_fail(vehicle, items)
@@ -174,7 +175,7 @@ def shorter_upload(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: upload is atomic? Yes: the old mission stays",
 )
 def abandoned_in_flight(vehicle: VehicleUnderTest) -> str:
-    """An abandoned upload does not change the flight."""
+    """An abandoned upload in flight does not interrupt the mission."""
     seq = missions.under_way(vehicle)
     mark = vehicle.mark()
     vehicle.send(plans.count_message(vehicle, 4))

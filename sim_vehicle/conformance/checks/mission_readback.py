@@ -46,7 +46,7 @@ def terrain_frame(vehicle: VehicleUnderTest) -> str:
     "mission.readback.mission_frame", dialects=("ardupilot",), pins="AUTOPILOTS 2: frame 2 (MISSION) on a WP"
 )
 def mission_frame(vehicle: VehicleUnderTest) -> str:
-    """A waypoint in frame 2 is accepted and stored above sea level."""
+    """A waypoint in frame 2 is accepted and read back in frame 0."""
     equal(plans.store_and_read(vehicle, _point(vehicle, frame=2, z=600)).frame, 0, "frame")
     return "2 -> 0"
 
@@ -61,7 +61,7 @@ def altitude(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.readback.altitude_thirds", pins=PINS)
 def altitude_thirds(vehicle: VehicleUnderTest) -> str:
-    """33.333 m is read back as 33.33 m on ArduPilot."""
+    """33.333 m is read back as 33.33 m on ArduPilot and as 33.333 m on PX4."""
     expected = known_behaviour(vehicle, ardupilot=33.33, px4=33.333)
     near(plans.store_and_read(vehicle, _point(vehicle, z=33.333)).z, expected, 5e-4, "z")
     return f"33.333 -> {expected}"
@@ -69,7 +69,7 @@ def altitude_thirds(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.readback.waypoint_parameters", kind="copter", pins=PINS)
 def waypoint_parameters(vehicle: VehicleUnderTest) -> str:
-    """ArduPilot keeps (2, 0, 0, 0) of the parameters (2.7, 5, 6, 90), PX4 keeps all."""
+    """Parameters (2.7, 5, 6, 90) are read back as (2, 0, 0, 0) on ArduPilot and unchanged on PX4."""
     sent = (2.7, 5.0, 6.0, 90.0)
     expected = known_behaviour(vehicle, ardupilot=(2.0, 0.0, 0.0, 0.0), px4=sent)
     item = plans.store_and_read(vehicle, _point(vehicle, params=sent))
@@ -83,9 +83,9 @@ def waypoint_parameters(vehicle: VehicleUnderTest) -> str:
 @check("mission.readback.nan_yaw", pins=PINS)
 def nan_yaw(vehicle: VehicleUnderTest) -> str:
     """NaN as parameter 4 is read back as 0 on ArduPilot and as NaN on PX4."""
-    keeps = known_behaviour(vehicle, ardupilot=False, px4=True)
+    keeps_nan = known_behaviour(vehicle, ardupilot=False, px4=True)
     value = plans.store_and_read(vehicle, _point(vehicle, params=(0, 0, 0, math.nan))).param4
-    equal(math.isnan(value), keeps, "NaN kept")
+    equal(math.isnan(value), keeps_nan, "NaN kept")
     return f"NaN -> {value:g}"
 
 
@@ -100,7 +100,7 @@ def loiter_time(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.readback.land_yaw", dialects=("ardupilot",), kind="copter", pins=PINS)
 def land_yaw(vehicle: VehicleUnderTest) -> str:
-    """Parameter 4 of LAND is read back as 1."""
+    """Parameter 4 of LAND, sent as 0, is read back as 1."""
     equal(
         plans.store_and_read(vehicle, _point(vehicle, command=mavlink.MAV_CMD_NAV_LAND, z=0)).param4,
         1.0,
@@ -113,7 +113,7 @@ def land_yaw(vehicle: VehicleUnderTest) -> str:
     "mission.readback.current_flag", dialects=("ardupilot",), pins="AUTOPILOTS 2: current is 0 on every item"
 )
 def current_flag(vehicle: VehicleUnderTest) -> str:
-    """No item is marked as current."""
+    """The field `current` of every item is read back as 0."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     equal({item.current for item in plans.download(vehicle)}, {0}, "current")
     return "0"

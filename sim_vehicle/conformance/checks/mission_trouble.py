@@ -11,7 +11,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-NO_SUCH_ITEM = 31_900
+NO_SUCH_COMMAND = 31_900
 N_OLD, N_NEW = 7, 5  # items without home: in the earlier mission, in the interrupted upload
 
 
@@ -25,11 +25,11 @@ def requests_again(vehicle: VehicleUnderTest) -> str:
     period_s = known_behaviour(vehicle, ardupilot=1.0, px4=0.25)
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     vehicle.wait(3.2)
-    times = [e.at_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
-    holds(len(times) >= 2, f"expected requests every {period_s:g} s, saw {len(times)} in 3 s")
-    seen_s = (times[-1] - times[0]) / (len(times) - 1)
+    times_s = [e.at_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
+    holds(len(times_s) >= 2, f"expected requests every {period_s:g} s, saw {len(times_s)} in 3.2 s")
+    seen_s = (times_s[-1] - times_s[0]) / (len(times_s) - 1)
     plans.cancel_upload(vehicle)
-    near(seen_s, period_s, 0.4 * period_s, "seconds between requests")
+    near(seen_s, period_s, 0.4 * period_s, "period of requests [s]")
     return f"every {seen_s:.2f} s"
 
 
@@ -43,15 +43,15 @@ def late_item(vehicle: VehicleUnderTest) -> str:
     while True:
         mark = vehicle.mark()
         vehicle.send(items[seq].message(vehicle, seq))
-        place = vehicle.seek(
+        index = vehicle.seek(
             (*plans.REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark
         )
-        if place is None:
+        if index is None:
             raise CheckFailed(f"no answer to item {seq}")
-        if vehicle.received[place].kind == "MISSION_ACK":
+        if vehicle.received[index].kind == "MISSION_ACK":
             break
-        seq = vehicle.received[place].message.seq
-    equal(mission_result_name(vehicle.received[place].message.type), "ACCEPTED", "upload")
+        seq = vehicle.received[index].message.seq
+    equal(mission_result_name(vehicle.received[index].message.type), "ACCEPTED", "upload")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return "ACCEPTED"
 
@@ -62,18 +62,18 @@ def late_item(vehicle: VehicleUnderTest) -> str:
     limit_s=60,
 )
 def gives_up(vehicle: VehicleUnderTest) -> str:
-    """An abandoned upload ends with an acknowledgement after 8 s (ArduPilot) or a text after 5 s (PX4)."""
+    """An abandoned upload ends after 8 s (ArduPilot: text and MISSION_ACK) or 5 s (PX4: text only)."""
     after_s, acked = known_behaviour(vehicle, ardupilot=(8.0, True), px4=(5.0, False))
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     began_s = vehicle.now
     vehicle.wait(after_s + 3.0)
-    requests = [e.at_s - began_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
-    holds(max(requests) < after_s + 0.6, f"saw a request after {max(requests):.1f} s")
-    holds(max(requests) > after_s - 2.0, f"saw requests for only {max(requests):.1f} s")
+    last_s = max(e.at_s - began_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS)
+    holds(last_s < after_s + 0.6, f"saw a request after {last_s:.1f} s")
+    holds(last_s > after_s - 2.0, f"saw requests for only {last_s:.1f} s")
     acks = [m.type for m in vehicle.since(mark, "MISSION_ACK")]
     equal(acks, [mavlink.MAV_MISSION_OPERATION_CANCELLED] if acked else [], "acknowledgements")
     holds(bool(vehicle.since(mark, "STATUSTEXT")), "expected a text, saw none")
-    return f"after {max(requests):.1f} s"
+    return f"after {last_s:.1f} s"
 
 
 @check("mission.trouble.abandoned_upload", pins="AUTOPILOTS 2: upload is atomic?", limit_s=60)
@@ -98,7 +98,7 @@ def refused_item(vehicle: VehicleUnderTest) -> str:
     place = plans.current_position(vehicle)
     old = plans.sample_plan(vehicle, N_OLD)
     plans.upload_or_fail(vehicle, old)
-    bad = replace(plans.waypoint(place, 10, 10), command=NO_SUCH_ITEM)
+    bad = replace(plans.waypoint(place, 10, 10), command=NO_SUCH_COMMAND)
     new = plans.plan(vehicle, plans.waypoint(place, -40, 0), plans.waypoint(place, -80, 0), bad)
     equal(mission_result_name(plans.upload(vehicle, new).result), "UNSUPPORTED", "upload")
     expected = old if atomic else [*new[:-1], *old[len(new) - 1 : len(new)]]
@@ -108,8 +108,8 @@ def refused_item(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.trouble.good_after_bad", limit_s=60)
 def good_after_bad(vehicle: VehicleUnderTest) -> str:
-    """After a refusal a clean upload is accepted at once."""
-    bad = replace(plans.waypoint(plans.current_position(vehicle), 10, 10), command=NO_SUCH_ITEM)
+    """After a refused upload, a valid upload is accepted at once."""
+    bad = replace(plans.waypoint(plans.current_position(vehicle), 10, 10), command=NO_SUCH_COMMAND)
     plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)), bad))
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
@@ -130,39 +130,39 @@ def cancelled(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.trouble.duplicate_item", pins="AUTOPILOTS 2: wrong / duplicate item", limit_s=60)
 def duplicate_item(vehicle: VehicleUnderTest) -> str:
-    """A repeated item is INVALID_SEQUENCE on ArduPilot and ignored on PX4; the upload continues."""
-    complains = known_behaviour(vehicle, ardupilot=True, px4=False)
+    """ArduPilot answers a repeated item with INVALID_SEQUENCE, PX4 ignores it; the upload continues."""
+    is_answered = known_behaviour(vehicle, ardupilot=True, px4=False)
     items = plans.sample_plan(vehicle)
-    mark, doubled, complaints = vehicle.mark(), False, 0
+    mark, repeated, n_answers = vehicle.mark(), False, 0
     vehicle.send(plans.count_message(vehicle, len(items)))
     while True:
-        place = vehicle.seek(
+        index = vehicle.seek(
             (*plans.REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark
         )
-        if place is None:
-            raise CheckFailed("the upload stopped")
-        entry, mark = vehicle.received[place], place + 1
+        if index is None:
+            raise CheckFailed("the vehicle neither requested nor acknowledged within 3 s")
+        entry, mark = vehicle.received[index], index + 1
         if entry.kind == "MISSION_ACK":
             if entry.message.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
                 break
-            complaints += 1
+            n_answers += 1
             continue
         seq = entry.message.seq
         vehicle.send(items[seq].message(vehicle, seq))
-        if seq == 1 and not doubled:
-            doubled = True
+        if seq == 1 and not repeated:
+            repeated = True
             vehicle.send(items[seq].message(vehicle, seq))
     equal(mission_result_name(entry.message.type), "ACCEPTED", "upload")
-    equal(complaints > 0, complains, "INVALID_SEQUENCE")
+    equal(n_answers > 0, is_answered, "INVALID_SEQUENCE received")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
-    return f"{complaints} complaints, then ACCEPTED"
+    return f"{n_answers} INVALID_SEQUENCE, then ACCEPTED"
 
 
 @check(
     "mission.trouble.last_item_again", pins="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again"
 )
 def last_item_again(vehicle: VehicleUnderTest) -> str:
-    """A repeated last item (lost acknowledgement) is an ERROR on ArduPilot, ACCEPTED on PX4."""
+    """A last item, repeated as after a lost MISSION_ACK, is answered ERROR (ArduPilot) or ACCEPTED (PX4)."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
@@ -181,7 +181,7 @@ def last_item_again(vehicle: VehicleUnderTest) -> str:
     limit_s=60,
 )
 def second_station(vehicle: VehicleUnderTest) -> str:
-    """During an upload the announcement of another station is DENIED."""
+    """During an upload, MISSION_COUNT of a second station is answered DENIED."""
     items = plans.sample_plan(vehicle)
     plans.begin_upload(vehicle, items, 2)
     mark = vehicle.mark()
@@ -198,7 +198,7 @@ def second_station(vehicle: VehicleUnderTest) -> str:
     limit_s=60,
 )
 def download_during_upload(vehicle: VehicleUnderTest) -> str:
-    """A list request during an upload is DENIED by ArduPilot and ignored by PX4."""
+    """During an upload, ArduPilot answers MISSION_REQUEST_LIST with DENIED; PX4 does not answer."""
     denied = known_behaviour(vehicle, ardupilot=True, px4=False)
     plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     mark = vehicle.mark()
@@ -261,7 +261,7 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.partial.appends", dialects=("ardupilot",), pins="AUTOPILOTS 2: may append at start=count")
 def partial_appends(vehicle: VehicleUnderTest) -> str:
-    """A partial write that begins after the last item appends items."""
+    """A partial write that begins directly after the last item appends an item."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     seq = len(items)
@@ -277,7 +277,7 @@ def partial_appends(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.partial.bad_range", dialects=("ardupilot",), pins="AUTOPILOTS 2: bad range ERROR(1)")
 def partial_bad_range(vehicle: VehicleUnderTest) -> str:
-    """A partial write past the end of the mission is an ERROR."""
+    """A partial write that would leave a gap after the last item is answered ERROR."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     mark = _write_partial(vehicle, len(items) + 5, len(items) + 6)

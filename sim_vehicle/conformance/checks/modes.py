@@ -10,7 +10,8 @@ from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, 
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-ROLES = (
+# Roles of modes in `Dialect.modes`, each with its own check.
+MODE_ROLES = (
     "manual",
     "altitude",
     "position",
@@ -38,13 +39,13 @@ def _set_mode_check(role: str) -> Callable[[VehicleUnderTest], str]:
     return run
 
 
-for _role in ROLES:
+for _role in MODE_ROLES:
     check(f"modes.set.{_role}", pins="AUTOPILOTS 1.5", limit_s=200)(_set_mode_check(_role))
 
 
 @check("modes.set.mission_when_empty", dialects=("ardupilot",), pins="AUTOPILOTS 1.9: an empty mission")
 def mission_when_empty(vehicle: VehicleUnderTest) -> str:
-    """AUTO without a mission is accepted while disarmed."""
+    """A disarmed vehicle without a mission accepts AUTO."""
     vehicle.send(mavlink.MAVLink_mission_clear_all_message(*vehicle.target, 0))
     vehicle.expect("MISSION_ACK")
     flying.set_mode(vehicle, "mission")
@@ -62,11 +63,11 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(flying.HEARTBEAT_LAG_S)
         if accepted and vehicle.mode != number:
             raise CheckFailed(
-                f"{role} was accepted, the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
+                f"mode {role} was accepted, but the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
             )
         if not accepted and vehicle.mode != before:
             raise CheckFailed(
-                f"{role} was refused, the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
+                f"mode {role} was refused, but the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
             )
         outcomes.append(accepted)
     flying.set_ready_mode(vehicle)
@@ -77,7 +78,7 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.unknown")
 def unknown_mode(vehicle: VehicleUnderTest) -> str:
-    """An unknown mode number does not change the mode and, except on PX4, is refused."""
+    """An unknown mode number does not change the mode; autopilots other than PX4 must refuse it."""
     before = vehicle.mode
     result = vehicle.command(mavlink.MAV_CMD_DO_SET_MODE, 1, NO_SUCH_MODE)
     if vehicle.dialect.name != "px4":
@@ -99,7 +100,7 @@ def without_custom_flag(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.by_command_int")
 def by_command_int(vehicle: VehicleUnderTest) -> str:
-    """DO_SET_MODE works as COMMAND_INT."""
+    """DO_SET_MODE as COMMAND_INT sets the mode."""
     flying.set_ready_mode(vehicle)
     command = flying.mode_command(vehicle, flying.mode_number(vehicle, "manual"))
     as_int = vehicle.command_int(command.command, command.param1, command.param2, command.param3)
@@ -110,7 +111,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.set_mode_message", pins="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
 def set_mode_message(vehicle: VehicleUnderTest) -> str:
-    """SET_MODE changes the mode; only PX4 acknowledges the message."""
+    """SET_MODE changes the mode; PX4 acknowledges the message, ArduPilot does not."""
     acked = known_behaviour(vehicle, ardupilot=False, px4=True)
     flying.set_ready_mode(vehicle)
     number, mark = flying.mode_number(vehicle, "manual"), vehicle.mark()
@@ -132,10 +133,10 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
 
 @check("modes.survives_silence", limit_s=40)
 def survives_silence(vehicle: VehicleUnderTest) -> str:
-    """On the ground the mode does not change while the station is silent."""
+    """On the ground the mode does not change while the station is silent for 8 s."""
     flying.set_ready_mode(vehicle)
     before = vehicle.mode
-    vehicle.quiet = True
+    vehicle.heartbeats_off = True
     vehicle.wait(8.0)
     equal(vehicle.mode, before, "mode")
     return flying.mode_name(vehicle, before)
