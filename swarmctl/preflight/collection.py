@@ -56,7 +56,7 @@ class VehicleToCheck(Protocol):
 
 @dataclass(slots=True)
 class _Answers:
-    """The answers of one vehicle; a missing answer has its default value."""
+    """The answers of one vehicle; a missing answer has the default value."""
 
     instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class _Answers:
 
 
 class FactCollector:
-    """The collector of the facts of one run, which keeps the last trajectory and clock of every vehicle.
+    """The collector of one run's facts; the collector keeps every vehicle's last trajectory and clock.
 
     unix_s_at_zero: wall time at which the clock of the running loop showed 0 [s]
     speedup: simulated seconds in a second of that clock
@@ -91,7 +91,7 @@ class FactCollector:
         separation = scenario.config.separation
         self.limits = Limits(separation.horizontal_m, separation.vertical_m)
         self.trajectories: dict[str, Trajectory | None] = {}
-        """first routes of the vehicles of this process, as of the last collection; None: unknown"""
+        """positions over time on the first routes of this process's vehicles; None: unknown"""
         self._instruments: dict[str, Instruments] = {}
 
     async def collect(
@@ -109,7 +109,7 @@ class FactCollector:
         return [self._facts(v, everyone, a) for v, a in zip(vehicles, answers_of, strict=True)]
 
     def required_parameters(self, vehicle: VehicleToCheck) -> tuple[tuple[RequiredParameter, ...], str]:
-        """Return the parameters that the policy requires, and the reason if they are unknown."""
+        """Return the required parameters, and the reason as text if they are unknown."""
         if vehicle.identity is None:
             return (), "unknown firmware: AUTOPILOT_VERSION has not arrived"
         try:
@@ -119,7 +119,7 @@ class FactCollector:
             return (), str(error)
 
     async def _ask(self, vehicle: VehicleToCheck) -> _Answers:
-        """Return a vehicle's answers, up to the first request without an answer."""
+        """Return a vehicle's answers; a failed request for instruments or parameters ends the requests."""
         link, required = vehicle.runner.link, self.required_parameters(vehicle)[0]
         answers = _Answers()
         try:
@@ -143,7 +143,7 @@ class FactCollector:
         self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck], answers: _Answers
     ) -> PreflightFacts:
         spec, runner, section = vehicle.spec, vehicle.runner, self._scenario.config.preflight
-        required, no_table = self.required_parameters(vehicle)
+        required, no_table_because = self.required_parameters(vehicle)
         state = runner.link.state()
         return PreflightFacts(
             name=spec.name,
@@ -158,7 +158,7 @@ class FactCollector:
             clock_offset_s=self._clock_offset_s(vehicle, everyone),
             clock_tolerance_s=section.clock_tolerance_s * (self._speedup if spec.simulated else 1.0),
             required_parameters=required,
-            no_table=no_table,
+            no_table_because=no_table_because,
             parameters=answers.parameters,
             fence=self.fence_polygon,
             fence_items=answers.fence,
@@ -194,7 +194,8 @@ class FactCollector:
     def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
         """Return a vehicle's clock less its reference [s]; None if the vehicle reports no time.
 
-        The reference is this machine's clock; with `free_clocks`, the median clock of the simulated vehicles.
+        The reference is this machine's clock. With `free_clocks`, the reference of a simulated vehicle is the
+        median clock of these vehicles.
         """
         offset_s = self._offset_from_machine_s(vehicle)
         if offset_s is None or not (self._free_clocks and _is_simulated(vehicle)):
@@ -205,7 +206,7 @@ class FactCollector:
         return offset_s - statistics.median(other_s for other_s in offsets_s if other_s is not None)
 
     def _offset_from_machine_s(self, vehicle: VehicleToCheck) -> float | None:
-        """Return a vehicle's clock less this machine's [s]; for simulated vehicles both run at `speedup`."""
+        """Return a vehicle's clock less this machine's [s], both at `speedup` for simulated vehicles."""
         instruments = self._instruments.get(vehicle.spec.name)
         if instruments is None or instruments.unix_s is None or instruments.unix_received_s is None:
             return None
@@ -219,9 +220,9 @@ _FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
 async def _enforce_fence(
     link: Link, required: Sequence[RequiredParameter], parameters: Mapping[str, float]
 ) -> str:
-    """Command an ArduPilot to enforce the fence of its parameters; return the failure, or an empty text.
+    """Command an ArduPilot to enforce the fences of FENCE_TYPE; return the failure, or an empty text.
 
-    No command is sent if the fence's parameters are wrong: only a waiver allows such a flight.
+    No command is sent if the fence's parameters are wrong.
     """
     selection = [r for r in required if r.name in _FENCE_SELECTION]
     if not selection or not all(r.met_by(parameters) for r in selection):
@@ -242,7 +243,7 @@ def _age_s(reported_s: float | None) -> float:
 
 
 def _verified_plan(vehicle: VehicleToCheck) -> FlightPlan | None:
-    """Return the plan that is verified on the vehicle; None if there is none."""
+    """Return the plan verified on the vehicle, or None."""
     accepted = vehicle.runner.state.accepted
     return None if accepted is None or not vehicle.runner.link.items() else accepted.plan
 

@@ -18,14 +18,15 @@ from swarmctl.preflight.results import CheckResult
 from swarmctl.preflight.waivers import Waiver
 
 ATTEMPTS = 3
-"""number of rounds of checks until a failure counts; a lost message may cause a failure"""
+"""number of rounds of checks until a failure counts, because a lost message may cause a failure"""
 
 
 class Preflight:
     """The checks of one run.
 
     checked: output; the last results of every vehicle, by name
-    crossings: output; the last element counts crossings over ground of this process's first routes
+    crossings: output; each round appends the crossings over ground of this process's first routes
+    sets_parameters: False for the command `preflight`, which writes no parameters
     unix_s_at_zero, speedup, free_clocks: as for `FactCollector`
     """
 
@@ -77,16 +78,13 @@ class Preflight:
         corrections = _corrections(required, found)
         if corrections:
             await link.set_parameters(corrections)
-            changes = _changes(corrections, found)
-            self._say(
-                f"{vehicle.spec.name}: parameters written as preflight.policy declares; "
-                f"they stay after the flight: {changes}"
-            )
+            text = "parameters written permanently, as the configuration declares"
+            self._say(f"{vehicle.spec.name}: {text}: {_changes(corrections, found)}")
 
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> list[str]:
-        """Check `vehicles`, a subset of `everyone`; return a message for each failure without a waiver."""
+        """Check `vehicles`, a subset of `everyone`; return a message for each result that does not pass."""
         await self._check_repeatedly(vehicles, everyone)
         for result in self._results(vehicles):
             if result.waived:
@@ -96,7 +94,7 @@ class Preflight:
         return [str(result) for result in self._results(vehicles) if not result.passes]
 
     async def early_failures(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> list[str]:
-        """Return one vehicle's failures before all vehicles are ready, without the check `separation`."""
+        """Check one vehicle before all are ready; return its failures, without the check `separation`."""
         await self._check_repeatedly([vehicle], everyone)
         early = [result for result in self._results([vehicle]) if result.check != separation.NAME]
         return [str(result) for result in early if not result.passes]
@@ -104,7 +102,7 @@ class Preflight:
     async def _check_repeatedly(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> None:
-        """Check all vehicles once, and vehicles with failures again."""
+        """Check all vehicles once, and vehicles with failures again, up to ATTEMPTS rounds."""
         failing = list(vehicles)
         for _ in range(ATTEMPTS):
             await self._check_all(failing, everyone)
@@ -141,11 +139,11 @@ class Preflight:
             )
 
     def _set_by_fly(self, facts: PreflightFacts) -> str:
-        """Return the changes that `fly` would make; empty unless these changes correct all parameters."""
+        """Return the changes by `fly` as text, for the command `preflight`; empty unless they suffice."""
         required, found = facts.required_parameters, facts.parameters
         corrections = _corrections(required, found)
         uncorrected = [r for r in required if r.name not in corrections and not r.met_by(found)]
-        if not self._fly_sets_parameters or facts.no_table or uncorrected or not corrections:
+        if not self._fly_sets_parameters or facts.no_table_because or uncorrected or not corrections:
             return ""
         return f"`fly` sets: {_changes(corrections, found)}"
 

@@ -28,9 +28,9 @@ _SIMULATED_VALUES = {"BATT_LOW_VOLT": 10.5}  # for a battery of three cells
 
 
 def simulated_parameters(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:
-    """Return the initial parameters of a simulated vehicle; the owner of a real vehicle sets these by hand.
+    """Return the initial parameters of a simulated vehicle, as the configuration declares.
 
-    The result is empty if the firmware has no parameter table; the check `parameters` reports that.
+    The result is empty if the firmware has no parameter table; the check `parameters` then fails.
     """
     try:
         required = parameters_for(firmware, declared_behaviour(scenario, spec))

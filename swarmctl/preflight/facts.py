@@ -23,6 +23,7 @@ class OtherVehicle:
     name: str
     sysid: int
     altitude_m: float
+    """flight altitude above home"""
     identity: Identity | None
     trajectory: Trajectory | None
     airframe: Airframe = "copter"
@@ -30,7 +31,7 @@ class OtherVehicle:
 
 @dataclass(frozen=True, slots=True)
 class PreflightFacts:
-    """The facts of one vehicle. None and empty mappings: not reported, or no answer to the request."""
+    """The facts of one vehicle. None or an empty mapping: unknown."""
 
     name: str
     sysid: int
@@ -50,7 +51,7 @@ class PreflightFacts:
     """the vehicle's clock minus the reference clock"""
     clock_tolerance_s: float
     required_parameters: tuple[RequiredParameter, ...]
-    no_table: str
+    no_table_because: str
     """reason why the required parameters are unknown; empty if they are known"""
     parameters: Mapping[str, float]
     """reported values, by name"""
@@ -63,6 +64,7 @@ class PreflightFacts:
     rally_points: int | None
     """number of rally points on the vehicle"""
     ceiling_m: float
+    """greatest allowed height above home"""
     plan: FlightPlan | None
     """first route, verified on the vehicle"""
     no_route_because: str
@@ -70,8 +72,10 @@ class PreflightFacts:
     trajectory: Trajectory | None
     """positions over time on the first route; times count from the first launch"""
     altitude_m: float
+    """flight altitude above home"""
     speed_m_s: float
     endurance_s: float | None
+    """flight time of a full battery"""
     reserve_percent: float
     frame: LocalFrame
     """frame of metres east and north of the area's corner"""
@@ -93,7 +97,7 @@ class Finding:
 
 
 def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
-    """Return found, wanted and cure of a check that needs the first route, for a vehicle without it."""
+    """Return found, wanted and cure of a check that needs a route, for a vehicle without a route."""
     found = "no verified route on the vehicle"
     if facts.no_route_because:
         return f"{found} ({facts.no_route_because})", wanted, "first remove the cause in parentheses"
@@ -101,7 +105,7 @@ def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
 
 
 MAX_AGE_S = 5.0
-"""age from which a value that is sent every second counts as unknown"""
+"""greatest age of a value that is sent every second; an older value counts as unknown"""
 
 
 class Check(Protocol):

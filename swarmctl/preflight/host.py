@@ -20,7 +20,7 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
     endpoints: dict[Endpoint, str] = {}
     for spec in scenario.specs:
         endpoints.setdefault(parse_url(spec.url), spec.name)
-    # All ports are held at the same time: 0.0.0.0 and 127.0.0.1 exclude each other on the same port.
+    # All ports are bound at the same time: 0.0.0.0 and 127.0.0.1 exclude each other on the same port.
     with contextlib.ExitStack() as held:
         for endpoint, name in endpoints.items():
             yield from _endpoint_trouble(endpoint, name, held)
@@ -46,7 +46,7 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack)
         try:
             socket.getaddrinfo(endpoint.host, endpoint.port)
         except OSError as error:
-            yield f"{name}: {endpoint}: the host is unknown ({error.strerror or error}); correct the host"
+            yield f"{name}: {endpoint}: the host is unknown ({error.strerror or error}); correct the url"
 
 
 def _listen_trouble(communication: Communication, held: contextlib.ExitStack) -> Iterator[str]:
@@ -77,6 +77,7 @@ def _cure(endpoint: Endpoint, error: OSError) -> str:
 
 
 def _folder_trouble(runs: Path) -> Iterator[str]:
-    existing = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
-    if not (existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)):
-        yield f"the run folder {runs} cannot be created or written ({existing}); give another folder by --out"
+    nearest = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
+    if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
+        cause = f"{nearest} is not a writable folder"
+        yield f"the run folder {runs} cannot be created or written: {cause}; give another folder by --out"

@@ -21,20 +21,20 @@ def overview(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
     grid.add_column("vehicle", no_wrap=True)
     for check in CHECKS:
         grid.add_column(check.NAME, no_wrap=True)
-    for name, findings in checked.items():
-        verdicts = {found.check: found for found in findings}
-        grid.add_row(name, *(_verdict(verdicts.get(check.NAME)) for check in CHECKS))
+    for name, results in checked.items():
+        by_check = {result.check: result for result in results}
+        grid.add_row(name, *(_verdict(by_check.get(check.NAME)) for check in CHECKS))
     return grid
 
 
-def _verdict(found: CheckResult | None) -> Text:
-    if found is None:
+def _verdict(result: CheckResult | None) -> Text:
+    if result is None:
         return _FAILS
-    if found.waived:
+    if result.waived:
         return _WAIVED
-    if found.set_by_fly:
+    if result.set_by_fly:
         return _SET_BY_FLY
-    return _PASSES if found.finding.ok else _FAILS
+    return _PASSES if result.finding.ok else _FAILS
 
 
 def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
@@ -44,12 +44,12 @@ def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
         grid.add_column(title, no_wrap=True)
     for title in ("found", "wanted", "what to do"):
         grid.add_column(title, overflow="fold")
-    for findings in checked.values():
-        for found in findings:
-            if not found.finding.ok:
-                finding = found.finding
-                cure = "waived by the operator" if found.waived else found.set_by_fly or finding.cure
+    for results in checked.values():
+        for result in results:
+            finding = result.finding
+            if not finding.ok:
+                cure = "waived by the operator" if result.waived else result.set_by_fly or finding.cure
                 grid.add_row(
-                    *(Text(t) for t in (found.vehicle, found.check, finding.found, finding.wanted, cure))
+                    *(Text(t) for t in (result.vehicle, result.check, finding.found, finding.wanted, cure))
                 )
     return grid

@@ -20,7 +20,7 @@ class CheckResult:
     waived: bool = False
     """True if the check failed and an operator waived the failure"""
     set_by_fly: str = ""
-    """changes by which `fly` corrects the failure before arming, as text; `preflight` changes nothing"""
+    """changes by which `fly` corrects the failure before arming, as text; only for `preflight`"""
 
     @property
     def passes(self) -> bool:

@@ -35,7 +35,7 @@ def _parse_waiver(text: str, vehicles: Collection[str]) -> Waiver:
     if check not in is_waivable:
         raise ValueError(f"{text}: unknown check {check!r}; the checks are {', '.join(is_waivable)}")
     if not is_waivable[check]:
-        raise ValueError(f"{text}: check {check} cannot be waived; checks that can: {waivable}")
+        raise ValueError(f"{text}: check {check} cannot be waived; the waivable checks are {waivable}")
     if colon and vehicle not in vehicles:
         raise ValueError(f"{text}: unknown vehicle {vehicle!r}; the vehicles are {', '.join(vehicles)}")
     return Waiver(check, vehicle if colon else None)

@@ -19,10 +19,10 @@ class Arrivals:
             self._at_s.setdefault(after.task.uav, now)
 
     def summary(self, states: Mapping[int, AgentState], speedup: float) -> dict[str, Any] | None:
-        """Return the spread of the arrivals; None if vehicles arrive independently.
+        """Return the section of the summary; None if no vehicle has an arrival group.
 
-        `speedup`: simulated seconds in one second of the run's clock. The spread is the greatest difference
-        between two arrivals after subtraction of the configured spacing [s]; 0: exactly as configured.
+        `speedup`: simulated seconds in one second of the run's clock. The spread is the greatest deviation
+        between two arrivals from the configured spacing [s]; None for fewer than two arrivals.
         """
         groups = [s.task.arrival_group for s in states.values() if s.task.arrival_group is not None]
         if not groups:

@@ -104,7 +104,7 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("battery", low_at(0.1, reported_v=12.6), r"BATT_LOW_VOLT 0\.1 V .*12\.6 V"),
     ("battery", low_at(10.5, reported_v=24.0), r"BATT_LOW_VOLT 10\.5 V .*24\.0 V"),
     ("battery", low_at(10.5, reported_v=None), "BATT_LOW_VOLT 10.5 V"),
-    ("parameters", but(no_table="no table for X 1.0"), "no table for X 1.0"),
+    ("parameters", but(no_table_because="no table for X 1.0"), "no table for X 1.0"),
     ("parameters", but(parameters={}), "FENCE_ENABLE"),
     ("parameters", but(parameters={"FENCE_ENABLE": 0.0}), "FENCE_ENABLE 0"),
     ("fence", but(fence_items=None), ""),
@@ -185,8 +185,8 @@ def test_routes_at_one_height_may_differ_over_ground_or_in_time() -> None:
 
 REQUIRED = (
     RequiredParameter("FENCE_ENABLE", "a fence up to 90 m", 1.0, (1.0,)),
-    RequiredParameter("FS_GCS_ENABLE", "policy.lost_link: return", 1.0, (1.0,)),
-    RequiredParameter("FS_OPTIONS", "policy.lost_link: return", bit=1),
+    RequiredParameter("FS_GCS_ENABLE", "preflight.policy.lost_link: return", 1.0, (1.0,)),
+    RequiredParameter("FS_OPTIONS", "preflight.policy.lost_link: return", bit=1),
     RequiredParameter("AIRSPEED_MIN", "wings.min_speed_m_s: 11", least=0.0, most=11.0),
     RequiredParameter("AIRSPEED_CRUISE", "speed_m_s: 15", least=14.5, most=15.5),
     RequiredParameter("Q_ENABLE", "airframe: plane", values=(0.0,)),
@@ -201,7 +201,7 @@ RIGHT = {
 }
 
 
-BY_PROGRAM, POLICY, WINGS = "preflight.set_parameters: true", "policy", "`wings`"
+BY_PROGRAM, POLICY, WINGS = "preflight.set_parameters: true", "preflight.policy.lost_link", "`wings`"
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ def test_an_unsupported_firmware_is_reported_with_the_supported_versions() -> No
     behaviour = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
     with pytest.raises(NoParameterTable) as error:
         parameters_for(Firmware("PX4", (1, 17)), behaviour)
-    found = finding("parameters", but(no_table=str(error.value)))
+    found = finding("parameters", but(no_table_because=str(error.value)))
     assert not found.ok
     assert found.found == str(error.value)
     for text in ("PX4 1.17", "ArduCopter 4.5 to 4.7", "PX4 1.14 to 1.16"):

@@ -141,7 +141,7 @@ def test_declared_values_have_their_parameters(firmware, policy, name, good, bad
     [({"lost_link": "land"}, "NAV_DLL_ACT"), ({"low_battery": "land"}, "COM_LOW_BAT_ACT")],
 )
 def test_a_px4_plane_cannot_be_declared_to_land_wherever_it_is(policy: dict[str, str], name: str) -> None:
-    with pytest.raises(NoParameterTable, match=f"{name} has no value for policy"):
+    with pytest.raises(NoParameterTable, match=rf"{name} has no value for preflight\.policy\."):
         wanted(PX4_PLANE, **policy)
 
 

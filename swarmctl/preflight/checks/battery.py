@@ -12,25 +12,24 @@ FULL_PERCENT = 100.0
 
 def check(facts: PreflightFacts) -> Finding:
     if facts.endurance_s is None:
-        cure = "set it to the flight time of a full battery"
-        return Finding(False, "no configured flight time", "preflight.endurance_s", cure)
+        cure = "set preflight.endurance_s to the flight time of a full battery in seconds"
+        return Finding(False, "no configured flight time", "a flight time of a full battery", cure)
     duration_s = flight_s(facts)
     if duration_s is None:
         return Finding(False, *without_route(facts, "a route and the way back"))
-    needs = 100.0 * duration_s / facts.endurance_s + facts.reserve_percent
-    wanted = (
-        f"{needs:.0f} % ({duration_s:.0f} s to the goal and back, and {facts.reserve_percent:g} % reserve)"
-    )
+    needed_percent = 100.0 * duration_s / facts.endurance_s + facts.reserve_percent
+    reserve = f"{facts.reserve_percent:g} % reserve"
+    wanted = f"{needed_percent:.0f} % ({duration_s:.0f} s to the goal and back, and {reserve})"
     percent = facts.state.battery_percent
     if percent is not None and not facts.status_age_s <= MAX_AGE_S:
         found = f"{percent} %, reported {facts.status_age_s:.0f} s ago"
-        return Finding(False, found, wanted, "find out why SYS_STATUS stopped")
+        return Finding(False, found, wanted, "find out why the vehicle no longer sends SYS_STATUS")
     if percent is None:
         return Finding(False, "no charge in SYS_STATUS", wanted, "check the battery monitor")
     if not _is_low_in_time(facts):
         return Finding(False, *_low_too_late(facts))
-    enough = percent >= needs
-    return Finding(enough, f"{percent} %", wanted, "" if enough else _cure(needs))
+    is_enough = percent >= needed_percent
+    return Finding(is_enough, f"{percent} %", wanted, "" if is_enough else _cure(needed_percent))
 
 
 LOW_NAME = "BATT_LOW_VOLT"
@@ -55,16 +54,15 @@ def _low_too_late(facts: PreflightFacts) -> tuple[str, str, str]:
     return f"{low} at a voltage of {reported_v:.1f} V", wanted, cure
 
 
-def _cure(needs_percent: float) -> str:
-    if needs_percent <= FULL_PERCENT:
+def _cure(needed_percent: float) -> str:
+    if needed_percent <= FULL_PERCENT:
         return "charge the battery, or shorten the route"
-    return (
-        "a full battery is not enough: shorten the route, or correct preflight.endurance_s or reserve_percent"
-    )
+    keys = "preflight.endurance_s or preflight.reserve_percent"
+    return f"a full battery is not enough: shorten the route, or correct {keys}"
 
 
 def flight_s(facts: PreflightFacts) -> float | None:
-    """Return the time from take-off to touchdown and straight back to the present position [s].
+    """Return the time of the first route and of a straight return to the present position [s].
 
     None if the route or the position is unknown.
     """

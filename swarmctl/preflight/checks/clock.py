@@ -1,4 +1,4 @@
-"""Check `clock`: the clock agrees with its reference, so that recorded and signed messages can be ordered."""
+"""Check `clock`: the vehicle's clock agrees with the reference, as records and signed messages require."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ WAIVABLE = True
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a clock within {facts.clock_tolerance_s:g} s"
+    wanted = f"a clock within {facts.clock_tolerance_s:g} s of the reference clock"
     offset_s = facts.clock_offset_s
     if offset_s is None:
         return Finding(False, "no time of day in SYSTEM_TIME", wanted, "wait for the first satellites")
@@ -18,4 +18,4 @@ def check(facts: PreflightFacts) -> Finding:
         "set this machine's clock by NTP, or raise preflight.clock_tolerance_s; a vehicle's clock follows "
         "satellites, a simulated vehicle has its own clock"
     )
-    return Finding(agrees, f"{offset_s:+.1f} s", wanted, "" if agrees else cure)
+    return Finding(agrees, f"a difference of {offset_s:+.1f} s", wanted, "" if agrees else cure)

@@ -13,7 +13,7 @@ MAX_HDOP = 2.0
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a 3D fix, {MIN_SATELLITES} satellites or more, HDOP {MAX_HDOP:g} or less"
+    wanted = f"fix type {FIX_3D} (3D) or more, {MIN_SATELLITES} satellites or more, HDOP {MAX_HDOP:g} or less"
     gps = facts.instruments.gps if facts.instruments is not None else None
     if gps is None:
         return Finding(
@@ -22,11 +22,11 @@ def check(facts: PreflightFacts) -> Finding:
     satellites = "unknown" if gps.satellites is None else str(gps.satellites)
     hdop = "unknown" if gps.hdop is None else f"{gps.hdop:.2f}"
     found = f"fix type {gps.fix_type}, {satellites} satellites, HDOP {hdop}"
-    good = (
+    is_good = (
         gps.fix_type >= FIX_3D
         and gps.satellites is not None
         and gps.satellites >= MIN_SATELLITES
         and gps.hdop is not None
         and gps.hdop <= MAX_HDOP
     )
-    return Finding(good, found, wanted, "" if good else "wait under open sky")
+    return Finding(is_good, found, wanted, "" if is_good else "wait under open sky, then repeat the command")

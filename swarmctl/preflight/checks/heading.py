@@ -1,4 +1,4 @@
-"""Check `heading`: a fixed wing points along its first leg, because it takes off straight ahead."""
+"""Check `heading`: a fixed wing, which takes off straight ahead, points along the first leg."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def check(facts: PreflightFacts) -> Finding:
         facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg),
     )
     leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
-    wanted = f"{leg_deg:.0f} degrees, along the first leg, within {MAX_ANGLE_DEG:g}"
+    wanted = f"{leg_deg:.0f} degrees (the first leg), within {MAX_ANGLE_DEG:g} degrees"
     if state.heading_deg is None:
         return Finding(False, "no heading in the vehicle's messages", wanted, "check the compass")
-    off_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
-    cure = "" if off_deg <= MAX_ANGLE_DEG else "turn the vehicle toward the first leg"
-    return Finding(off_deg <= MAX_ANGLE_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)
+    angle_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
+    cure = "" if angle_deg <= MAX_ANGLE_DEG else "turn the vehicle toward the first leg"
+    return Finding(angle_deg <= MAX_ANGLE_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)

@@ -8,7 +8,7 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 NAME = "home"
 WAIVABLE = True
 MAX_DISTANCE_M = 50.0
-"""greatest distance between home and vehicle: a home from another place is farther; arming sets home again"""
+"""greatest distance between home and vehicle; an old home from another place is farther"""
 
 
 def check(facts: PreflightFacts) -> Finding:
@@ -19,5 +19,7 @@ def check(facts: PreflightFacts) -> Finding:
     if state.lat_deg is None or state.lon_deg is None:
         return Finding(False, "no position of the vehicle", wanted, "wait for the first position")
     away_m = distance_m((state.home_lat_deg, state.home_lon_deg), (state.lat_deg, state.lon_deg))
-    near = away_m <= MAX_DISTANCE_M
-    return Finding(near, f"home {away_m:.0f} m away", wanted, "" if near else "set home at the vehicle")
+    is_near = away_m <= MAX_DISTANCE_M
+    return Finding(
+        is_near, f"home {away_m:.0f} m away", wanted, "" if is_near else "set home to the vehicle's position"
+    )

@@ -13,11 +13,11 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"system {facts.sysid}, ArduPilot or PX4, a {facts.airframe}"
     identity = facts.identity
     if identity is None:
-        return Finding(False, "no identity", wanted, "find out why AUTOPILOT_VERSION does not arrive")
+        return Finding(False, "no AUTOPILOT_VERSION", wanted, "check the vehicle's link")
     airframe = airframe_of(identity)
     found = f"system {identity.sysid}, {identity.firmware}, a {airframe}"
     if airframe != facts.airframe:
         cure = f"set `airframe: {airframe}` on this vehicle; the present plans are for a {facts.airframe}"
         return Finding(False, found, wanted, cure)
-    known = identity.sysid == facts.sysid and bool(firmware_of(identity).name)
-    return Finding(known, found, wanted, "" if known else "correct url or sysid, or remove the vehicle")
+    matches = identity.sysid == facts.sysid and bool(firmware_of(identity).name)
+    return Finding(matches, found, wanted, "" if matches else "correct url or sysid, or remove the vehicle")

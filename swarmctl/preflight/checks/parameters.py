@@ -1,4 +1,4 @@
-"""Check `parameters`: the vehicle's parameters agree with the declared policy, by its firmware's names."""
+"""Check `parameters`: the vehicle's parameters agree with the configuration, as the firmware names them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from swarmctl.preflight.policy import RequiredParameter
 
 NAME = "parameters"
 WAIVABLE = True
+_WANTED = "parameters as the configuration declares"
 _UNSUPPORTED = (
     "use a supported version or declare another policy; or set the vehicle's return and its reactions to a "
     "lost link, a low battery and a fence breach by hand, and waive this check"
@@ -16,12 +17,11 @@ _UNSUPPORTED = (
 
 
 def check(facts: PreflightFacts) -> Finding:
-    if facts.no_table:
-        return Finding(False, facts.no_table, "parameters as `preflight.policy` declares", _UNSUPPORTED)
+    if facts.no_table_because:
+        return Finding(False, facts.no_table_because, _WANTED, _UNSUPPORTED)
     wrong = [r for r in facts.required_parameters if not r.met_by(facts.parameters)]
     if not wrong:
-        found = f"{len(facts.required_parameters)} parameters as declared"
-        return Finding(True, found, "parameters as `preflight.policy` declares")
+        return Finding(True, f"{len(facts.required_parameters)} parameters as declared", _WANTED)
     return Finding(
         False,
         ", ".join(f"{r.name} {_value(facts, r)}" for r in wrong),
@@ -37,11 +37,14 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
     settable = [r.name for r in reported if r.corrected(facts.parameters[r.name]) is not None]
     by_hand = [r.name for r in reported if r.name not in settable]
     declared = [r.declared for r in reported]
+    policies = sorted({text.split(":")[0] for text in declared if text.startswith("preflight.policy.")})
     keys = sorted({text.split(":")[0] for text in declared if text.split(":")[0].isidentifier()})
     texts = [
-        f"set {_names(settable)} on the vehicle, or preflight.set_parameters: true" if settable else "",
+        f"set {_names(settable)} on the vehicle, or declare preflight.set_parameters: true"
+        if settable
+        else "",
         f"set {_names(by_hand)} on the vehicle by hand" if by_hand else "",
-        "or declare another policy" if any(text.startswith("policy.") for text in declared) else "",
+        f"or declare another {_names(policies)}" if policies else "",
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",
         f"or correct {_names(keys)} of the vehicle" if keys else "",
         f"check the vehicle's link, or use a firmware with {_names(unreported)}" if unreported else "",

@@ -11,7 +11,7 @@ WAIVABLE = False
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a position estimate, pre-arm checks passed, messages within {MAX_AGE_S:g} s"
+    wanted = f"a position estimate, pre-arm checks passed, messages at most {MAX_AGE_S:g} s old"
     state = facts.state
     if not facts.age_s <= MAX_AGE_S:
         found = "no heartbeat"
@@ -22,8 +22,8 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, "no recent position in GLOBAL_POSITION_INT", wanted, cure)
     if not facts.status_age_s <= MAX_AGE_S:
         found = f"no SYS_STATUS within {MAX_AGE_S:g} s, so the readiness to arm is unknown"
-        return Finding(False, found, wanted, "find out why SYS_STATUS stopped")
+        return Finding(False, found, wanted, "find out why the vehicle no longer sends SYS_STATUS")
     if not state.ready:
         reasons = "; ".join(state.not_ready) or "no reason reported"
-        return Finding(False, f"not ready to arm: {reasons}", wanted, "clear the reported reasons")
+        return Finding(False, f"not ready to arm: {reasons}", wanted, "remove the reported causes")
     return Finding(True, f"{state.lat_deg:.6f}, {state.lon_deg:.6f}, ready to arm", wanted)

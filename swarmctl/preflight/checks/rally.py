@@ -9,7 +9,7 @@ WAIVABLE = True
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = "no rally points: the vehicle would return to one of them instead of home"
+    wanted = "no rally points: the vehicle would return to a rally point instead of home"
     if facts.rally_points is None:
         return Finding(False, "no answer to the request for rally points", wanted, "check the vehicle's link")
     if facts.rally_points:

@@ -1,4 +1,4 @@
-"""Check `route`: the first route is on the vehicle, and every leg stays inside the fence."""
+"""Check `route`: the first route is on the vehicle, inside the fence and no higher than the ceiling."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WAIVABLE = True
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a route inside the fence and below {facts.ceiling_m:g} m"
+    wanted = f"a route inside the fence, up to {facts.ceiling_m:g} m above home"
     state, plan = facts.state, facts.plan
     if plan is None:
         return Finding(False, *without_route(facts, wanted))
@@ -29,7 +29,7 @@ def check(facts: PreflightFacts) -> Finding:
     where = _landing_outside(facts, plan, corners)
     if where:
         cure = "widen preflight.fence, or move the start, the goal or the area"
-        return Finding(False, f"the landing {where} leaves the fence", wanted, cure)
+        return Finding(False, f"the landing pattern {where} leaves the fence", wanted, cure)
     if outside:
         found = f"leg {outside[0]} of {len(track) - 1} leaves the fence"
         cure = "widen preflight.fence, or move the start, the goal or the area"
@@ -37,12 +37,12 @@ def check(facts: PreflightFacts) -> Finding:
     highest_m = max(plan.takeoff_alt_m, *(p.alt_rel_m for p in (*plan.track, plan.landing)))
     if highest_m > facts.ceiling_m:
         cure = "raise preflight.fence.max_altitude_m, or fly lower"
-        return Finding(False, f"the route climbs to {highest_m:g} m", wanted, cure)
+        return Finding(False, f"the route climbs to {highest_m:g} m above home", wanted, cure)
     return Finding(True, f"{len(track) - 1} legs inside, up to {highest_m:g} m", wanted)
 
 
 def _landing_outside(facts: PreflightFacts, plan: FlightPlan, corners: Sequence[PlanarPoint]) -> str:
-    """Return the place of a fixed wing's approach that leaves the fence; empty if none does."""
+    """Return "at the goal" or "at home" if a landing pattern there leaves the fence, else an empty text."""
     for where, approach in (("at the goal", plan.approach), ("at home", plan.home_approach)):
         if approach is None:
             continue

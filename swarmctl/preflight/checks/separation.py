@@ -12,22 +12,22 @@ WAIVABLE = True
 def check(facts: PreflightFacts) -> Finding:
     limits = facts.limits
     wanted = f"{limits.vertical_m:g} m of height or {limits.horizontal_m:g} m over ground from all others"
-    near = [text for other in facts.others if (text := _too_near(facts, other))]
-    if near:
+    conflicts = [text for other in facts.others if (text := _conflict_with(facts, other))]
+    if conflicts:
         cure = "change the altitudes (flight.altitude_step_m, vehicles[].altitude_m), or add launch delays"
-        return Finding(False, "; ".join(near), wanted, cure)
+        return Finding(False, "; ".join(conflicts), wanted, cure)
     return Finding(True, f"separated from {len(facts.others)} other vehicles", wanted)
 
 
-def _too_near(facts: PreflightFacts, other: OtherVehicle) -> str:
+def _conflict_with(facts: PreflightFacts, other: OtherVehicle) -> str:
     # A copter climbs and descends on the spot, a fixed wing on its route.
-    hover = facts.airframe == other.airframe == "copter"
-    if hover and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
+    both_copters = facts.airframe == other.airframe == "copter"
+    if both_copters and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
         return ""
     if facts.trajectory is None or other.trajectory is None:
-        height = f", also at {other.altitude_m:g} m" if hover else ""
+        height = f", at {other.altitude_m:g} m" if both_copters else ""
         return f"no known route of {other.name if other.trajectory is None else facts.name}{height}"
-    at = closest(facts.trajectory, other.trajectory, facts.limits)
-    if at is None or not intervals(facts.trajectory, other.trajectory, facts.limits):
+    approach = closest(facts.trajectory, other.trajectory, facts.limits)
+    if approach is None or not intervals(facts.trajectory, other.trajectory, facts.limits):
         return ""
-    return f"{at.horizontal_m:.0f} m over ground from {other.name} after {at.t_s:.0f} s"
+    return f"{approach.horizontal_m:.0f} m over ground from {other.name} after {approach.t_s:.0f} s"

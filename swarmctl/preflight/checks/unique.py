@@ -26,17 +26,17 @@ def check(facts: PreflightFacts) -> Finding:
 
 
 def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
-    """Return whether two vehicles have one board, by AUTOPILOT_VERSION.uid2; all zeros mean unknown."""
+    """Return whether two vehicles have the same board, by AUTOPILOT_VERSION.uid2; all zeros mean unknown."""
     mine = facts.identity
     if mine is None or other is None:
         return False
-    return any(mine.uid2) and mine.uid2 == other.uid2 and not _names_a_kind(mine.uid2)
+    return any(mine.uid2) and mine.uid2 == other.uid2 and not _is_board_type(mine.uid2)
 
 
-def _names_a_kind(uid2: bytes) -> bool:
-    """Return whether a uid names a kind of board, not one board.
+def _is_board_type(uid2: bytes) -> bool:
+    """Return whether a uid names a type of board, not one board.
 
     PX4's Linux boards (VOXL 2, Raspberry Pi) report two bytes of the processor's architecture, then a text
-    for the kind of board (BOARD_OVERRIDE_UUID).
+    for the type of board (BOARD_OVERRIDE_UUID).
     """
     return uid2[2:].isalnum()

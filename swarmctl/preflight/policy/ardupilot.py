@@ -15,11 +15,11 @@ from swarmctl.preflight.policy.required import (
 )
 
 
-def _gcs(version: Version) -> str:
+def _gcs_parameter(version: Version) -> str:
     return "MAV_GCS_SYSID" if version >= (4, 7) else "SYSID_MYGCS"
 
 
-# The second value of a return is SmartRTL, back along the flown track.
+# The second value of "return" is SmartRTL, a return along the flown track.
 _COPTER_LOST_LINK = {"return": (1.0, 3.0), "land": (5.0,), "hold": (7.0,), "continue": (0.0,)}
 _COPTER_BATTERY = {"return": (2.0, 3.0), "land": (1.0,)}
 _COPTER_CRITICAL = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0)  # 5: Terminate
@@ -36,14 +36,14 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
             (
                 exactly("FS_GCS_TIMEOUT", behaviour.lost_link_after, policy.lost_link_after_s),
                 RequiredParameter("FS_OPTIONS", behaviour.lost_link, bit=_CONTINUE_IN_AUTO_BIT),
-                exactly(_gcs(version), behaviour.lost_link, behaviour.gcs_sysid),
+                exactly(_gcs_parameter(version), behaviour.lost_link, behaviour.gcs_sysid),
             )
             if policy.lost_link != "continue"
             else ()
         ),
         one_of("BATT_FS_LOW_ACT", behaviour.low_battery, _COPTER_BATTERY, policy.low_battery),
-        _critical(behaviour, _COPTER_CRITICAL),
-        *_battery(behaviour),
+        _critical_battery(behaviour, _COPTER_CRITICAL),
+        *_battery_monitor(behaviour),
         *_fence(behaviour),
         one_of("FENCE_ACTION", behaviour.fence_breach, _COPTER_FENCE, policy.fence_breach),
         *_copter_position_loss(),
@@ -58,7 +58,7 @@ _MAX_EKF_THRESH = 1.0  # of FS_EKF_THRESH; 0 turns the check off
 
 def _copter_position_loss() -> tuple[RequiredParameter, ...]:
     """Return the parameters of a landing after the loss of the position estimate."""
-    declared = "a landing without a position estimate"
+    declared = "a landing after the loss of the position estimate"
     return (
         RequiredParameter("FS_EKF_ACTION", declared, _EKF_LAND, (_EKF_LAND, _EKF_LAND_ALWAYS)),
         RequiredParameter("FS_EKF_THRESH", declared, 0.8, least=0.1, most=_MAX_EKF_THRESH),
@@ -81,7 +81,7 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
             (
                 one_of("FS_LONG_ACTN", behaviour.lost_link, {"return": (1.0,)}, policy.lost_link),
                 exactly("FS_LONG_TIMEOUT", behaviour.lost_link_after, policy.lost_link_after_s),
-                exactly(_gcs(version), behaviour.lost_link, behaviour.gcs_sysid),
+                exactly(_gcs_parameter(version), behaviour.lost_link, behaviour.gcs_sysid),
             )
             if watched
             else ()
@@ -89,8 +89,8 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
         one_of(
             "BATT_FS_LOW_ACT", behaviour.low_battery, {"return": (1.0,), "land": (2.0,)}, policy.low_battery
         ),
-        _critical(behaviour, _PLANE_CRITICAL),
-        *_battery(behaviour),
+        _critical_battery(behaviour, _PLANE_CRITICAL),
+        *_battery_monitor(behaviour),
         *_fence(behaviour),
         one_of("FENCE_ACTION", behaviour.fence_breach, {"return": (1.0,)}, policy.fence_breach),
         *_plane_circles(behaviour, wings),
@@ -101,13 +101,13 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
 def _plane_circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
     """Return the parameters of circles, of the return to a landing, and of the least speed.
 
-    Circles are no wider than plans assume; the sign of a radius is the direction.
+    Circles are no wider than plans assume. The sign of a radius is the direction of the circle.
     """
-    most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
-    radius = f"wings.loiter_radius_m: {most_m:g}"
+    max_radius_m, min_speed_m_s = wings.loiter_radius_m, wings.min_speed_m_s
+    radius = f"wings.loiter_radius_m: {max_radius_m:g}"
     return (
-        RequiredParameter("WP_LOITER_RAD", radius, most_m, least=-most_m, most=most_m),
-        RequiredParameter("RTL_RADIUS", radius, 0.0, least=-most_m, most=most_m),
+        RequiredParameter("WP_LOITER_RAD", radius, max_radius_m, least=-max_radius_m, most=max_radius_m),
+        RequiredParameter("RTL_RADIUS", radius, 0.0, least=-max_radius_m, most=max_radius_m),
         exactly("RTL_AUTOLAND", "a return that ends in a landing", _LAND_AT_HOME),
         RequiredParameter(
             "RTL_ALTITUDE",
@@ -119,7 +119,7 @@ def _plane_circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[Requ
             most=behaviour.altitude_m if behaviour.among_others else behaviour.ceiling_m,
         ),
         RequiredParameter(
-            "AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s
+            "AIRSPEED_MIN", f"wings.min_speed_m_s: {min_speed_m_s:g}", least=0.0, most=min_speed_m_s
         ),
     )
 
@@ -137,13 +137,13 @@ def _plane_flight(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]
     )
 
 
-def _critical(behaviour: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
+def _critical_battery(behaviour: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
     """Return the parameter of a critical battery; `values` are the actions without a motor stop."""
     return RequiredParameter("BATT_FS_CRT_ACT", behaviour.low_battery, 0.0, values)
 
 
-def _battery(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
-    """Return the parameters of the battery monitor: values above 0 that depend on the vehicle."""
+def _battery_monitor(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
+    """Return the parameters of the battery monitor: the owner's values, above 0."""
     return tuple(
         above_zero(name, behaviour.low_battery)
         for name in ("BATT_MONITOR", "BATT_LOW_VOLT", "BATT_LOW_TIMER")

@@ -29,36 +29,36 @@ class DeclaredBehaviour:
     turn_radius_m: float = 40.0
     """turn radius of a fixed wing"""
     among_others: bool = False
-    """True for a vehicle of a swarm whose vehicles fly at different heights"""
+    """True if the swarm has other vehicles"""
 
     @property
     def lost_link(self) -> str:
-        return f"policy.lost_link: {self.policy.lost_link}"
+        return f"preflight.policy.lost_link: {self.policy.lost_link}"
 
     @property
     def lost_link_after(self) -> str:
-        return f"policy.lost_link_after_s: {self.policy.lost_link_after_s}"
+        return f"preflight.policy.lost_link_after_s: {self.policy.lost_link_after_s}"
 
     @property
     def low_battery(self) -> str:
-        return f"policy.low_battery: {self.policy.low_battery}"
+        return f"preflight.policy.low_battery: {self.policy.low_battery}"
 
     @property
     def fence_breach(self) -> str:
-        return f"policy.fence_breach: {self.policy.fence_breach}"
+        return f"preflight.policy.fence_breach: {self.policy.fence_breach}"
 
     @property
-    def returns_at_most_m(self) -> float:
-        """Return the greatest height above home to which a return may climb [m].
+    def max_return_height_m(self) -> float:
+        """Greatest height above home to which a return may climb [m].
 
-        The return schedule assumes this height. In a swarm each vehicle returns at or below its own flight
-        altitude, so two vehicles do not climb to the same height.
+        The return schedule allows for CLIMBS_TO_M. In a swarm no return climbs above the vehicle's flight
+        altitude.
         """
         return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 
     @property
     def returns(self) -> str:
-        return f"a return at {self.returns_at_most_m:g} m or below"
+        return f"a return at {self.max_return_height_m:g} m or below"
 
     @property
     def fence(self) -> str:
@@ -66,7 +66,7 @@ class DeclaredBehaviour:
 
 
 def ceiling(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:
-    """Return the parameter of the ceiling: from the flight altitude up to the declared ceiling."""
+    """Return the requirement on a ceiling: from the flight altitude up to the declared ceiling."""
     return RequiredParameter(
         name, behaviour.fence, behaviour.ceiling_m, least=behaviour.altitude_m, most=behaviour.ceiling_m
     )
@@ -79,7 +79,7 @@ _G_M_S2 = 9.81
 def cruise_and_bank(
     behaviour: DeclaredBehaviour, airspeed: str, bank_limit: str
 ) -> tuple[RequiredParameter, RequiredParameter]:
-    """Return the parameters of a fixed wing's airspeed [m/s] and bank limit [deg], by their names."""
+    """Return the requirements on a fixed wing's airspeed [m/s] and bank limit [deg]."""
     speed, radius_m = cruise_speed(airspeed, behaviour), behaviour.turn_radius_m
     bank_deg = math.degrees(math.atan2(behaviour.speed_m_s**2, _G_M_S2 * radius_m))
     turns = f"turn_radius_m: {radius_m:g} at {speed.declared}"
@@ -87,7 +87,7 @@ def cruise_and_bank(
 
 
 def cruise_speed(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:
-    """Return the parameter of the cruise speed [m/s], by its name. Only the owner sets it."""
+    """Return the requirement on a cruise speed [m/s]. This program does not write the parameter."""
     speed_m_s = behaviour.speed_m_s
     least, most = speed_m_s - _SPEED_TOLERANCE_M_S, speed_m_s + _SPEED_TOLERANCE_M_S
     return RequiredParameter(name, f"speed_m_s: {speed_m_s:g}", least=least, most=most)

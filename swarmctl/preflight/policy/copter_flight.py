@@ -45,9 +45,9 @@ def flight(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
 
 def returns(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     """Return the parameters of the return to launch."""
-    own = (_for_version(parameter, version) for parameter in _returns(behaviour))
+    renamed = (_for_version(parameter, version) for parameter in _returns(behaviour))
     hover = RequiredParameter("RTL_LOIT_TIME", _LANDS, _DEFAULT_HOVER_MS, least=0.0, most=_MAX_HOVER_MS)
-    return (*own, hover)
+    return (*renamed, hover)
 
 
 def _for_version(parameter: RequiredParameter, version: Version) -> RequiredParameter:
@@ -57,6 +57,7 @@ def _for_version(parameter: RequiredParameter, version: Version) -> RequiredPara
     return replace(
         parameter,
         name=_OLD_NAMES[parameter.name],
+        declared=f"{parameter.declared}; the parameter has cm for m",
         set_to=None if parameter.set_to is None else _cm(parameter.set_to),
         values=tuple(_cm(value) for value in parameter.values),
         least=_cm(parameter.least),
@@ -70,10 +71,10 @@ def _cm(value_m: float) -> float:
 
 def _mission_flight(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
     yield cruise_speed("WP_SPD", behaviour)
-    yield _rate("WP_SPD_UP", f"a climb at {CLIMB_M_S:g} m/s", CLIMB_M_S, behaviour)
-    yield _rate("WP_SPD_DN", f"a descent at {DESCENT_M_S:g} m/s", DESCENT_M_S, behaviour)
+    yield _as_planned("WP_SPD_UP", f"a climb at {CLIMB_M_S:g} m/s", CLIMB_M_S, behaviour)
+    yield _as_planned("WP_SPD_DN", f"a descent at {DESCENT_M_S:g} m/s", DESCENT_M_S, behaviour)
     brakes = f"braking by {ACCELERATION_M_S2:g} m/s^2"
-    yield _rate("WP_ACC", brakes, ACCELERATION_M_S2, behaviour)
+    yield _as_planned("WP_ACC", brakes, ACCELERATION_M_S2, behaviour)
     corners = f"turns within {CORNER_RADIUS_M:g} m of a waypoint"
     yield RequiredParameter("WP_RADIUS_M", corners, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M)
 
@@ -84,24 +85,24 @@ _USE_WP_SPD_DN = 0.0  # LAND_SPD_HIGH_MS 0: the copter descends at WP_SPD_DN
 def _landing(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
     landing = f"a landing at {LAND_M_S:g} m/s below {LOW_M:g} m"
     high = f"a descent at {DESCENT_M_S:g} m/s to {LOW_M:g} m"
-    yield _rate("LAND_SPD_MS", landing, LAND_M_S, behaviour)
-    yield replace(_rate("LAND_SPD_HIGH_MS", high, DESCENT_M_S, behaviour), values=(_USE_WP_SPD_DN,))
-    low = _rate("LAND_ALT_LOW_M", landing, LOW_M, behaviour)
+    yield _as_planned("LAND_SPD_MS", landing, LAND_M_S, behaviour)
+    yield replace(_as_planned("LAND_SPD_HIGH_MS", high, DESCENT_M_S, behaviour), values=(_USE_WP_SPD_DN,))
+    low = _as_planned("LAND_ALT_LOW_M", landing, LOW_M, behaviour)
     # A lower value is safe: the vehicle slows down later and lands sooner.
     yield replace(low, least=low.least if behaviour.among_others else 0.0, most=(1.0 + _TOLERANCE) * LOW_M)
 
 
 _TOLERANCE = 0.1
-"""accepted deviation from the rate that plans assume, as a share"""
+"""accepted deviation from a value that plans assume, as a share"""
 
 
-def _rate(name: str, declared: str, rate: float, behaviour: DeclaredBehaviour) -> RequiredParameter:
-    """Return the requirement on a rate. Only the owner sets it, never this program.
+def _as_planned(name: str, declared: str, planned: float, behaviour: DeclaredBehaviour) -> RequiredParameter:
+    """Return the requirement on a value that plans assume. This program does not write the parameter.
 
     A slower vehicle is late and needs more charge. A faster vehicle is ahead of the predicted position.
     """
-    most = (1.0 + _TOLERANCE) * rate if behaviour.among_others else math.inf
-    return RequiredParameter(name, declared, least=(1.0 - _TOLERANCE) * rate, most=most)
+    most = (1.0 + _TOLERANCE) * planned if behaviour.among_others else math.inf
+    return RequiredParameter(name, declared, least=(1.0 - _TOLERANCE) * planned, most=most)
 
 
 _LANDS = "a return that ends in a landing"
@@ -114,7 +115,7 @@ _MAX_HOVER_MS = 20_000.0  # the return schedule allows for this time (`return_sc
 
 def _returns(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
     """Yield the parameters of a return: a climb to RTL_ALT, home at cruise speed, and a landing."""
-    most_m = behaviour.returns_at_most_m
+    most_m = behaviour.max_return_height_m
     yield RequiredParameter(
         "RTL_ALT_M", behaviour.returns, min(_DEFAULT_RETURN_ALT_M, most_m), least=0.0, most=most_m
     )

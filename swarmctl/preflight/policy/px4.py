@@ -14,7 +14,7 @@ _LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": (0.0
 _BATTERY = {"return": (3.0,), "land": (2.0,)}
 _FENCE = {"return": (3.0,), "land": (5.0,), "hold": (2.0,)}
 _MISSION_BIT = 0  # of COM_DLL_EXCEPT, a parameter since 1.16: no reaction to a lost link in a mission
-_DEFAULT_RETURN_ALT_M = 30.0  # default of RTL_RETURN_ALT
+_RETURN_ALT_M = 30.0  # of RTL_RETURN_ALT; the default of copters
 _STRAIGHT_HOME = 0.0  # of RTL_TYPE; other values may lead to the mission's landing, at the goal
 _MAX_DELAY_S = 300.0  # of RTL_LAND_DELAY; -1: the copter stays in the air over home
 
@@ -70,7 +70,7 @@ def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredPa
     """
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     steep_deg = wings.glide_from_circle_deg
-    climbs_m = max(behaviour.altitude_m - wings.takeoff_height_m, _DEFAULT_ALT_RAD_M)
+    altitude_radius_m = max(behaviour.altitude_m - wings.takeoff_height_m, _DEFAULT_ALT_RAD_M)
     return (
         exactly("RTL_TYPE", "a return that ends in a landing", _MISSION_LANDING),
         RequiredParameter(
@@ -97,8 +97,8 @@ def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredPa
         RequiredParameter(
             "NAV_FW_ALT_RAD",
             "a climb along the route, not in a circle",
-            climbs_m,
-            least=climbs_m,
+            altitude_radius_m,
+            least=altitude_radius_m,
             most=math.inf,
         ),
         RequiredParameter(
@@ -134,8 +134,8 @@ def _heights(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
         RequiredParameter(
             "RTL_RETURN_ALT",
             behaviour.returns,
-            min(_DEFAULT_RETURN_ALT_M, behaviour.returns_at_most_m),
+            min(_RETURN_ALT_M, behaviour.max_return_height_m),
             least=0.0,
-            most=behaviour.returns_at_most_m,
+            most=behaviour.max_return_height_m,
         ),
     )

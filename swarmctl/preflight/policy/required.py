@@ -10,7 +10,7 @@ from swarmctl.mavlink.protocol.parameters import same_value
 
 Version = tuple[int, int]
 MIN_ABOVE_ZERO = 1e-6
-"""least value above 0"""
+"""least accepted value of a parameter that must be above 0"""
 
 
 class NoParameterTable(Exception):
@@ -19,13 +19,13 @@ class NoParameterTable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RequiredParameter:
-    """A parameter and its accepted values: `values`, `least` to `most`, or any value without bit `bit`."""
+    """A parameter and the accepted values: `values` and `least` to `most`, or whole numbers without `bit`."""
 
     name: str
     declared: str
-    """the declared behaviour that needs the parameter, as text"""
+    """declared behaviour that needs the parameter, as text for operators"""
     set_to: float | None = None
-    """value to write in place of a refused value; None: only the owner sets it; unused with `bit`"""
+    """value to write if the vehicle's value is not accepted; None: write nothing; no effect with `bit`"""
     values: tuple[float, ...] = ()
     least: float = math.nan
     most: float = math.nan
@@ -64,17 +64,17 @@ class RequiredParameter:
 def one_of(
     name: str, declared: str, values: Mapping[str, tuple[float, ...]], action: str
 ) -> RequiredParameter:
-    """Return the parameter of an action; the first of its values is written. Raises NoParameterTable."""
+    """Return the requirement of an action; a correction writes its first value. Raises NoParameterTable."""
     if action not in values:
         raise NoParameterTable(f"{name} has no value for {declared}; it has values for {', '.join(values)}")
     return RequiredParameter(name, declared, values[action][0], values[action])
 
 
 def exactly(name: str, declared: str, value: float) -> RequiredParameter:
-    """Return a parameter with one accepted value."""
+    """Return a requirement with one accepted value."""
     return RequiredParameter(name, declared, value, (value,))
 
 
 def above_zero(name: str, declared: str) -> RequiredParameter:
-    """Return a parameter that accepts every value above 0."""
+    """Return a requirement that accepts every value from MIN_ABOVE_ZERO on; a correction writes nothing."""
     return RequiredParameter(name, declared, least=MIN_ABOVE_ZERO, most=math.inf)

@@ -1,7 +1,7 @@
 """Evidence of a run: commands, acknowledgements, observed effects on vehicles, and actions of people.
 
-`evidence.jsonl` in the run folder holds one JSON object a line, each with the hash of the line before. A
-changed, removed or inserted line breaks the chain at this line.
+`evidence.jsonl` in the run folder holds one JSON object a line, each with the hash of the previous line. A
+changed, removed or inserted line breaks the chain. The last line of a complete file is `closed`.
 
 | key | holds |
 |---|---|
@@ -10,7 +10,7 @@ changed, removed or inserted line breaks the chain at this line.
 | `vehicle` | name of the vehicle; null for the whole run |
 | `kind` | opened, command, acknowledgement, effect, waiver, operator, note, closed |
 | `what` | MAVLink's names and values, or words |
-| `previous` | the `hash` of the line before; 64 zeros in the first |
+| `previous` | the `hash` of the previous line; 64 zeros in the first line |
 | `hash` | SHA-256 of the line without this key, in canonical form |
 
 | module | holds |
