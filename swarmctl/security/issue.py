@@ -1,4 +1,4 @@
-"""Creation of the participants' key folders and their certificate authority; existing folders are kept."""
+"""Creation of the participants' key folders and of their certificate authority; existing keys are kept."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from swarmctl.security.files import (
     hosts_of,
     read_certificate,
     read_ec_key,
-    read_signer,
+    read_signing_key,
 )
 
 LOCAL_HOSTS = ("localhost", "127.0.0.1")
 BACKDATED_BY = dt.timedelta(days=1)
-"""time by which a certificate's validity starts before its issue: companions' clocks may be late"""
+"""time from the start of a certificate's validity to its issue, because companions' clocks may be late"""
 PRIVATE_MODE = 0o600
 
 
@@ -45,7 +45,7 @@ class ParticipantFolder:
     folder: Path
     is_new: bool
     is_changed: bool
-    """True for an existing folder with new public keys of other participants; its machine needs a new copy"""
+    """True for an existing folder whose table of public keys changed; its machine needs a new copy"""
     until: dt.datetime
     hosts: tuple[str, ...]
 
@@ -57,10 +57,10 @@ def make_keys(
     now: dt.datetime,
     hosts: Mapping[str, Sequence[str]] | None = None,
 ) -> list[ParticipantFolder]:
-    """Make the missing folders of the participants `names`.
+    """Make the missing folders of the participants `names`, and check the existing folders.
 
-    Certificates are valid for `days` from `now` (an aware datetime), and the authority's certificate for ten
-    times as long. `hosts` are the participants' addresses by name. Raises KeyringError.
+    New certificates are valid until `days` after `now` (an aware datetime), and a new authority's certificate
+    for ten times as long. `hosts` are further hosts of the participants, by name. Raises KeyringError.
     """
     for name in names:
         if not PARTICIPANT_NAME.fullmatch(name):
@@ -68,13 +68,13 @@ def make_keys(
     hosts = hosts or {}
     try:
         authority = _authority(folder / AUTHORITY, days, now)
-        made = [
+        folders = [
             _participant(folder / name, name, authority, days, now, hosts.get(name, ())) for name in names
         ]
         changed = _distribute_public_keys(folder)
     except OSError as error:
         raise KeyringError(f"{error.filename or folder}: {error.strerror or error}") from error
-    return [replace(one, is_changed=not one.is_new and one.name in changed) for one in made]
+    return [replace(item, is_changed=not item.is_new and item.name in changed) for item in folders]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,20 +98,20 @@ def _authority(folder: Path, days: int, now: dt.datetime) -> _Authority:
         _write(certificate_file, certificate.public_bytes(serialization.Encoding.PEM))
         _write_key(key_file, key)
         return _Authority(key, certificate)
-    made = _Authority(read_ec_key(key_file), read_certificate(certificate_file))
-    if made.key.public_key() != made.certificate.public_key():
+    existing = _Authority(read_ec_key(key_file), read_certificate(certificate_file))
+    if existing.key.public_key() != existing.certificate.public_key():
         raise KeyringError(
             f"{key_file} is not the key of {certificate_file}; restore both, or give another folder"
         )
-    check_validity(certificate_file, made.certificate, now)
-    return made
+    check_validity(certificate_file, existing.certificate, now)
+    return existing
 
 
 def _participant(
     folder: Path, name: str, authority: _Authority, days: int, now: dt.datetime, hosts: Sequence[str]
 ) -> ParticipantFolder:
     if folder.exists():
-        return _existing(folder, name, authority, now, hosts)
+        return _check_existing(folder, name, authority, now, hosts)
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     all_hosts = tuple(dict.fromkeys((name, *LOCAL_HOSTS, *hosts)))
@@ -131,30 +131,32 @@ def _participant(
     return ParticipantFolder(name, folder, True, False, certificate.not_valid_after_utc, all_hosts)
 
 
-def _existing(
+def _check_existing(
     folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]
 ) -> ParticipantFolder:
-    """Check that this authority issued the keys of an existing folder; return the folder."""
+    """Check an existing folder: name, authority, validity, keys and hosts; return the folder."""
     certificate_file = folder / "cert.pem"
     certificate = read_certificate(certificate_file)
     check_name(certificate_file, certificate, name)
     check_issuer(certificate_file, certificate, authority.certificate, folder.parent / AUTHORITY)
     check_validity(certificate_file, certificate, now)
     check_key_pair(folder / "key.pem", certificate_file, certificate)
-    read_signer(folder / "sign.pem")
-    named = hosts_of(certificate)
-    if missing := [host for host in hosts if host not in named]:
+    read_signing_key(folder / "sign.pem")
+    certified_hosts = hosts_of(certificate)
+    if missing := [host for host in hosts if host not in certified_hosts]:
         raise KeyringError(
             f"{certificate_file} does not name {', '.join(missing)}; remove {folder}, so that the next "
             "`swarmctl keys` makes it again"
         )
-    return ParticipantFolder(name, folder, False, False, certificate.not_valid_after_utc, named)
+    return ParticipantFolder(name, folder, False, False, certificate.not_valid_after_utc, certified_hosts)
 
 
 def _distribute_public_keys(folder: Path) -> set[str]:
     """Write all public keys into every folder, new or existing; return the names of changed folders."""
     folders = sorted(path for path in folder.iterdir() if PARTICIPANT_NAME.fullmatch(path.name))
-    public = {path.name: read_signer(path / "sign.pem").public_key().public_bytes_raw() for path in folders}
+    public = {
+        path.name: read_signing_key(path / "sign.pem").public_key().public_bytes_raw() for path in folders
+    }
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
     content = text.encode() + b"\n"
     changed = [path for path in folders if not _holds(path / "signers.json", content)]

@@ -1,4 +1,4 @@
-"""Files of MAVLink signing: the key, and the highest timestamp used with the key."""
+"""Files of MAVLink signing: the key, and a timestamp above all timestamps used with the key."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_mavlink_key(path: Path) -> bytes:
             f"{path}: the signing key cannot be read: the file is not text; expected {_FORMS}"
         ) from error
     check_private(path)
-    key = _key(text)
+    key = _parse_key(text)
     if key is None:
         raise KeyringError(f"{path}: found no signing key, expected {_FORMS}")
     if not any(key):
@@ -47,7 +47,7 @@ def read_mavlink_key(path: Path) -> bytes:
     return key
 
 
-def _key(text: str) -> bytes | None:
+def _parse_key(text: str) -> bytes | None:
     if text.startswith(PASSPHRASE):
         passphrase = text.removeprefix(PASSPHRASE).strip()
         return hashlib.sha256(passphrase.encode()).digest() if passphrase else None
@@ -61,7 +61,7 @@ def _key(text: str) -> bytes | None:
 
 
 class TimestampFile:
-    """File in the key's folder with a timestamp above all used timestamps."""
+    """File beside the key; its timestamp is at least as high as all used timestamps."""
 
     def __init__(self, key_file: Path) -> None:
         self.path = key_file.with_name(f"{key_file.name}.timestamp")
@@ -72,14 +72,14 @@ class TimestampFile:
             text = self.path.read_text(encoding="ascii")
         except FileNotFoundError:
             return 0
-        return _number(text, self.path)
+        return _parse_timestamp(text, self.path)
 
     def keep(self, timestamp: int) -> None:
         """Store a timestamp, unless the file has a higher timestamp. Raises OSError and ValueError."""
         with os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="ascii") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             text = file.read()
-            highest = max(timestamp, _number(text, self.path) if text else 0)
+            highest = max(timestamp, _parse_timestamp(text, self.path) if text else 0)
             file.seek(0)
             # The width is constant, so a crash cannot leave digits of a longer number.
             file.write(f"{highest:020d}\n")
@@ -87,7 +87,7 @@ class TimestampFile:
             os.fsync(file.fileno())
 
 
-def _number(text: str, path: Path) -> int:
+def _parse_timestamp(text: str, path: Path) -> int:
     if not text.strip().isdecimal():
         raise ValueError(
             f"{path}: found {text[:40]!r}, expected a number written by this program; restore the file"

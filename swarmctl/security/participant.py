@@ -22,8 +22,8 @@ from swarmctl.security.files import (
     check_validity,
     read,
     read_certificate,
-    read_signer,
-    read_signers,
+    read_public_keys,
+    read_signing_key,
 )
 
 
@@ -66,35 +66,35 @@ def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
 
     Raises KeyringError.
     """
-    own = folder / name
-    if not own.is_dir():
+    own_folder = folder / name
+    if not own_folder.is_dir():
         raise KeyringError(
-            f"{own}: no such folder; make it with `swarmctl keys --out {folder}`, or copy it from the "
+            f"{own_folder}: no such folder; make it with `swarmctl keys --out {folder}`, or copy it from the "
             "machine where `swarmctl keys` ran"
         )
-    files = Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
+    files = Credentials(own_folder / "ca.pem", own_folder / "cert.pem", own_folder / "key.pem")
+    signer_file, signers_file = own_folder / "sign.pem", own_folder / "signers.json"
     ca, certificate = read_certificate(files.ca), read_certificate(files.certificate)
     check_name(files.certificate, certificate, name)
     check_issuer(files.certificate, certificate, ca, files.ca)
     check_validity(files.ca, ca, now)
     check_validity(files.certificate, certificate, now)
-    for private in (files.key, own / "sign.pem"):
-        check_private(private)
+    for private_file in (files.key, signer_file):
+        check_private(private_file)
     check_key_pair(files.key, files.certificate, certificate)
-    signer, signers = read_signer(own / "sign.pem"), read_signers(own / "signers.json")
+    signer, signers = read_signing_key(signer_file), read_public_keys(signers_file)
     if signers.get(name) != signer.public_key():
         raise KeyringError(
-            f"{own / 'signers.json'} has another key for {name} than {own / 'sign.pem'}: other participants "
-            f"would refuse messages of {name}; copy the whole folder from the machine where `swarmctl keys` "
-            "ran"
+            f"the key of {name} in {signers_file} does not belong to {signer_file}: other participants would "
+            f"refuse messages of {name}; copy the whole folder from the machine where `swarmctl keys` ran"
         )
     return Keyring(name, files, certificate.not_valid_after_utc, signer, signers)
 
 
 def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Iterator[str]:
-    """Yield a line for each participant of `names` whose keys cannot be used at `now`.
+    """Yield a line for each problem with the keys of the participants `names` at `now`.
 
-    On the machine with the authority all participants are expected, on other machines at least one.
+    On the machine with the authority all folders are expected, on other machines at least one folder.
     """
     present = [name for name in names if (folder / name).is_dir()]
     has_authority = (folder / AUTHORITY).is_dir()
@@ -107,7 +107,7 @@ def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Itera
         except KeyringError as error:
             yield str(error)
         if not present:
-            return  # one line for all
+            return  # one line for all missing folders
     if has_authority and present:
         file = folder / AUTHORITY / "ca.pem"
         try:
@@ -117,6 +117,6 @@ def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Itera
     if len(authorities) > 1:
         files = ", ".join(map(str, authorities.values()))
         yield (
-            f"{files} belong to different authorities, so the participants refuse each other's messages: "
-            "copy the folders of one run of `swarmctl keys` to all machines"
+            f"{files} belong to different authorities, so the participants refuse each other's connections: "
+            "copy the folders of one `swarmctl keys --out` folder to all machines"
         )

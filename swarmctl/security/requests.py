@@ -1,8 +1,8 @@
 """Signed commands of an operator, safe from forgery, redirection and replay, and signed answers.
 
 A signed command is 64 bytes of Ed25519 signature and a MessagePack map. The signature covers the swarm's
-name and the map. The map has the key of the command: a command to one vehicle is not valid for another. The
-vehicle signs its answer together with the command.
+name and the map. The map has the command's bus key, so another vehicle refuses the command. An answer's
+signature also covers a hash of the signed command.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ MAX_COMMAND_AGE_S = 20.0
 
 
 class SignedCommand(msgspec.Struct, frozen=True):
-    """A command, its key and its time."""
+    """A command, its bus key and its time."""
 
     key: Annotated[str, msgspec.Meta(max_length=200)]
     unix_s: float
-    """time of the command, unique"""
+    """time of the command; a verifier refuses a second command with the same time"""
     command: Annotated[bytes, msgspec.Meta(max_length=MAX_COMMAND_BYTES)]
 
     def __post_init__(self) -> None:
@@ -46,15 +46,14 @@ def _signed_command_bytes(swarm: str, body: bytes) -> bytes:
 def sign_command(
     swarm: str, key: str, command: bytes, unix_s: float, sign: Callable[[bytes], bytes]
 ) -> bytes:
-    """Return the signed payload of a command under `key`."""
+    """Return the signed payload of a command under the bus key `key`."""
     body = _encoder.encode(SignedCommand(key, unix_s, command))
     return sign(_signed_command_bytes(swarm, body)) + body
 
 
 def _signed_answer_bytes(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
-    # The hash has a constant length. Signed commands are unique.
-    question = hashlib.sha256(asked).digest()
-    return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + question + answer
+    asked_hash = hashlib.sha256(asked).digest()  # The constant length separates the hash from the answer.
+    return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + asked_hash + answer
 
 
 def sign_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Callable[[bytes], bytes]) -> bytes:
@@ -73,12 +72,11 @@ def verify_answer(
 
 
 class CommandVerifier:
-    """Verifier of commands to an agent: checks signature, key and time, and refuses repeated commands.
+    """Verifier of commands to an agent: checks signature, bus key and time, and refuses repeated commands.
 
     verify: function that checks the operator's signature
-    began_unix_s: start of this process; an earlier process may have executed older commands, so the verifier
-        refuses these
-    tolerance_s: largest lead of the operator's clock [s]
+    began_unix_s: start of this process; an earlier process may have executed older commands
+    tolerance_s: largest accepted lead of the operator's clock [s]
     """
 
     def __init__(
@@ -91,7 +89,7 @@ class CommandVerifier:
         self._taken: set[float] = set()
 
     def verify(self, key: str, data: bytes, unix_s: float) -> bytes:
-        """Return the command. Raises BadMessage, and no other exception, for malformed bytes."""
+        """Return the command. Raises BadMessage, and no other exception, for a refused payload."""
         signature, body = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
         if not self._verify(signature, _signed_command_bytes(self._swarm, body)):
             raise BadMessage(

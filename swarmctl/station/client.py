@@ -35,7 +35,7 @@ TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
 
 class Unclear(ValueError):
-    """Options that do not select one swarm and its vehicles; the text names the missing option."""
+    """Missing, invalid or contradictory options of a command; the text has the remedy."""
 
 
 class NoAnswer(Exception):
@@ -76,11 +76,11 @@ UNSIGNED: CommandSigning = _Unsigned()
 """commands without signatures; every answer is accepted"""
 
 
-def chosen_vehicles(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
+def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | None:
     """Return the vehicles as given, by name or system id; None for all vehicles. Raises Unclear."""
-    if everyone == bool(uavs):
+    if all_vehicles == bool(uavs):
         raise Unclear("give either --uav NAME (or system id; repeatable) or --all [which-vehicles]")
-    return None if everyone else tuple(uavs)
+    return None if all_vehicles else tuple(uavs)
 
 
 def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
@@ -116,10 +116,10 @@ def find(
     """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 
     `names` are the vehicles of `config`; each agent may run on a separate machine. Raises Unclear, and
-    BusError if no such swarm flies.
+    BusError if this machine has no such flight.
     """
-    swarm = _name(swarm, config)
-    is_distributed = config is not None and has_agents(config)
+    swarm = _swarm_name(swarm, config)
+    is_distributed = config is not None and may_span_machines(config)
     if connect is not None:
         if swarm is None:
             raise Unclear("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
@@ -159,13 +159,13 @@ def find(
 
 
 def describe(flight: directory.RunningSwarm) -> str:
-    """Return a running flight with its endpoint, age and process."""
+    """Return the swarm, endpoint, age and process of a running flight as text."""
     age = duration_text(time.time() - flight.started_unix_s)
     return f"{flight.swarm} at {flight.endpoint} (flying for {age}, process {flight.pid})"
 
 
 def duration_text(seconds: float) -> str:
-    """Return a duration in its largest fitting unit."""
+    """Return a duration as text: in hours from 2 h on, in minutes from 2 min on, else in seconds."""
     for unit, unit_s in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 2.0 * unit_s:
             return f"{seconds / unit_s:.0f} {unit}"
@@ -173,7 +173,7 @@ def duration_text(seconds: float) -> str:
 
 
 def ended_text(swarm: str, uav: int | None = None) -> str:
-    """Return the end of the last flight of a swarm, or of one agent, on this machine; empty if unknown."""
+    """Return when the last flight of a swarm or agent ended on this machine, as text; empty if unknown."""
     ended_unix_s = directory.ended_unix_s(swarm, uav)
     if ended_unix_s is None:
         return ""
@@ -181,7 +181,7 @@ def ended_text(swarm: str, uav: int | None = None) -> str:
     return f"{flight} ended {duration_text(time.time() - ended_unix_s)} ago (see its summary.json)"
 
 
-def has_agents(config: Swarm) -> bool:
+def may_span_machines(config: Swarm) -> bool:
     """Return whether the swarm's agents may run on separate machines."""
     return config.communication.router is not None or bool(config.communication.mesh)
 
@@ -192,7 +192,7 @@ def entry_points(config: Swarm) -> list[BusEndpoint]:
     return [parse_endpoint(text) for text in ([c.router] if c.router is not None else c.mesh.values())]
 
 
-def _name(swarm: str | None, config: Swarm | None) -> str | None:
+def _swarm_name(swarm: str | None, config: Swarm | None) -> str | None:
     if swarm is not None and not re.fullmatch(keys.SWARM_NAME, swarm):
         raise Unclear(f"--swarm {swarm!r}: expected a swarm's name, which matches {keys.SWARM_NAME}")
     if swarm is not None and config is not None and swarm != config.name:
@@ -225,7 +225,7 @@ async def send(
 
 @contextlib.contextmanager
 def connected(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
-    """Connect to the first endpoint of the station that answers. Raises BusError."""
+    """Yield a connection to the first endpoint of the station that answers. Raises BusError."""
     failures: list[str] = []
     for endpoint in (station.endpoint, *station.others):
         try:
@@ -274,15 +274,15 @@ async def ask(
         return decode_answer(answers[0])
     except BadMessage as error:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} sent an invalid answer: {error}; the flight may run "
-            "another version of this program"
+            f"{station.swarm} at {station.endpoint} sent an invalid answer: {error}. The command may have "
+            "had an effect; the flight may run another version of this program"
         ) from error
 
 
 async def _ask_each(
     bus: Transport, station: Station, kind: keys.RequestKind, command: Request, signing: CommandSigning
 ) -> OperatorAnswer:
-    """Send a command to each vehicle's own agent, all at once. Raises Unclear."""
+    """Send a command to the agents of its vehicles, all at the same time. Raises Unclear."""
     try:
         uavs = list(
             station.agents if command.uavs is None else resolve_vehicles(command.uavs, station.agents)
@@ -301,13 +301,14 @@ async def _ask_each(
         except TimeoutError:
             note = f"the vehicle's agent did not answer within {TIMEOUT_S:g} s"
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
-        own = list(_signed_answers(signing, uav, key, payload, answers))
-        return _merge_answers(uav, name, ended_text(station.swarm, uav), own, len(answers) - len(own))
+        verified = list(_verified_answers(signing, uav, key, payload, answers))
+        n_dropped = len(answers) - len(verified)
+        return _one_answer(uav, name, ended_text(station.swarm, uav), verified, n_dropped)
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
 
 
-def _signed_answers(
+def _verified_answers(
     signing: CommandSigning, uav: int, key: str, asked: bytes, answers: Sequence[bytes]
 ) -> Iterator[bytes]:
     for data in answers:
@@ -315,12 +316,12 @@ def _signed_answers(
             yield signing.verify_answer(uav, key, asked, data)
 
 
-def _merge_answers(uav: int, name: str, ended: str, answers: Sequence[bytes], dropped: int) -> VehicleAnswer:
-    """Return an agent's answer; `dropped` is the number of answers without the vehicle's signature."""
-    if not dropped:
+def _one_answer(uav: int, name: str, ended: str, answers: Sequence[bytes], n_dropped: int) -> VehicleAnswer:
+    """Return an agent's answer; `n_dropped` answers did not have the vehicle's signature."""
+    if not n_dropped:
         return _decode_one(uav, name, ended, answers)
     warning = (
-        f"{dropped} answer{'s' if dropped > 1 else ''} without the vehicle's signature "
+        f"{n_dropped} answer{'s' if n_dropped > 1 else ''} without the vehicle's signature "
         "(another process answers for the vehicle, or the vehicle has other keys)"
     )
     if not answers:
@@ -358,7 +359,7 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
 
 
 def has_failed(command: Request, answer: OperatorAnswer) -> bool:
-    """Return whether a vehicle did not take the command. With --all, landed vehicles do not count."""
+    """Return whether a vehicle did not take the command; with --all, `over` is accepted beside `taken`."""
     outcomes = {vehicle.outcome for vehicle in answer.vehicles}
     accepted = {"taken", "over"} if command.uavs is None else {"taken"}
     return bool(answer.refused) or "taken" not in outcomes or not outcomes <= accepted

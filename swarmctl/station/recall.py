@@ -18,7 +18,7 @@ from swarmctl.station.client import UNSIGNED, CommandSigning, Station
 FALLBACK_RETURN_S = 120.0
 """time after which a holding vehicle returns without a turn, because the station may be lost"""
 MAX_ATTEMPTS = 3
-"""number of attempts for each vehicle; an unconfirmed return delays the turns of the other vehicles"""
+"""largest number of attempts per vehicle; an unconfirmed return may delay the other vehicles' turns"""
 
 
 async def send(
@@ -51,22 +51,21 @@ async def ask(
     )
     recalled = [v for v in held if v.outcome == "taken"]
     turns = schedule_for({v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)})
-    down_s = turns.all_landed_s if len(turns.begins_s) == len(recalled) else math.inf
+    landed_s = turns.all_landed_s if len(turns.begins_s) == len(recalled) else math.inf
     extra_delay_s = 0.0
-    if any(v.outcome == "unconfirmed" for v in held) and down_s > FALLBACK_RETURN_S - (_now_s() - began_s):
-        extra_delay_s = FALLBACK_RETURN_S + _longest_s(recalled)
+    if any(v.outcome == "unconfirmed" for v in held) and landed_s > FALLBACK_RETURN_S - (_now_s() - began_s):
+        extra_delay_s = FALLBACK_RETURN_S + _longest_return_s(recalled)
 
     async def give_turn(vehicle: VehicleAnswer) -> VehicleAnswer:
-        # Vehicles at unknown positions return after the landing of all other vehicles.
+        # Vehicles at unknown positions return after the latest expected landing of the other vehicles.
         after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.all_landed_s), MAX_AFTER_S)
         turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
         (answer,) = await _send_repeatedly(bus, station, turn, signing)
         if answer.outcome == "taken":
             return answer
-        # The vehicle took the first command, so it returns after FALLBACK_RETURN_S.
         note = (
-            f"the vehicle holds, and returns after {FALLBACK_RETURN_S:g} s without regard to other "
-            f"vehicles: {answer.note}"
+            f"the vehicle holds, but has not confirmed its turn; without a turn, it returns "
+            f"{FALLBACK_RETURN_S:g} s after the first command and ignores other vehicles: {answer.note}"
         )
         return msgspec.structs.replace(vehicle, note=note)
 
@@ -77,9 +76,9 @@ async def ask(
 async def _send_repeatedly(
     bus: Transport, station: Station, command: GiveOrder, signing: CommandSigning
 ) -> Sequence[VehicleAnswer]:
-    """Send a command, and repeat the command to vehicles without an answer, with the remaining delay.
+    """Send a command, repeat it with the remaining delay to unconfirmed vehicles, and return the answers.
 
-    An unconfirmed vehicle may have taken the command, so it stays unconfirmed until it answers.
+    A later `silent` does not replace `unconfirmed`: the vehicle may have taken the command.
     """
     began_s = _now_s()
     answers = {v.uav: v for v in (await client.ask(bus, station, command, signing)).vehicles}
@@ -95,8 +94,8 @@ async def _send_repeatedly(
     return list(answers.values())
 
 
-def _longest_s(recalled: Sequence[VehicleAnswer]) -> float:
-    """Return the duration of the longest return [s], among the vehicles at known positions."""
+def _longest_return_s(recalled: Sequence[VehicleAnswer]) -> float:
+    """Return the longest return [s] of the vehicles at known positions; without any, FALLBACK_RETURN_S."""
     alone = [schedule_for({v.uav: v.place}).all_landed_s for v in recalled if v.place is not None]
     return max(alone, default=FALLBACK_RETURN_S)
 
@@ -104,12 +103,10 @@ def _longest_s(recalled: Sequence[VehicleAnswer]) -> float:
 def _with_unconfirmed_note(vehicle: VehicleAnswer, extra_delay_s: float) -> VehicleAnswer:
     if vehicle.outcome != "unconfirmed":
         return vehicle
-    others = (
-        "the other vehicles wait until then" if extra_delay_s else "the other vehicles have landed by then"
-    )
+    others = "wait for its expected landing" if extra_delay_s else "are expected to land before"
     note = (
-        f"if the vehicle took the command, it holds and returns after {FALLBACK_RETURN_S:g} s; {others}: "
-        f"{vehicle.note}"
+        f"if the vehicle took the command, it holds and returns after {FALLBACK_RETURN_S:g} s; the other "
+        f"vehicles {others}: {vehicle.note}"
     )
     return msgspec.structs.replace(vehicle, note=note)
 

@@ -16,13 +16,13 @@ async def run(
 ) -> None:
     """Route until SIGINT or SIGTERM; report the endpoint, connections and disconnections.
 
-    `names` are the vehicles (system id: name); certificates have system ids. Raises BusError.
+    `names` are the vehicles (system id: name); certificates name vehicles by system id. Raises BusError.
     """
     vehicles = {name_of(uav): _label(uav, name) for uav, name in (names or {}).items()}
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
 
-    def changed(address: str, name: str | None, is_connected: bool) -> None:
+    def report_link(address: str, name: str | None, is_connected: bool) -> None:
         client = "a client" if not name else vehicles.get(name, name)
         say(f"{client} at {address} {'has connected' if is_connected else 'has disconnected'}")
 
@@ -30,7 +30,7 @@ async def run(
     for number in signals:
         loop.add_signal_handler(number, stopped.set)
     try:
-        with ZenohBus(configuration, on_link=changed) as bus:
+        with ZenohBus(configuration, on_link=report_link) as bus:
             say(f"listening at {bus.endpoint}")
             await stopped.wait()
     finally:

@@ -1,4 +1,4 @@
-"""The states of vehicles whose agents run on other machines, as a table."""
+"""The states of vehicles whose agents run on other machines, as a table or as lines."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from swarmctl.report.live_rows import COLOURS
 from swarmctl.report.tables import Column, FittedTable
 
 OLD_AFTER_S = 5.0
-"""age from which a state is shown as old; vehicles send a state each second"""
+"""time without a state after which a vehicle is shown as silent; vehicles send a state each second"""
 REFRESH_S = 0.5
 STATE_AGE_S = 60.0
-"""greatest difference between a state's time and now, by both machines' clocks; other states are refused"""
+"""largest difference between a state's time and this machine's clock; other states are refused"""
 MAX_SHOWN = 10**6
-"""limit on shown numbers; larger numbers are invalid and would widen the table"""
+"""limit on shown numbers; larger numbers are invalid, and wide"""
 ONCE_TIMEOUT_S = 5.0
 """longest wait of `--once` for the states of all vehicles"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
@@ -42,8 +42,10 @@ LEGEND = (
     "known: from own and others' observations; plan: number of the current plan, 1 the first; refused: "
     "messages that the vehicle refused"
 )
-LATE_LEGEND = "; late: flight time to the goal, beyond the time bound"
-CONTRADICTED_LEGEND = "; contradicted by: vehicles whose reports contradict this vehicle's observations"
+LATE_LEGEND = "; late: predicted flight time to the goal, outside the time bound"
+CONTRADICTED_LEGEND = (
+    "; contradicted by: vehicles with reports against this vehicle's or each other's reports"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +54,11 @@ class VehicleRow:
 
     name: str
     age_s: float | None
-    """time since the vehicle's last state [s]; None before the first"""
+    """time since the reception of the last state [s]; None before the first state"""
     state: StateShared | None
     cell: Cell | None
     contradicted_by: tuple[str, ...] = ()
-    """vehicles whose reports contradict this vehicle's own observations"""
+    """vehicles whose reports contradict this vehicle's observations, or each other"""
 
     @property
     def is_silent(self) -> bool:
@@ -79,7 +81,7 @@ class SwarmView:
     """endpoint and state of the connection, as text"""
     rows: Sequence[VehicleRow]
     refused: int
-    """messages that were not valid states of this swarm's vehicles"""
+    """number of messages that were not valid, current states of this swarm's vehicles"""
 
 
 class StateBoard:
@@ -108,9 +110,9 @@ class StateBoard:
         if not is_expected or not isinstance(state, StateShared):
             self.refused += 1
             return
-        known = self._newest.get(frame.sender)
-        is_newer = known is None or (frame.incarnation, frame.n) > (known[0].incarnation, known[0].n)
-        # A replayed state is authentic, but no longer true.
+        last = self._newest.get(frame.sender)
+        is_newer = last is None or (frame.incarnation, frame.n) > (last[0].incarnation, last[0].n)
+        # A replayed state has a valid signature, but its content is old.
         if not is_newer or abs(unix_s - frame.unix_s) > STATE_AGE_S:
             self.refused += 1
             return
@@ -128,10 +130,10 @@ class StateBoard:
         return SwarmView(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
 
     def _row(self, uav: int, now_s: float) -> VehicleRow:
-        name, known = self._names[uav], self._newest.get(uav)
-        if known is None:
+        name, newest = self._names[uav], self._newest.get(uav)
+        if newest is None:
             return VehicleRow(name, None, None, None)
-        _, state, received_s = known
+        _, state, received_s = newest
         flagged = state.flagged[: len(self._names)]
         contradicted_by = tuple(self._names.get(other, str(other)) for other in flagged)
         cell = self._grid.cell_at(state.lat_deg, state.lon_deg)
@@ -167,21 +169,21 @@ async def watch(
 
 def table(view: SwarmView) -> Group:
     """Return a view as a table for a terminal."""
-    late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
-    contradicted = any(row.contradicted_by for row in view.rows)
-    grid = FittedTable((*COLUMNS, *[LATE] * late, *[CONTRADICTED] * contradicted))
+    any_late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
+    any_contradicted = any(row.contradicted_by for row in view.rows)
+    grid = FittedTable((*COLUMNS, *[LATE] * any_late, *[CONTRADICTED] * any_contradicted))
     for row in view.rows:
         cells = [
             *_cells(row),
-            *[_late(row)] * late,
-            *[Text(", ".join(row.contradicted_by), style="red")] * contradicted,
+            *[_late(row)] * any_late,
+            *[Text(", ".join(row.contradicted_by), style="red")] * any_contradicted,
         ]
         grid.add_row(*cells, style="bright_black" if row.is_silent else "")
-    legend = LEGEND + LATE_LEGEND * late + CONTRADICTED_LEGEND * contradicted
+    legend = LEGEND + LATE_LEGEND * any_late + CONTRADICTED_LEGEND * any_contradicted
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
     if view.refused:
-        text = f"{view.refused} messages were refused: not a vehicle's current signed state"
+        text = f"{view.refused} messages were refused: not a valid, current state of a vehicle"
         notes.append(Text(text, style="red"))
     return Group(head, grid, Text(legend, style="bright_black"), *notes)
 
@@ -212,33 +214,33 @@ def _late(row: VehicleRow) -> Text:
 
 
 class StateLines:
-    """Plain lines for logs and pipes: a line at each change, and a line for each vehicle every `every_s`."""
+    """Plain lines: for each vehicle a line at a change of phase or silence, and every `every_s` [s]."""
 
     def __init__(self, say: Callable[[str], None], every_s: float) -> None:
         self._say = say
-        self._every = max(round(every_s / REFRESH_S), 1)
-        self._views = 0
+        self._views_per_line = max(round(every_s / REFRESH_S), 1)
+        self._n_views = 0
         self._network = ""
         self._last: dict[str, tuple[str, bool]] = {}
 
     def show(self, view: SwarmView) -> None:
-        due = self._views % self._every == 0
-        self._views += 1
+        is_due = self._n_views % self._views_per_line == 0
+        self._n_views += 1
         if view.network != self._network:
             self._network = view.network
             self._say(f"{view.swarm}: {view.network}")
         for row in view.rows:
-            present = "" if row.state is None else row.state.phase, row.is_silent
-            if due or self._last.get(row.name) != present:
+            current = "" if row.state is None else row.state.phase, row.is_silent
+            if is_due or self._last.get(row.name) != current:
                 self._say(line(row))
-            self._last[row.name] = present
+            self._last[row.name] = current
 
 
 def line(row: VehicleRow) -> str:
     """Return one vehicle as a plain line."""
     state = row.state
     if state is None:
-        return f"{row.name}: not received"
+        return f"{row.name}: no state received"
     age = "" if row.age_s is None or not row.is_silent else f", last state {row.age_s:.0f} s old"
     where = "outside the area" if row.cell is None else f"cell {row.cell[0]},{row.cell[1]}"
     text = (
@@ -247,11 +249,11 @@ def line(row: VehicleRow) -> str:
         f"{number(state.n_found)} hostiles known, "
         f"plan {number(state.plan_id)}, {number(state.refused)} messages refused"
     )
-    text += "" if state.late_s is None else f", late: {number(state.late_s)} s to the goal"
+    text += "" if state.late_s is None else f", late: predicted {number(state.late_s)} s to the goal"
     text += f", contradicted by {', '.join(row.contradicted_by)}" if row.contradicted_by else ""
     return f"{text} ({row.note})" if row.note else text
 
 
 def number(value: float) -> str:
-    """Return a received number, rounded; `?` for an invalid number."""
+    """Return a received number as text, rounded; `?` for an invalid number."""
     return str(round(value)) if math.isfinite(value) and abs(value) < MAX_SHOWN else "?"
