@@ -1,7 +1,7 @@
 """Simulated time: its start date and the tolerance for equal times.
 
-Logs and SYSTEM_TIME contain the date. The date is fixed, so that equal runs write equal files.
+Logs and SYSTEM_TIME contain the date. The start date is fixed, so that equal runs write equal files.
 """
 
-EPOCH_US = 1_767_225_600_000_000  # 2026-01-01T00:00:00Z, since 1970
-EPSILON_S = 1e-9  # tolerance for sums of ticks
+EPOCH_US = 1_767_225_600_000_000  # 2026-01-01T00:00:00Z as UNIX time
+EPSILON_S = 1e-9  # tolerance for equal times

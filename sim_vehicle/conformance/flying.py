@@ -111,7 +111,7 @@ def arm(vehicle: VehicleUnderTest) -> None:
 def disarm(vehicle: VehicleUnderTest) -> None:
     """Disarm the vehicle on the ground, and wait until its heartbeat shows it disarmed."""
     if vehicle.armed:
-        vehicle.accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
         vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
 
 
@@ -192,7 +192,7 @@ def _launch_plane(vehicle: VehicleUnderTest) -> None:
     else:
         wait_ready(vehicle)
         set_mode(vehicle, arm_role)
-        vehicle.accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     vehicle.wait_until(
         lambda: height_m(vehicle) > PLANE_HEIGHT_M * 0.8, f"{PLANE_HEIGHT_M * 0.8:g} m up", CLIMB_S
     )

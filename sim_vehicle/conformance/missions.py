@@ -31,7 +31,7 @@ def start(vehicle: VehicleUnderTest) -> None:
     rewind(vehicle)
     flying.arm(vehicle)
     if vehicle.dialect.name == "ardupilot":
-        vehicle.accepted(mavlink.MAV_CMD_MISSION_START)
+        vehicle.expect_accepted(mavlink.MAV_CMD_MISSION_START)
     else:
         flying.set_mode(vehicle, "mission")
     vehicle.wait_until(flying.in_mode(vehicle, "mission"), "the mission mode", flying.HEARTBEAT_LAG_S)

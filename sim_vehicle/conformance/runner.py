@@ -236,7 +236,7 @@ def _run_check(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
         _pass_on_interrupt(error)
     finally:
         vehicle.deadline_s = math.inf
-        vehicle.quiet = False
+        vehicle.heartbeats_off = False
     return CheckResult(check, outcome, seen, vehicle.now - began_s)
 
 

@@ -1,4 +1,4 @@
-"""Links to a real vehicle: the suite's only I/O and only clock."""
+"""Links to a vehicle over UDP, TCP or a serial port, with the suite's only clock of wall time."""
 
 import contextlib
 import select
@@ -15,14 +15,14 @@ from sim_vehicle.links.url import Url
 DATAGRAM_BYTES = 65_536
 RECONNECT_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
 V1, V2 = 0xFE, 0xFD  # first byte of a frame of MAVLink 1 and 2
-QUIET_S = 1.0  # [s of vehicle time]; a second address within this time belongs to another vehicle
+ADDRESS_SILENCE_S = 1.0  # [s of vehicle time]; after a longer silence a system id may change its address
 
 
 class SenderAddresses:
     """The address of each system id on a UDP port.
 
     The address of a vehicle may change, for example after a reboot. Two senders with one id at the same time
-    are two vehicles; frames of the second sender are ignored.
+    are two vehicles; the id then keeps the address of the first sender.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class SenderAddresses:
 
     @property
     def addresses(self) -> list[Any]:
-        """Return the addresses of all systems, without duplicates."""
+        """Return the addresses of all system ids, without duplicates."""
         return list(dict.fromkeys(self._addresses.values()))
 
     def address(self, sysid: int) -> Any | None:
@@ -40,9 +40,9 @@ class SenderAddresses:
 
     def received(self, sysid: int, address: Any, now_s: float) -> bool:
         """Record a sender; return False if the id belongs to another address."""
-        known = self._addresses.get(sysid)
-        if known is not None and known != address:
-            if now_s - self._latest_s[sysid] <= QUIET_S:
+        recorded = self._addresses.get(sysid)
+        if recorded is not None and recorded != address:
+            if now_s - self._latest_s[sysid] <= ADDRESS_SILENCE_S:
                 self._ambiguous.add(sysid)
             if sysid in self._ambiguous:
                 return False
@@ -51,7 +51,7 @@ class SenderAddresses:
 
 
 class _VehicleClock:
-    """The vehicle time: wall time multiplied by `speedup`."""
+    """The vehicle time: wall time since the start, multiplied by `speedup`."""
 
     def __init__(self, speedup: float) -> None:
         self._speedup = speedup
@@ -65,7 +65,7 @@ class _VehicleClock:
 
 
 class UdpWire(_VehicleClock):
-    """A UDP socket that sends to the vehicle's latest address (udpin) or to the URL's address (udpout)."""
+    """A UDP socket that sends to the URL's address (udpout) or to the senders' latest addresses (udpin)."""
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
@@ -80,7 +80,7 @@ class UdpWire(_VehicleClock):
             else:
                 self._server = address
         except OSError as error:
-            remedy = "check that the port is free" if url.listens else "check the host name"
+            remedy = "check the host and that the port is free" if url.listens else "check the host name"
             raise WireError(f"cannot open {url}: {error.strerror or error}; {remedy}") from error
         self._socket.setblocking(False)
 
@@ -93,7 +93,7 @@ class UdpWire(_VehicleClock):
         else:
             targets = self._senders.addresses
         for address in targets:
-            # An absent vehicle causes an error; the checks report the missing answers.
+            # An absent vehicle can cause an error; the checks report the missing answers.
             with contextlib.suppress(OSError):
                 self._socket.sendto(data, address)
 
@@ -109,9 +109,9 @@ class UdpWire(_VehicleClock):
         if sysid is None or self._senders.received(sysid, address, self.now_s()):
             return data
         if self._sysid is None:
-            other = self._senders.address(sysid)
+            first = self._senders.address(sysid)
             raise WireError(
-                f"two vehicles use system id {sysid}: one at {other}, one at {address}; "
+                f"two vehicles use system id {sysid}: one at {first}, one at {address}; "
                 "give each vehicle another id"
             )
         return None
@@ -124,7 +124,7 @@ class UdpWire(_VehicleClock):
 
 
 class TcpWire(_VehicleClock):
-    """A TCP connection that reconnects after a reboot of the vehicle."""
+    """A TCP connection that is opened again after a disconnection, for example by a reboot."""
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
@@ -164,7 +164,7 @@ class TcpWire(_VehicleClock):
             self._drop()
 
     def _connect(self, remaining_s: float) -> bool:
-        """Connect within `remaining_s` [s of wall time]; return True on success."""
+        """Try once to connect, for at most about `remaining_s` [s of wall time]; return True on success."""
         if self._listener is not None:
             ready, _, _ = select.select([self._listener], [], [], remaining_s)
             if ready:
@@ -194,7 +194,7 @@ class TcpWire(_VehicleClock):
 
 
 class SerialWire(_VehicleClock):
-    """A serial port that is reopened after a disconnection, for example of an autopilot on USB."""
+    """A serial port that is opened again after a disconnection, for example of an autopilot on USB."""
 
     def __init__(self, device: str, baud: int, speedup: float) -> None:
         super().__init__(speedup)
@@ -230,7 +230,7 @@ class SerialWire(_VehicleClock):
             return None
 
     def _reopen(self, remaining_s: float) -> bool:
-        """Try once to reopen the port; after a failure wait at most `remaining_s` [s of wall time]."""
+        """Try once to open the port; wait at most `remaining_s` [s of wall time] after a failure."""
         try:
             self._open()
         except (OSError, ValueError):
@@ -269,5 +269,5 @@ def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
         "serial": lambda: SerialWire(url.host, url.port, speedup),
     }
     if url.kind not in wires:
-        raise WireError(f"{url.kind} is an unknown kind of link; expected one of {', '.join(wires)}")
+        raise WireError(f"{url}: {url.kind} is an unknown kind of link; use one of {', '.join(wires)}")
     return wires[url.kind]()

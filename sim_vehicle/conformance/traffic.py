@@ -14,22 +14,22 @@ from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
 
 Condition = Callable[[Any], bool]
 HEARTBEAT_S = 1.0  # period of the station's heartbeats
-REPLY_S = 1.5  # longest wait for an answer; an idle autopilot answers much earlier
-RESTORE_S = 60.0  # time for undoing a change after the time limit of a check
-MAX_SYSID = 250  # highest system id of a vehicle
+REPLY_S = 1.5  # default wait for an answer; an idle autopilot answers much earlier
+RESTORE_S = 60.0  # time for undoing a change, even after the time limit of a check
+MAX_SYSID = 250  # highest result of `unused_sysid`; stations often use the system ids above
 EPSILON_S = 1e-6  # tolerance for sums of times
 STATION, SECOND_STATION = (255, 190), (254, 191)  # (system id, component id)
 
 
 class WireError(OSError):
-    """The link cannot be opened or has failed; the text has the remedy."""
+    """An unusable link; the text has the remedy."""
 
 
 class Wire(Protocol):
-    """A link to one or more vehicles. After `follow`, `send` reaches one vehicle only."""
+    """A link to one or more vehicles."""
 
     def send(self, data: bytes) -> None:
-        """Send to the vehicle, or to all known senders before `follow`."""
+        """Send to the peer; a listening UDP port has several peers before `follow`."""
 
     def receive(self, timeout_s: float) -> bytes | None:
         """Return the next bytes within `timeout_s` [s of vehicle time], or None."""
@@ -38,7 +38,7 @@ class Wire(Protocol):
         """Return the vehicle time [s], which never decreases."""
 
     def follow(self, sysid: int) -> None:
-        """Direct every later `send` to this vehicle, at its latest address."""
+        """Choose the vehicle that receives every later `send`, if the link has several peers."""
 
     def close(self) -> None: ...
 
@@ -56,7 +56,8 @@ class Traffic:
     received: frames since the check began.
     last: latest frame of each kind.
     texts: time [s], severity and text of each STATUSTEXT of the run.
-    seen_sysids: all system ids on the link.
+    noise: bytes outside of valid frames since the check began.
+    seen_sysids: system ids of all senders so far, including other vehicles.
     saved_plans: MAV_MISSION_TYPE of each saved plan; the suite overwrites only saved plans.
     """
 
@@ -68,8 +69,8 @@ class Traffic:
         self.received: list[ReceivedFrame] = []
         self.last: dict[str, ReceivedFrame] = {}
         self.texts: list[tuple[float, int, str]] = []
-        self.noise = bytearray()  # bytes outside of frames since the check began
-        self.quiet = False  # True: no heartbeats of the station
+        self.noise = bytearray()
+        self.heartbeats_off = False
         self.deadline_s = math.inf
         self.seen_sysids: set[int] = set()
         self.saved_plans: set[int] = set()
@@ -100,11 +101,11 @@ class Traffic:
         return data
 
     def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
-        """Send a message as a station of the suite; raise Skip if a permission is missing."""
+        """Send a message as a station of the suite; raise the error of `objection`."""
         self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
-        """Check each frame and send the bytes; every other method sends through this method."""
+        """Send the bytes, or raise the error of `objection`. Every method sends through this method."""
         objection = self.objection(data)
         if objection is not None:
             raise objection
@@ -125,20 +126,20 @@ class Traffic:
         return None
 
     def unused_sysid(self) -> int:
-        """Return a system id that no sender on the link uses; raise Skip if all are in use."""
+        """Return a system id that no sender has used so far; raise Skip if all are in use."""
         for step in range(1, MAX_SYSID):
             sysid = (self.identity.sysid + step - 1) % MAX_SYSID + 1
             if sysid not in self.seen_sysids:
                 return sysid
-        raise Skip("every system id is in use")
+        raise Skip(f"every system id from 1 to {MAX_SYSID} is in use")
 
     def begin_check(self, limit_s: float = math.inf) -> None:
-        """Clear the received frames and set the time limit of the next check [s]."""
+        """Clear the received frames and set the time limit of the check that begins [s]."""
         self.deadline_s = math.inf
         self._pump(0.0)
         self.received.clear()
         self.noise.clear()
-        self.quiet = False
+        self.heartbeats_off = False
         self.deadline_s = self.now + limit_s
 
     @contextmanager
@@ -152,12 +153,12 @@ class Traffic:
             self.deadline_s = before_s
 
     def _pump(self, timeout_s: float) -> None:
-        """Wait at most `timeout_s` [s] for bytes, and process them."""
+        """Wait at most `timeout_s` [s] for bytes, and process them; raise CheckFailed after the deadline."""
         if self.now > self.deadline_s:
             raise CheckFailed("the time limit of the check has passed [time-limit]")
         if self.now >= self._next_heartbeat_s - EPSILON_S:
             self._next_heartbeat_s = self.now + HEARTBEAT_S
-            if not self.quiet:
+            if not self.heartbeats_off:
                 self.send(
                     mavlink.MAVLink_heartbeat_message(
                         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
@@ -188,7 +189,7 @@ class Traffic:
                 self.texts.append((self.now, message.severity, message.text))
 
     def mark(self) -> int:
-        """Return a mark: the index in `received` of the next frame."""
+        """Return a mark: the index that the next frame will have in `received`."""
         return len(self.received)
 
     def since(self, mark: int, kind: str | None = None) -> list[Any]:
@@ -197,13 +198,13 @@ class Traffic:
 
     def wait(self, seconds: float) -> int:
         """Receive frames for `seconds`; return the mark at the start."""
-        begin, end_s = self.mark(), self.now + seconds
+        mark, end_s = self.mark(), self.now + seconds
         while self.now < end_s - EPSILON_S:
             self._pump(end_s - self.now)
-        return begin
+        return mark
 
     def wait_until(self, condition: Callable[[], bool], description: str, within_s: float) -> float:
-        """Wait for a condition; return the time taken [s]. A failure quotes `description`."""
+        """Wait for a condition; return the time taken [s]. CheckFailed quotes `description`."""
         began_s = self.now
         while not condition():
             if self.now - began_s > within_s:
@@ -217,10 +218,10 @@ class Traffic:
         """Wait for a message of these kinds after a mark; return its index in `received`, or None."""
         end_s = self.now + within_s
         while True:
-            for place in range(mark, len(self.received)):
-                entry = self.received[place]
+            for index in range(mark, len(self.received)):
+                entry = self.received[index]
                 if entry.kind in kinds and (where is None or where(entry.message)):
-                    return place
+                    return index
             if self.now >= end_s - EPSILON_S:
                 return None
             mark = self.mark()
@@ -229,9 +230,9 @@ class Traffic:
     def wait_for(
         self, kind: str, where: Condition | None = None, *, within_s: float = REPLY_S, mark: int | None = None
     ) -> Any | None:
-        """Wait for a message; return the message or None. `mark` includes the messages since the mark."""
-        place = self.seek((kind,), where, within_s=within_s, mark=self.mark() if mark is None else mark)
-        return None if place is None else self.received[place].message
+        """Wait for a message after `mark`, by default after now; return the message or None."""
+        index = self.seek((kind,), where, within_s=within_s, mark=self.mark() if mark is None else mark)
+        return None if index is None else self.received[index].message
 
     def expect(
         self,
@@ -242,7 +243,7 @@ class Traffic:
         mark: int | None = None,
         description: str = "",
     ) -> Any:
-        """Wait for a message and return it; raise CheckFailed if none arrives."""
+        """Return the message of `wait_for`; raise CheckFailed if none arrives."""
         message = self.wait_for(kind, where, within_s=within_s, mark=mark)
         if message is None:
             raise CheckFailed(f"expected {description or kind} within {within_s:g} s, saw none")

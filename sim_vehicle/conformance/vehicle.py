@@ -37,7 +37,7 @@ class VehicleUnderTest(Traffic):
                     seen.add(entry.sysid)
                     if sysid in (None, entry.sysid):
                         return self._connected(entry)
-        others = f"; system ids on the link: {sorted(seen)}" if seen else ""
+        others = f"; system ids of other autopilots: {sorted(seen)}" if seen else ""
         wanted = "an autopilot" if sysid is None else f"system {sysid}"
         raise WireError(
             f"no heartbeat of {wanted} within {CONNECT_S:g} s{others}; check the URL [no-heartbeat]"
@@ -84,27 +84,27 @@ class VehicleUnderTest(Traffic):
     @contextmanager
     def restoring(self, part: str, undo: Callable[[], None]) -> Iterator[None]:
         """Undo a change of the vehicle at the end; `restore_all` repeats a failed `undo`."""
-        outer = part in self.pending_restores
+        nested = part in self.pending_restores
         self.pending_restores.setdefault(part, undo)
         try:
             yield
         finally:
             with self.extra_time():
                 undo()
-            if not outer:
+            if not nested:
                 del self.pending_restores[part]
 
     def restore_all(self) -> list[str]:
-        """Undo the changes of `pending_restores`; return a text for each failure."""
-        trouble = []
+        """Undo the changes of `pending_restores`, latest first; return a text for each failure."""
+        failures = []
         for part, undo in reversed(list(self.pending_restores.items())):
             try:
                 undo()
             except (CheckFailed, Skip) as error:
-                trouble.append(f"{part} could not be restored: {error} [not-restored]")
+                failures.append(f"{part} could not be restored: {error} [not-restored]")
             else:
                 del self.pending_restores[part]
-        return trouble
+        return failures
 
     def command_long(self, command: int, *params: float, confirmation: int = 0, to: Any = None) -> Any:
         padded = [*params, *[0.0] * (7 - len(params))]
@@ -123,7 +123,10 @@ class VehicleUnderTest(Traffic):
         return mavlink.MAVLink_command_int_message(*self.target, frame, command, 0, 0, *padded, x, y, z)
 
     def result(self, message: Any, *, source: tuple[int, int] = STATION, attempts: int = 3) -> int:
-        """Send a COMMAND_LONG or COMMAND_INT and return its final MAV_RESULT."""
+        """Send a COMMAND_LONG or COMMAND_INT up to `attempts` times; return its final MAV_RESULT.
+
+        Raise CheckFailed if no final COMMAND_ACK arrives.
+        """
         command = message.command
         for attempt in range(attempts):
             if message.get_type() == "COMMAND_LONG":
@@ -153,15 +156,15 @@ class VehicleUnderTest(Traffic):
         )
 
     def command(self, command: int, *params: float) -> int:
-        """Send COMMAND_LONG and return its final MAV_RESULT."""
+        """Send COMMAND_LONG; return its final MAV_RESULT."""
         return self.result(self.command_long(command, *params))
 
-    def accepted(self, command: int, *params: float) -> None:
+    def expect_accepted(self, command: int, *params: float) -> None:
         """Send COMMAND_LONG; raise CheckFailed unless the vehicle accepts the command."""
         equal(result_name(self.command(command, *params)), "ACCEPTED", command_name(command))
 
     def request(self, kind: str, *params: float) -> Any:
-        """Request a message by REQUEST_MESSAGE; raise Skip if the vehicle refuses the request."""
+        """Return a message requested by REQUEST_MESSAGE; raise Skip if the vehicle refuses the request."""
         message_id = id_of(kind)
         mark = self.mark()
         result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, *params)
@@ -176,7 +179,7 @@ class VehicleUnderTest(Traffic):
 
     @contextmanager
     def streaming(self, rates_hz: Mapping[str, float]) -> Iterator[None]:
-        """Stream messages at these rates, then restore the default rates; raise Skip if a rate is refused."""
+        """Stream messages at these rates, then restore the default rates; raise Skip if one is refused."""
         try:
             for kind, rate_hz in rates_hz.items():
                 result = self.set_interval(kind, rate_hz)

@@ -29,9 +29,9 @@ def arms_and_disarms(vehicle: VehicleUnderTest) -> str:
 def is_idempotent(vehicle: VehicleUnderTest) -> str:
     """Arming an armed vehicle and disarming a disarmed vehicle are accepted."""
     flying.arm(vehicle)
-    vehicle.accepted(ARM_COMMAND, 1)
+    vehicle.expect_accepted(ARM_COMMAND, 1)
     flying.disarm(vehicle)
-    vehicle.accepted(ARM_COMMAND, 0)
+    vehicle.expect_accepted(ARM_COMMAND, 0)
     return "ACCEPTED"
 
 
@@ -39,7 +39,7 @@ def is_idempotent(vehicle: VehicleUnderTest) -> str:
 def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     """The heartbeat shows the arming within 1.5 s of the acknowledgement."""
     flying.wait_ready(vehicle)
-    vehicle.accepted(ARM_COMMAND, 1)
+    vehicle.expect_accepted(ARM_COMMAND, 1)
     took_s = vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", 1.5)
     flying.disarm(vehicle)
     return f"{took_s:.2f} s"
@@ -189,9 +189,9 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
 def by_force(vehicle: VehicleUnderTest) -> str:
     """Forced arming and disarming (parameter 2 = 21196) are accepted."""
     flying.wait_ready(vehicle)
-    vehicle.accepted(ARM_COMMAND, 1, FORCE)
+    vehicle.expect_accepted(ARM_COMMAND, 1, FORCE)
     vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
-    vehicle.accepted(ARM_COMMAND, 0, FORCE)
+    vehicle.expect_accepted(ARM_COMMAND, 0, FORCE)
     vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", flying.HEARTBEAT_LAG_S)
     return "ACCEPTED"
 
@@ -228,7 +228,7 @@ def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
     """MISSION_START on a disarmed vehicle is accepted, and the vehicle stays disarmed."""
     flying.wait_ready(vehicle)
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    vehicle.accepted(mavlink.MAV_CMD_MISSION_START)
+    vehicle.expect_accepted(mavlink.MAV_CMD_MISSION_START)
     vehicle.wait_until(flying.in_mode(vehicle, "mission"), "AUTO in the heartbeat", flying.HEARTBEAT_LAG_S)
     vehicle.wait(3.0)
     holds(not vehicle.armed, "the vehicle armed")

@@ -46,7 +46,7 @@ def fence_in_force(vehicle: VehicleUnderTest, items: Sequence[PlanItem]) -> Iter
     """Upload and enable a fence, and remove it afterwards."""
     plans.upload_or_fail(vehicle, items, FENCE)
     with _fence_enabled(vehicle):
-        vehicle.accepted(ENABLE, 1)
+        vehicle.expect_accepted(ENABLE, 1)
         yield
     with vehicle.extra_time():
         plans.upload_or_fail(vehicle, [], FENCE)
@@ -58,7 +58,7 @@ def _fence_enabled(vehicle: VehicleUnderTest) -> Iterator[float | None]:
     parameter = parameters.value_or_none(vehicle, "FENCE_ENABLE")
     if parameter:
         # A fence that is enabled now is enabled again after the plans are restored.
-        vehicle.pending_restores.setdefault("the enabled fence", lambda: vehicle.accepted(ENABLE, 1))
+        vehicle.pending_restores.setdefault("the enabled fence", lambda: vehicle.expect_accepted(ENABLE, 1))
     with vehicle.restoring("the disabled fence", lambda: _disable(vehicle)):
         yield parameter
 

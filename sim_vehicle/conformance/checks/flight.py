@@ -189,7 +189,7 @@ def speed_kept(vehicle: VehicleUnderTest) -> str:
     target = plans.offset(flying.last_position(vehicle), -90.0, 0.0)
     height = flying.height_m(vehicle)
     equal(result_name(flying.reposition(vehicle, target, height)), "ACCEPTED", "DO_REPOSITION")
-    vehicle.accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
+    vehicle.expect_accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
     vehicle.wait(6.0)
     speeds = []
     for _ in range(8):
@@ -214,7 +214,7 @@ def yaw_turns(vehicle: VehicleUnderTest) -> str:
     """CONDITION_YAW in GUIDED turns the nose to a heading."""
     heading = vehicle.request("VFR_HUD").heading
     target = (heading + 90) % 360
-    vehicle.accepted(mavlink.MAV_CMD_CONDITION_YAW, target, 30, 1, 0)
+    vehicle.expect_accepted(mavlink.MAV_CMD_CONDITION_YAW, target, 30, 1, 0)
     with vehicle.streaming({"VFR_HUD": 5.0}):
         took_s = vehicle.wait_until(
             lambda: abs((vehicle.last["VFR_HUD"].message.heading - target + 180) % 360 - 180) < 5,

@@ -31,7 +31,7 @@ def return_home(vehicle: VehicleUnderTest) -> str:
     away = plans.offset(target, 30.0, 0.0)
     flying.reposition(vehicle, away, 20.0)
     flying.wait_until_near(vehicle, away, 60, 5)
-    vehicle.accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     vehicle.wait_until(flying.in_mode(vehicle, "return"), "the return mode", flying.HEARTBEAT_LAG_S)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 240)
     off_m = flying.distance_to_m(vehicle, target)
@@ -44,7 +44,7 @@ def return_plane(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH a plane circles near home."""
     home = vehicle.request("HOME_POSITION")
     target = home.latitude, home.longitude
-    vehicle.accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     took_s = flying.wait_until_near(vehicle, target, 200.0, 250.0)
     vehicle.wait(10.0)
     holds(
@@ -70,7 +70,7 @@ def takeoff_height(vehicle: VehicleUnderTest) -> str:
 def land_comes_down(vehicle: VehicleUnderTest) -> str:
     """NAV_LAND lands the vehicle in place and disarms it; landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)
-    vehicle.accepted(mavlink.MAV_CMD_NAV_LAND)
+    vehicle.expect_accepted(mavlink.MAV_CMD_NAV_LAND)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)
     off_m = flying.distance_to_m(vehicle, place)
     holds(off_m < 4, f"landed {off_m:.1f} m away")

@@ -128,7 +128,7 @@ def system_status(vehicle: VehicleUnderTest) -> str:
 @check("heartbeat.goes_on_without_a_station", limit_s=30)
 def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends heartbeats while the station is silent."""
-    vehicle.quiet = True
+    vehicle.heartbeats_off = True
     beats = _heartbeats(vehicle, 6.0)
     holds(len(beats) >= 4, f"expected at least 4 heartbeats in 6 s, saw {len(beats)}")
     return f"{len(beats)} in 6 s"

@@ -71,7 +71,7 @@ def set_to_here(vehicle: VehicleUnderTest) -> str:
     """DO_SET_HOME with parameter 1 sets home to the vehicle's position."""
     with _home_restored(vehicle):
         mark = vehicle.mark()
-        vehicle.accepted(SET_HOME, 1)
+        vehicle.expect_accepted(SET_HOME, 1)
         home = vehicle.wait_for("HOME_POSITION", mark=mark) or vehicle.request("HOME_POSITION")
         away_m = plans.distance_m((home.latitude, home.longitude), plans.current_position(vehicle))
         holds(away_m < 5, f"expected less than 5 m, saw {away_m:.1f} m")

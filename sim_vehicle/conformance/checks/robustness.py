@@ -118,7 +118,7 @@ def two_at_once(vehicle: VehicleUnderTest) -> str:
 @check("robustness.frame.in_pieces")
 def in_pieces(vehicle: VehicleUnderTest) -> str:
     """A frame in three pieces is reassembled."""
-    vehicle.quiet = True  # a heartbeat between the pieces would break the frame
+    vehicle.heartbeats_off = True  # a heartbeat between the pieces would break the frame
     data, mark = _request(vehicle), vehicle.mark()
     for piece in (data[:5], data[5:17], data[17:]):
         vehicle.send_raw(piece)
