@@ -1,4 +1,4 @@
-"""The registry of faults. Each module defines one fault on the channel or the injected faults."""
+"""The registry of faults."""
 
 from sim_vehicle.faults import (
     absent_ack,

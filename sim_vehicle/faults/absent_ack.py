@@ -1,4 +1,4 @@
-"""Commands and uploads are carried out but not acknowledged."""
+"""Acknowledgements of commands and uploads are lost."""
 
 from pydantic import Field
 

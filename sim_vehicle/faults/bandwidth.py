@@ -1,4 +1,4 @@
-"""A link with a limited byte rate and a finite buffer."""
+"""The link has a limited byte rate and a finite buffer."""
 
 from typing import Annotated
 
@@ -24,15 +24,15 @@ class Bandwidth:
 
     def __init__(self, rate_bytes_s: float, buffer_bytes: int) -> None:
         self._rate_bytes_s, self._buffer_bytes = rate_bytes_s, buffer_bytes
-        self._free_s = 0.0
+        self._free_from_s = 0.0  # end of the latest transmission
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
-        start_s = max(self._free_s, due_s)
+        start_s = max(self._free_from_s, due_s)
         waiting_bytes = (start_s - due_s) * self._rate_bytes_s
         if waiting_bytes + len(frame) > self._buffer_bytes:
             return []
-        self._free_s = start_s + len(frame) / self._rate_bytes_s
-        return [(frame, self._free_s)]
+        self._free_from_s = start_s + len(frame) / self._rate_bytes_s
+        return [(frame, self._free_from_s)]
 
 
 def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:

@@ -17,7 +17,7 @@ DIRECTION: Any = Field(default="both", description="affected direction")
 
 
 class FaultParams(BaseModel):
-    """Parameters of one fault; the suffix of a name is the unit, such as `_s` for seconds."""
+    """Parameters of one fault; a name can end in the unit, such as `_s` for seconds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -26,9 +26,9 @@ class FaultParams(BaseModel):
 class FaultTarget:
     """Access of a fault to one vehicle.
 
-    channel: returns the vehicle's link, created on the first call.
+    channel: returns the impaired link, created on the first call.
     injected_faults: effects on the vehicle.
-    generator: returns a random generator for the fault.
+    generator: returns a new random generator at each call.
     reboot: restarts the autopilot at a time [s] with a silence [s].
     every_tick: registers a callback for each tick (time [s]); returns a function that removes the callback.
     """

@@ -1,4 +1,4 @@
-"""The battery's voltage or charge is too low."""
+"""The battery's voltage drops, or its charge is limited."""
 
 from typing import Annotated
 

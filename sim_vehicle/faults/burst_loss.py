@@ -37,7 +37,7 @@ class Params(FaultParams):
         if share >= 1 or share / (1 - share) > self.burst_frames:
             raise ValueError(
                 f"rate {self.rate:g} is too high for bad spells of {self.burst_frames:g} frames; "
-                f"raise burst_frames or lower rate"
+                f"lower rate or raise burst_frames"
             )
         return self
 
@@ -48,30 +48,31 @@ class Params(FaultParams):
 
     @property
     def end_probability(self) -> float:
-        """Return the probability at each frame that a bad spell ends."""
+        """Return the probability that a bad spell ends after a frame."""
         return 1.0 / self.burst_frames
 
     @property
     def begin_probability(self) -> float:
-        """Return the probability at each frame that a bad spell begins, for the stationary `bad_share`."""
+        """Return the probability that a bad spell begins after a frame, so that `bad_share` is stationary."""
         return self.end_probability * self.bad_share / (1.0 - self.bad_share)
 
 
 class BurstLoss:
-    """The Gilbert-Elliott chain, started in its stationary distribution."""
+    """A stage that drops frames by a Gilbert-Elliott chain, started in its stationary distribution."""
 
     in_order = True
 
     def __init__(self, params: Params, rng: np.random.Generator) -> None:
         self._rng = rng
+        # index 0: between bad spells, index 1: in a bad spell
         self._loss_share = (params.good_loss, params.bad_loss)
         self._switch_probability = (params.begin_probability, params.end_probability)
-        self._bad = bool(rng.random() < params.bad_share)
+        self._in_bad_spell = bool(rng.random() < params.bad_share)
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
-        lost = self._rng.random() < self._loss_share[self._bad]
-        if self._rng.random() < self._switch_probability[self._bad]:
-            self._bad = not self._bad
+        lost = self._rng.random() < self._loss_share[self._in_bad_spell]
+        if self._rng.random() < self._switch_probability[self._in_bad_spell]:
+            self._in_bad_spell = not self._in_bad_spell
         return [] if lost else [(frame, due_s)]
 
 

@@ -1,4 +1,4 @@
-"""Bits flip in transit; the receiver detects most flips by the checksum."""
+"""Bits flip in transit; the receiver rejects nearly all corrupted frames by the checksum."""
 
 from typing import Annotated
 
@@ -19,7 +19,7 @@ from sim_vehicle.wire.channel import TimedFrames
 
 class Params(FaultParams):
     rate: Share = Field(default=0.1, description="share of the frames corrupted")
-    # MAVLink's checksum detects every error of up to three bits, and nearly all larger errors.
+    # In the covered fields the checksum detects all errors of up to three bits and nearly all larger errors.
     bits: Annotated[int, Field(ge=1, le=64)] = Field(
         default=3, description="largest number of flipped bits in a frame"
     )

@@ -34,8 +34,8 @@ class Delay:
         self._last_due_s = -math.inf
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
-        held_s = self._delay_s + self._jitter_s * self._rng.uniform(-1.0, 1.0)
-        self._last_due_s = max(due_s + held_s, self._last_due_s)
+        added_s = self._delay_s + self._jitter_s * self._rng.uniform(-1.0, 1.0)
+        self._last_due_s = max(due_s + added_s, self._last_due_s)
         return [(frame, self._last_due_s)]
 
 

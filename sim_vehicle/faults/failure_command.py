@@ -20,9 +20,9 @@ DELAYED = int(mavlink.FAILURE_TYPE_DELAYED)
 INTERMITTENT = int(mavlink.FAILURE_TYPE_INTERMITTENT)
 MOTOR = int(mavlink.FAILURE_UNIT_SYSTEM_MOTOR)
 N_MOTORS = 4
-EMPTY_CHARGE = 0.04  # share of the full charge: below every failsafe threshold, but enough to land
-LINK_OFF_S = 30.0  # duration of a dead link, because no command can end this fault
-LINK_OFF_AFTER_S = 0.3  # time from the command to the dead link, for the acknowledgement
+EMPTY_CHARGE = 0.04  # share of the full charge: below PX4's default failsafe thresholds
+LINK_OFF_S = 30.0  # duration of a dead link; no command can arrive to end this fault
+LINK_OFF_AFTER_S = 0.3  # time from the command to the dead link, so that the acknowledgement passes
 
 
 def _unhealthy(sensor: str, *kinds: int) -> dict[int, FaultSpec]:
@@ -59,7 +59,7 @@ def inject_failure(unit: float, kind: float, instance: float, replace: Replace, 
     """Carry out MAV_CMD_INJECT_FAILURE with parameters 1 to 3 at `now` [s]; return the MAV_RESULT.
 
     Instance 0 means all instances of a unit. Only motors have more than one instance. FAILURE_TYPE_OK ends
-    the faults of this command.
+    the faults that this command has begun on these instances.
     """
     try:
         unit, kind, instance = round(unit), round(kind), round(instance)

@@ -24,13 +24,13 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     if params.ramp_s == 0:
         return target.apply(effect(1.0), now)
 
-    end_present = target.apply(effect(0.0), now)
+    end_effect = target.apply(effect(0.0), now)
 
     def grow(tick_s: float) -> None:
-        nonlocal end_present
-        end_present(tick_s)
+        nonlocal end_effect
+        end_effect(tick_s)
         share = min((tick_s - now) / params.ramp_s, 1.0)
-        end_present = target.apply(effect(share), tick_s)
+        end_effect = target.apply(effect(share), tick_s)
         if share == 1.0:
             stop_growing()
 
@@ -38,7 +38,7 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
 
     def end(end_s: float) -> None:
         stop_growing()
-        end_present(end_s)
+        end_effect(end_s)
 
     return end
 

@@ -1,4 +1,4 @@
-"""Mission uploads are refused."""
+"""Uploads of missions, fences and rally points are refused."""
 
 from enum import Enum
 from typing import Annotated
@@ -39,4 +39,4 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return target.apply(FaultEffect(mission_refusal=refusal), now)
 
 
-FAULT = Fault("mission_refused", "mission uploads are refused", Params, begin)
+FAULT = Fault("mission_refused", "uploads of missions, fences and rally points are refused", Params, begin)

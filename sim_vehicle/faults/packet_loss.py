@@ -21,7 +21,7 @@ class Params(FaultParams):
 
 
 class Loss:
-    """A stage that drops a share of the frames."""
+    """A stage that drops a share of the frames at random."""
 
     in_order = True
 

@@ -24,7 +24,7 @@ class Params(FaultParams):
 
 
 class Reordering:
-    """A stage that delays a share of the frames by up to hold_s (uniform), so that later frames overtake."""
+    """A stage that delays a share of the frames by up to hold_s (uniform); later frames can overtake."""
 
     in_order = False
 
@@ -32,8 +32,8 @@ class Reordering:
         self._rate, self._hold_s, self._rng = rate, hold_s, rng
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
-        held = self._rng.random() < self._rate
-        return [(frame, due_s + (self._hold_s * self._rng.random() if held else 0.0))]
+        delayed = self._rng.random() < self._rate
+        return [(frame, due_s + (self._hold_s * self._rng.random() if delayed else 0.0))]
 
 
 def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:

@@ -34,7 +34,7 @@ class VehicleAccess:
 class _PlannedFault:
     """One fault on one vehicle: planned, running or ended."""
 
-    index: int
+    vehicle_index: int
     spec: FaultSpec
     ended: bool = False
     stop: EndFault | None = None  # None unless the fault runs
@@ -55,7 +55,7 @@ class Schedule:
 
     Parameters
     ----------
-    specs: planned faults.
+    specs: faults of the scenario.
     sysids: system ids by vehicle index; a system id can occur on several links.
     access: returns the access to a vehicle by its index.
     seed: the scenario's seed.
@@ -71,7 +71,7 @@ class Schedule:
         self._sysids, self._access, self._seed = tuple(sysids), access, seed
         self._events: list[tuple[float, int, Callable[[float], None]]] = []
         self._order = itertools.count()
-        self._planned: list[_PlannedFault] = []
+        self._begun: list[_PlannedFault] = []
         self._generators_made: Counter[int] = Counter()
         self._replaceable: dict[tuple[int, Hashable], list[_PlannedFault]] = {}
         self._tickers: dict[int, Callable[[float], None]] = {}
@@ -80,13 +80,13 @@ class Schedule:
 
     @property
     def next_due_s(self) -> float:
-        """Return the time of the next change [s]: inf without a plan, -inf for a change at each tick."""
+        """Return the time of the next change [s]; inf: no further change, -inf: a change at each tick."""
         if self._tickers:
             return -math.inf
         return self._events[0][0] if self._events else math.inf
 
     def tick(self, now: float) -> None:
-        """Begin and end the faults due by `now` [s], earliest first."""
+        """Begin and end the faults due by `now` [s], earliest first; then call the callbacks of ticks."""
         while self._events and self._events[0][0] <= now + EPSILON_S:
             due_s, _, action = heapq.heappop(self._events)
             action(due_s)
@@ -94,12 +94,12 @@ class Schedule:
             callback(now)
 
     def inject(self, spec: FaultSpec, now: float) -> None:
-        """Plan a fault at `now + at_s` [s]; raise FaultError if the vehicle is unknown."""
+        """Plan a fault at `now + spec.at_s` [s]; raise FaultError if a vehicle is unknown."""
         self._plan(spec, self._indices(spec), now + spec.at_s)
         self.tick(now)
 
     def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
-        """End the faults that the last call with this vehicle and key began, and begin the given faults."""
+        """End the faults of the last call with this vehicle index and key; plan `specs` from `now` [s] on."""
         for fault in self._replaceable.pop((index, key), ()):
             fault.end(now)
         if specs:
@@ -109,8 +109,8 @@ class Schedule:
         self.tick(now)
 
     def names(self, index: int) -> tuple[str, ...]:
-        """Return the names of a vehicle's running faults."""
-        return tuple(fault.spec.fault for fault in self._planned if fault.index == index and fault.runs)
+        """Return the names of a vehicle's running faults; a reboot without `for_s` stays in the list."""
+        return tuple(fault.spec.fault for fault in self._begun if fault.vehicle_index == index and fault.runs)
 
     def _indices(self, spec: FaultSpec) -> list[int]:
         if spec.vehicles is None:
@@ -137,9 +137,9 @@ class Schedule:
     def _begin(self, fault: _PlannedFault, now: float) -> None:
         if fault.ended:
             return
-        self._planned = [other for other in self._planned if not other.ended] + [fault]
+        self._begun = [begun for begun in self._begun if not begun.ended] + [fault]
         kind = FAULTS[fault.spec.fault]
-        fault.stop = kind.begin(self._target(fault.index), fault.spec.parameters(), now)
+        fault.stop = kind.begin(self._target(fault.vehicle_index), fault.spec.parameters(), now)
 
     def _target(self, index: int) -> FaultTarget:
         access = self._access(index)

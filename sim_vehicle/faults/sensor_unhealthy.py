@@ -46,4 +46,4 @@ def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     return target.apply(FaultEffect(unhealthy_sensors=BITS[params.sensor]), now)
 
 
-FAULT = Fault("sensor_unhealthy", "a sensor is unhealthy, so the vehicle cannot be armed", Params, begin)
+FAULT = Fault("sensor_unhealthy", "a sensor is unhealthy; arming checks refuse to arm", Params, begin)

@@ -1,7 +1,7 @@
-"""A bad pair of SiK radios: one slow frequency for both directions, bursts of loss, RADIO_STATUS.
+"""A bad pair of SiK radios: one slow radio channel for both directions, bursts of loss, RADIO_STATUS.
 
 A radio answers each heartbeat with RADIO_STATUS to the sender, from system '3', component 'D'. The two radios
-transmit in turns. The delay of a frame is the wait for a turn and for earlier frames, and the transmission.
+transmit in turns. A frame waits for earlier frames and for a turn; then its transmission takes time.
 """
 
 from collections import deque
@@ -50,10 +50,10 @@ class Params(FaultParams):
 
 
 class _Air:
-    """The frequency that both radios share."""
+    """The radio channel that both radios share."""
 
     def __init__(self) -> None:
-        self.free_s = 0.0
+        self.free_from_s = 0.0  # end of the latest transmission
         self.transmitter: Radio | None = None
 
 
@@ -69,14 +69,14 @@ class Radio:
         self._direction, self._rng = direction, rng
         self._loss = BurstLoss(params.bursts(), rng)
         self._corruption = Corruption(params.spoilt, 3, rng)
-        self._waiting: deque[tuple[float, int]] = deque()  # end of the transmission [s], length
+        self._waiting: deque[tuple[float, int]] = deque()  # end of the transmission [s], length [bytes]
         self._waiting_bytes = 0
         self._codec = mavlink.MAVLink(None, srcSystem=RADIO_SYSTEM, srcComponent=RADIO_COMPONENT)
         self.other: Radio | None = None
         self.lost = 0  # frames lost in the air
 
     def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
-        self._empty_buffer(due_s)
+        self._remove_transmitted(due_s)
         if is_heartbeat(frame):
             self._report(due_s)
         if self._waiting_bytes + len(frame) > self._params.buffer_bytes:
@@ -90,28 +90,28 @@ class Radio:
             return []
         return self._corruption(*arrived[0])
 
-    def _empty_buffer(self, now: float) -> None:
+    def _remove_transmitted(self, now: float) -> None:
         while self._waiting and self._waiting[0][0] <= now:
             self._waiting_bytes -= self._waiting.popleft()[1]
 
     def _transmit(self, length: int, due_s: float) -> float:
         """Transmit one frame; return the end of the transmission [s]."""
         air = self._air
-        start_s = max(due_s, air.free_s)
-        if air.transmitter is not self or start_s > air.free_s:  # a new turn
+        start_s = max(due_s, air.free_from_s)
+        if air.transmitter is not self or start_s > air.free_from_s:  # a new turn
             start_s += self._params.turn_s * self._rng.random()
         air.transmitter = self
-        air.free_s = start_s + 8.0 * (length + PACKET_OVERHEAD_BYTES) / self._params.air_rate_bit_s
-        return air.free_s
+        air.free_from_s = start_s + 8.0 * (length + PACKET_OVERHEAD_BYTES) / self._params.air_rate_bit_s
+        return air.free_from_s
 
     def _report(self, now: float) -> None:
         params = self._params
-        free = 1.0 - self._waiting_bytes / params.buffer_bytes
+        free_share = 1.0 - self._waiting_bytes / params.buffer_bytes
         lost_by_other = 0 if self.other is None else self.other.lost
         report = mavlink.MAVLink_radio_status_message(
             self._raw(params.rssi),
             self._raw(params.rssi),
-            round(100 * max(free, 0.0)),
+            round(100 * max(free_share, 0.0)),
             self._raw(params.noise),
             self._raw(params.noise),
             lost_by_other & 0xFFFF,

@@ -19,7 +19,7 @@ def _gps(read: Read) -> list[FaultSpec]:
 
 
 def _glitch(read: Read) -> list[FaultSpec]:
-    """Return the GPS glitch: X and Y are degrees (of latitude and of longitude), Z is metres."""
+    """Return the GPS glitch: X [degrees of latitude], Y [degrees of longitude at the equator], Z [m]."""
     offsets = {
         "north_m": read("SIM_GPS_GLITCH_X") * METRES_PER_DEGREE,
         "east_m": read("SIM_GPS_GLITCH_Y") * METRES_PER_DEGREE,
@@ -32,7 +32,7 @@ def _glitch(read: Read) -> list[FaultSpec]:
 
 
 def _engine(read: Read) -> list[FaultSpec]:
-    """Return the motor loss for a mask of motors; a motor is lost if its thrust is at most one half."""
+    """Return the loss of the motors in a mask; a thrust above one half is no loss."""
     mask = read("SIM_ENGINE_FAIL")
     if not math.isfinite(mask) or read("SIM_ENGINE_MUL") > 0.5:
         return []
@@ -51,9 +51,9 @@ _GROUPS: dict[str, Callable[[Read], list[FaultSpec]]] = {
 
 
 def faults_of(name: str, read: Read) -> tuple[str, Sequence[FaultSpec]] | None:
-    """Return a key and the faults for a changed parameter, or None if the parameter causes no fault.
+    """Return a key and the faults for a changed parameter, or None if the parameter never causes a fault.
 
-    Parameters with a common fault have the same key, see `Schedule.replace`.
+    Parameters of one fault have the same key, see `Schedule.replace`.
     """
     faults = _GROUPS.get(name)
     return None if faults is None else (faults.__name__, faults(read))

@@ -12,14 +12,14 @@ from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import FaultParams
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
-COMMON_KEYS = {  # of every fault
+COMMON_KEYS = {  # keys that every fault accepts
     "at": "start [s]",
     "for": "duration [s]",
     "sysid": "system ids: 3, or 1+4, or 2-6; all by default",
 }
 MIN_SIMILARITY = 0.7  # lowest similarity of a suggestion; a lower limit would suggest `at` for `rate`
 COMMON_RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
-# The longest suffixes come first, because `_bytes_s` also ends in `_s`.
+# Longer suffixes come first, because `_bytes_s` also ends in `_s`.
 UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
 
 
@@ -95,7 +95,7 @@ def parse_fault(text: str) -> FaultSpec:
 
 @dataclass(frozen=True, slots=True)
 class ParameterHelp:
-    """One parameter of a fault; `unit` is empty for a number without a unit."""
+    """One parameter of a fault; `unit` is empty for a value without a unit."""
 
     name: str
     unit: str
@@ -178,8 +178,8 @@ def _first_finding(name: str, error: ValidationError) -> str:
 
 
 def _allowed(name: str) -> str:
-    own = [f"{p.name} ({p.allowed}, default {p.default})" for p in _parameter_help(FAULTS[name].params)]
-    return ", ".join([*own, *COMMON_KEYS])
+    params = [f"{p.name} ({p.allowed}, default {p.default})" for p in _parameter_help(FAULTS[name].params)]
+    return ", ".join([*params, *COMMON_KEYS])
 
 
 def _seconds(name: str, key: str, text: str) -> float:
