@@ -12,7 +12,7 @@ from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NO_SUCH = "NO_SUCH_PARAM"
-SILENT_S = 1.5  # time without an answer that proves silence
+SILENT_S = 1.5  # a request without an answer for this time counts as unanswered
 
 
 def _whole(vehicle: VehicleUnderTest) -> tuple[str, int]:
@@ -26,7 +26,7 @@ def _real(vehicle: VehicleUnderTest) -> tuple[str, float]:
 
 @check("parameters.list.is_complete", limit_s=150)
 def list_is_complete(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers PARAM_REQUEST_LIST with every index and without a repeated name."""
+    """The list, after reads of lost entries by index, is complete and repeats no name."""
     found = parameters.fetch_all(vehicle)
     counts = {value.count for value in found.values()}
     equal(counts, {len(found)}, "param_count")
@@ -46,7 +46,7 @@ def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.list.names_are_valid")
 def names_are_valid(vehicle: VehicleUnderTest) -> str:
-    """Every name has 1 to 16 printable characters without blanks."""
+    """Every name has 1 to 16 printable ASCII characters without blanks."""
     bad = [
         n
         for n in parameters.listed(vehicle)
@@ -87,7 +87,7 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.read.by_name")
 def read_by_name(vehicle: VehicleUnderTest) -> str:
-    """A read by name gives the value of the list."""
+    """A read by name gives the value and type of the list."""
     for name in list(parameters.listed(vehicle))[:: max(1, len(vehicle.catalogue) // 8)]:
         listed, found = vehicle.catalogue[name], parameters.read(vehicle, name)
         near(found.value, listed.value, abs(listed.value) * 1e-6, name)
@@ -112,7 +112,7 @@ def read_by_index(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.read.long_name")
 def read_long_name(vehicle: VehicleUnderTest) -> str:
-    """A parameter with a name of 16 characters, without a final zero byte, can be read."""
+    """A parameter with a name of 16 characters can be read; such a name has no final zero byte."""
     names = [name for name in parameters.listed(vehicle) if len(name) == 16]
     if not names:
         raise Skip("no parameter has a name of 16 characters")
@@ -131,7 +131,7 @@ def read_unknown(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.read.index_out_of_range")
 def read_out_of_range(vehicle: VehicleUnderTest) -> str:
-    """A read of an index after the end is not answered."""
+    """A read of an index after the last parameter is not answered."""
     index = len(parameters.listed(vehicle)) + 7
     vehicle.send(parameters.read_message(vehicle, index=index))
     vehicle.expect_none(
@@ -142,7 +142,7 @@ def read_out_of_range(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.read.by_second_station")
 def read_by_second_station(vehicle: VehicleUnderTest) -> str:
-    """A second ground station can read."""
+    """A second ground station can read a parameter."""
     name = next(iter(parameters.listed(vehicle)))
     vehicle.ask(
         parameters.read_message(vehicle, name),
@@ -164,7 +164,7 @@ def ignores_read_for_other_system(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.set.is_acknowledged")
 def set_acknowledged(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers PARAM_SET with PARAM_VALUE and the new value."""
+    """The vehicle answers PARAM_SET with the new value in PARAM_VALUE."""
     name, value = _whole(vehicle)
     with parameters.changed(vehicle, name, value) as answer:
         equal(answer.value, value, name)
@@ -195,7 +195,7 @@ def set_fraction(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.set.same_value")
 def set_same(vehicle: VehicleUnderTest) -> str:
-    """PARAM_SET with the present value is acknowledged."""
+    """PARAM_SET with the current value is acknowledged."""
     name, _ = _whole(vehicle)
     found = parameters.read(vehicle, name)
     equal(parameters.write(vehicle, name, found.value, found.type).value, found.value, name)
@@ -223,7 +223,7 @@ def set_unknown(vehicle: VehicleUnderTest) -> str:
 
 @check("parameters.set.nan_is_refused", dialects=("ardupilot",))
 def set_nan(vehicle: VehicleUnderTest) -> str:
-    """PARAM_SET with NaN is refused."""
+    """PARAM_SET with NaN does not change the value."""
     name, _ = _real(vehicle)
     with parameters.restored(vehicle, name) as before:
         vehicle.send(parameters.set_message(vehicle, name, math.nan, before.type))
@@ -285,12 +285,12 @@ def hash_check(vehicle: VehicleUnderTest) -> str:
 def many_in_a_row(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers 30 simultaneous reads; unanswered reads are repeated."""
     names = list(parameters.listed(vehicle))[:30]
-    open_names, mark = set(names), vehicle.mark()
+    unanswered, mark = set(names), vehicle.mark()
     for _ in range(4):
-        for name in sorted(open_names):
+        for name in sorted(unanswered):
             vehicle.send(parameters.read_message(vehicle, name))
         vehicle.wait(1.0)
-        open_names -= {message.param_id for message in vehicle.since(mark, "PARAM_VALUE")}
-        if not open_names:
+        unanswered -= {message.param_id for message in vehicle.since(mark, "PARAM_VALUE")}
+        if not unanswered:
             return f"{len(names)} answers"
-    raise CheckFailed(f"no answer to {len(open_names)} of {len(names)} reads: {sorted(open_names)[:3]}")
+    raise CheckFailed(f"no answer to {len(unanswered)} of {len(names)} reads: {sorted(unanswered)[:3]}")

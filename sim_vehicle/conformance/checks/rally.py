@@ -22,7 +22,7 @@ def _points(vehicle: VehicleUnderTest, count: int = 3) -> list[PlanItem]:
 
 @check("rally.is_empty_at_first", claims=CLAIMS, pins="AUTOPILOTS 2: rally ok (count 0)")
 def empty(vehicle: VehicleUnderTest) -> str:
-    """An empty list has count 0."""
+    """After MISSION_CLEAR_ALL the count is 0."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     plans.clear(vehicle, RALLY)
     equal(plans.count(vehicle, RALLY), 0, "count")
@@ -39,7 +39,7 @@ def upload(vehicle: VehicleUnderTest) -> str:
 
 @check("rally.read_back", claims=CLAIMS)
 def read_back(vehicle: VehicleUnderTest) -> str:
-    """Positions are read back exactly, altitudes to the metre."""
+    """Positions are read back exactly, altitudes within 1 m."""
     points = _points(vehicle)
     plans.upload_or_fail(vehicle, points, RALLY)
     back = plans.download(vehicle, RALLY)
@@ -60,7 +60,7 @@ def replaces(vehicle: VehicleUnderTest) -> str:
 
 @check("rally.wrong_command", claims=CLAIMS, dialects=("ardupilot", "mavlink"))
 def wrong_command(vehicle: VehicleUnderTest) -> str:
-    """A waypoint among the rally points is refused."""
+    """A waypoint in place of a rally point is refused."""
     bad = [replace(point, command=mavlink.MAV_CMD_NAV_WAYPOINT) for point in _points(vehicle, 1)]
     seen = mission_result_name(plans.upload(vehicle, bad, RALLY).result)
     holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
@@ -81,7 +81,7 @@ def is_not_the_mission(vehicle: VehicleUnderTest) -> str:
 
 @check("rally.clear", claims=CLAIMS)
 def clear(vehicle: VehicleUnderTest) -> str:
-    """Clearing removes the rally points."""
+    """Clearing is accepted and removes the rally points."""
     plans.upload_or_fail(vehicle, _points(vehicle), RALLY)
     equal(mission_result_name(plans.clear(vehicle, RALLY)), "ACCEPTED", "MISSION_CLEAR_ALL")
     equal(plans.count(vehicle, RALLY), 0, "items left")

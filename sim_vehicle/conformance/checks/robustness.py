@@ -10,7 +10,7 @@ from sim_vehicle.conformance import frames, parameters, plans
 from sim_vehicle.conformance.assertions import equal, holds, result_name
 from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import SECOND_STATION
+from sim_vehicle.conformance.traffic import SECOND_STATION, STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -32,9 +32,11 @@ def _random_bytes(length: int, seed: int) -> bytes:
     return np.random.default_rng(seed).bytes(length)
 
 
-def _survives(data: Callable[[VehicleUnderTest], bytes]) -> Callable[[VehicleUnderTest], str]:
+def _survives(build: Callable[[VehicleUnderTest], bytes]) -> Callable[[VehicleUnderTest], str]:
+    """Return a check: the vehicle receives the built bytes and must still answer."""
+
     def run(vehicle: VehicleUnderTest) -> str:
-        sent = data(vehicle)
+        sent = build(vehicle)
         vehicle.send_raw(sent)
         vehicle.wait(0.3)
         _require_answer(vehicle)
@@ -44,26 +46,26 @@ def _survives(data: Callable[[VehicleUnderTest], bytes]) -> Callable[[VehicleUnd
 
 
 _GARBAGE: tuple[tuple[str, str, Callable[[VehicleUnderTest], bytes]], ...] = (
-    ("random_bytes", "Random bytes are ignored.", lambda _: _random_bytes(1000, 1)),
-    ("zeros", "Zero bytes are ignored.", lambda _: bytes(400)),
-    ("start_bytes", "A row of start bytes is ignored.", lambda _: b"\xfd" * 500),
-    ("text", "Text on the link is ignored.", lambda _: b"\r\n\r\nnsh> help\r\n" * 20),
-    ("bad_checksum", "A frame with a wrong checksum is ignored.",
+    ("random_bytes", "random bytes", lambda _: _random_bytes(1000, 1)),
+    ("zeros", "zero bytes", lambda _: bytes(400)),
+    ("start_bytes", "a row of start bytes", lambda _: b"\xfd" * 500),
+    ("text", "text on the link", lambda _: b"\r\n\r\nnsh> help\r\n" * 20),
+    ("bad_checksum", "a frame with a wrong checksum",
      lambda vehicle: frames.with_bad_crc(vehicle, vehicle.command_long(REQUEST, VERSION))),
-    ("unknown_message", "A message with an unknown id is ignored.",
+    ("unknown_message", "a message with an unknown id",
      lambda vehicle: frames.frame(vehicle, UNKNOWN_ID, bytes(range(30)), 0)),
-    ("longest_frame", "A frame of 255 bytes with an unknown id is ignored.",
+    ("longest_frame", "an unknown message with 255 bytes of payload",
      lambda vehicle: frames.frame(vehicle, UNKNOWN_ID, bytes(255), 0)),
 )  # fmt: skip
-for _name, _statement, _data in _GARBAGE:
-    _function = _survives(_data)
-    _function.__doc__ = _statement
+for _name, _description, _build in _GARBAGE:
+    _function = _survives(_build)
+    _function.__doc__ = f"The vehicle still answers after {_description}."
     check(f"robustness.garbage.{_name}")(_function)
 
 
 @check("robustness.garbage.half_a_frame")
 def half_a_frame(vehicle: VehicleUnderTest) -> str:
-    """A truncated frame hides at most the next three frames."""
+    """The vehicle still answers after a truncated frame; the next frames may be lost."""
     vehicle.send_raw(_request(vehicle)[:20])
     vehicle.wait(0.3)
     for attempt in range(4):
@@ -77,16 +79,16 @@ def half_a_frame(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.garbage.around_a_frame")
 def around_a_frame(vehicle: VehicleUnderTest) -> str:
-    """A frame between other bytes is found."""
+    """A frame between other bytes is processed."""
     mark = vehicle.mark()
     vehicle.send_raw(b"hello" + _request(vehicle) + b"\r\nworld")
     vehicle.expect("COMMAND_ACK", mark=mark)
-    return "found"
+    return "answered"
 
 
 @check("robustness.garbage.twenty_kilobytes", limit_s=60)
 def twenty_kilobytes(vehicle: VehicleUnderTest) -> str:
-    """Twenty kilobytes of random bytes do not stop the vehicle."""
+    """The vehicle sends heartbeats and answers after twenty kilobytes of random bytes."""
     for seed in range(20):
         vehicle.send_raw(_random_bytes(1000, 100 + seed))
         vehicle.wait(0.05)
@@ -98,7 +100,7 @@ def twenty_kilobytes(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.frame.bad_checksum_is_not_obeyed")
 def bad_checksum(vehicle: VehicleUnderTest) -> str:
-    """A command with a wrong checksum is neither executed nor answered."""
+    """A command with a wrong checksum is not acknowledged."""
     mark = vehicle.mark()
     vehicle.send_raw(frames.with_bad_crc(vehicle, vehicle.command_long(REQUEST, VERSION)))
     vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
@@ -107,7 +109,7 @@ def bad_checksum(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.frame.two_at_once")
 def two_at_once(vehicle: VehicleUnderTest) -> str:
-    """Two frames in one datagram are both processed."""
+    """Two frames sent at once are both processed."""
     mark = vehicle.mark()
     vehicle.send_raw(_request(vehicle) + _request(vehicle))
     vehicle.wait(1.0)
@@ -164,7 +166,7 @@ def later_version(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.frame.incompatible_flag")
 def incompatible_flag(vehicle: VehicleUnderTest) -> str:
-    """A frame with an unknown incompatibility flag is dropped, as the specification demands."""
+    """A frame with an unknown incompatibility flag is not answered, as the specification demands."""
     message = vehicle.command_long(REQUEST, VERSION)
     payload = vehicle.pack(message)[10:-2]
     mark = vehicle.mark()
@@ -187,7 +189,7 @@ def compatible_flag(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.frame.sequence_gap")
 def sequence_gap(vehicle: VehicleUnderTest) -> str:
-    """A gap in the station's sequence numbers, as after losses, has no effect."""
+    """The vehicle still answers after a gap in the station's sequence numbers, as after losses."""
     codec = vehicle.codec()
     codec.seq = (codec.seq + 100) % 256
     _require_answer(vehicle)
@@ -196,12 +198,12 @@ def sequence_gap(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.names.without_end")
 def names_without_end(vehicle: VehicleUnderTest) -> str:
-    """A parameter name of 16 unreadable bytes has no effect."""
+    """The vehicle still answers after a parameter name of 16 unreadable bytes."""
     message = mavlink.MAVLink_param_request_read_message(*vehicle.target, b"\xff\xfe\x01" * 5 + b"\x80", -1)
     vehicle.send(message)
     vehicle.wait(0.3)
     _require_answer(vehicle)
-    return "ignored"
+    return "answered"
 
 
 # -- floods ----------------------------------------------------------------------------------------------
@@ -210,14 +212,14 @@ def names_without_end(vehicle: VehicleUnderTest) -> str:
 def _answer_after_flood(vehicle: VehicleUnderTest, mark: int) -> str:
     began_s = vehicle.now
     while vehicle.now - began_s < ANSWER_S:
-        place = vehicle.mark()
+        request_mark = vehicle.mark()
         vehicle.send(vehicle.command_long(REQUEST, VERSION))
-        if vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=place) is not None:
+        if vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=request_mark) is not None:
             break
     else:
         holds(False, f"no answer within {ANSWER_S:g} s")
-    beats = [entry.at_s for entry in vehicle.received[mark:] if entry.kind == "HEARTBEAT"]
-    gap_s = max((b - a for a, b in pairwise(beats)), default=0.0)
+    heartbeats_s = [entry.at_s for entry in vehicle.received[mark:] if entry.kind == "HEARTBEAT"]
+    gap_s = max((b - a for a, b in pairwise(heartbeats_s)), default=0.0)
     holds(gap_s < 3.0, f"no heartbeat for {gap_s:.1f} s")
     return f"answered after {vehicle.now - began_s:.2f} s"
 
@@ -233,7 +235,7 @@ def flood_of_requests(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.flood.lists", limit_s=120)
 def flood_of_lists(vehicle: VehicleUnderTest) -> str:
-    """The vehicle still answers after ten simultaneous parameter lists."""
+    """The vehicle still answers after ten simultaneous requests for the parameter list."""
     mark = vehicle.mark()
     for _ in range(10):
         vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
@@ -261,39 +263,36 @@ def flood_of_stations(vehicle: VehicleUnderTest) -> str:
 
 @check("robustness.flood.mission_counts", limit_s=60)
 def flood_of_counts(vehicle: VehicleUnderTest) -> str:
-    """An upload is accepted after 20 mixed mission announcements of two stations."""
+    """An upload is accepted 12 s after 20 alternating MISSION_COUNT messages of two stations."""
     for number in range(20):
-        vehicle.send(
-            plans.count_message(vehicle, 2 + number % 3), SECOND_STATION if number % 2 else (255, 190)
-        )
+        vehicle.send(plans.count_message(vehicle, 2 + number % 3), SECOND_STATION if number % 2 else STATION)
     vehicle.wait(12.0)
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    return "a clean upload is accepted"
+    return "ACCEPTED"
 
 
 @check("endurance.every_message.zeros", needs=[SIMULATOR], limit_s=120)
 def every_message_zeros(vehicle: VehicleUnderTest) -> str:
-    """The vehicle still answers after every addressed message with zeros in all fields."""
+    """The vehicle still answers after messages of most kinds with zeros in the fields."""
     return _every_message(vehicle, bytes)
 
 
 @check("endurance.every_message.ones", needs=[SIMULATOR], limit_s=120)
 def every_message_ones(vehicle: VehicleUnderTest) -> str:
-    """The vehicle still answers after every addressed message with all bits set (NaN, -1, largest values)."""
+    """The vehicle still answers after messages of most kinds with all bits set (NaN, -1, largest values)."""
     return _every_message(vehicle, lambda size: b"\xff" * size)
 
 
 @check("endurance.every_message.random", needs=[SIMULATOR], limit_s=120)
 def every_message_random(vehicle: VehicleUnderTest) -> str:
-    """The vehicle still answers after every addressed message with random fields."""
+    """The vehicle still answers after messages of most kinds with random fields."""
     return _every_message(vehicle, np.random.default_rng(7).bytes)
 
 
 def _every_message(vehicle: VehicleUnderTest, payload: Callable[[int], bytes]) -> str:
-    """Send each message with a payload, addressed to the vehicle.
+    """Send messages of most kinds with a payload, addressed to the vehicle.
 
-    Messages with lasting effects are excluded. Messages without a target are also excluded, because other
-    vehicles could receive them.
+    The `excluded` messages and messages with an `objection` are not sent.
     """
     excluded = {"COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET", "SET_MODE", "LOG_ERASE"}
     count = 0
@@ -325,6 +324,7 @@ def _address(message: type, data: bytearray, target: tuple[int, int]) -> None:
 
 
 def _offsets(message: type) -> list[int]:
+    """Return the offset of each field in the payload [bytes], in the order on the wire."""
     sizes = {"c": 1, "b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "q": 8, "Q": 8, "d": 8, "s": 1}
     formats = message.native_format.decode().removeprefix("<")  # type: ignore[attr-defined]
     lengths = message.array_lengths  # type: ignore[attr-defined]

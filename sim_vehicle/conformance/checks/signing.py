@@ -16,8 +16,8 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
 OTHER_KEY = hashlib.sha256(b"another key").digest()
-Y2015_US = 1_420_070_400_000_000
-STAMP = 50_000_000_000_000  # time stamp in 2030 [10 us since 2015], for a vehicle without the date
+Y2015_US = 1_420_070_400_000_000  # Unix time of 2015-01-01 [us]
+STAMP = 50_000_000_000_000  # time stamp in 2030 [10 us since 2015]
 REQUEST, VERSION = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)  # further stations: (system id, component id)
 KEY_REMOVAL_ATTEMPTS = 5
@@ -33,18 +33,18 @@ def _signed(entries: list[ReceivedFrame]) -> list[ReceivedFrame]:
     return [e for e in entries if e.raw[0] == 0xFD and e.raw[2] & SIGNED]
 
 
-def _signed_with(entry: ReceivedFrame, key: bytes) -> bool:
+def _is_signed_with(entry: ReceivedFrame, key: bytes) -> bool:
     digest = hashlib.sha256(key + entry.raw[:-6]).digest()
     return entry.raw[-6:] == digest[:6]
 
 
 @contextmanager
 def _signing_key(vehicle: VehicleUnderTest) -> Iterator[int]:
-    """Set a key on the vehicle and yield the time stamp; raise Skip if the vehicle does not sign."""
+    """Set a key on the vehicle and yield the initial time stamp; raise Skip if the vehicle does not sign."""
     unix_us = vehicle.request("SYSTEM_TIME").time_unix_usec
     stamp = (unix_us - Y2015_US) // 10 + 100 if unix_us > Y2015_US else STAMP + round(vehicle.now * 1e5)
     _sign_with(vehicle, SIGNER, KEY, stamp + 1000)
-    with vehicle.restoring("the absence of a signing key", lambda: _remove_key(vehicle)):
+    with vehicle.restoring("signing (off before the check)", lambda: _remove_key(vehicle)):
         vehicle.send(mavlink.MAVLink_setup_signing_message(*vehicle.target, KEY, stamp))
         mark = vehicle.wait(3.0)
         if not _signed(vehicle.received[mark:]):
@@ -62,7 +62,7 @@ def _remove_key(vehicle: VehicleUnderTest) -> None:
         frames = vehicle.received[mark:]
         if frames and not _signed(frames):
             return
-    raise CheckFailed("expected unsigned frames, saw signed frames")
+    raise CheckFailed("expected unsigned frames after the removal of the key, saw signed frames or none")
 
 
 @check("signing.without_a_key")
@@ -77,13 +77,13 @@ def without_a_key(vehicle: VehicleUnderTest) -> str:
 
 @check("signing.signs_what_it_sends", needs=[ALTER])
 def signs(vehicle: VehicleUnderTest) -> str:
-    """After the set-up of a key every frame has a correct signature."""
+    """After the set-up of a key the vehicle signs every frame correctly."""
     with _signing_key(vehicle):
         mark = vehicle.wait(3.0)
         frames = vehicle.received[mark:]
         signed = _signed(frames)
         equal(len(signed), len(frames), "signed frames")
-        wrong = [e.kind for e in signed if not _signed_with(e, KEY)]
+        wrong = [e.kind for e in signed if not _is_signed_with(e, KEY)]
         holds(not wrong, f"wrong signatures on {sorted(set(wrong))}")
     return f"{len(signed)} frames"
 
@@ -114,10 +114,10 @@ def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
 
 
 def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
-    """Raise Skip if the vehicle trusts the link, because a trusted link allows wrong signatures."""
+    """Raise Skip if the vehicle trusts the link and therefore accepts unsigned frames."""
     if _executed(vehicle, vehicle.pack(vehicle.command_long(REQUEST, VERSION), PLAIN)):
         raise Skip("the vehicle trusts this link and accepts unsigned frames")
-    # A lost request is no refusal.
+    # An answer shows that the link works, so the unsigned request was probably refused, not lost.
     vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
 
 
@@ -154,11 +154,10 @@ def refuses_replay(vehicle: VehicleUnderTest) -> str:
 
 @check("signing.can_be_turned_off", needs=[ALTER])
 def turned_off(vehicle: VehicleUnderTest) -> str:
-    """An empty key ends signing."""
+    """A key of zeros ends signing."""
     with _signing_key(vehicle):
         pass
     mark = vehicle.wait(3.0)
-    left = _signed(vehicle.received[mark:])
-    equal([e.kind for e in left], [], "signed frames")
+    equal([e.kind for e in _signed(vehicle.received[mark:])], [], "signed frames")
     equal(result_name(vehicle.command(REQUEST, VERSION)), "ACCEPTED", "an unsigned command")
     return "off"

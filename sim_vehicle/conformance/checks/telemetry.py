@@ -11,7 +11,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 STILL_M_S = 1.0  # a vehicle at rest is slower
-AGREE_M = 8.0  # longest distance between GPS and estimate at rest
+AGREE_M = 8.0  # at rest, GPS position and estimate are nearer to each other
 FINITE_KINDS = ("ATTITUDE", "VFR_HUD", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION")  # checked for NaN
 
 
@@ -26,7 +26,7 @@ def _both(vehicle: VehicleUnderTest, first: str, second: str) -> tuple[Any, Any]
 
 @check("telemetry.time.goes_forward")
 def time_goes_forward(vehicle: VehicleUnderTest) -> str:
-    """time_boot_ms never decreases within one kind of message."""
+    """time_boot_ms does not decrease within one kind of message."""
     kinds = {"ATTITUDE": 10.0, "GLOBAL_POSITION_INT": 5.0}
     with vehicle.streaming(kinds):
         mark = vehicle.wait(4.0)
@@ -70,7 +70,7 @@ def numbers_are_finite(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.position.agrees_with_gps", limit_s=200)
 def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
-    """GLOBAL_POSITION_INT agrees with GPS_RAW_INT."""
+    """GLOBAL_POSITION_INT is less than 8 m from GPS_RAW_INT."""
     flying.wait_ready(vehicle)
     estimate, gps = _both(vehicle, "GLOBAL_POSITION_INT", "GPS_RAW_INT")
     away_m = plans.distance_m((estimate.lat, estimate.lon), (gps.lat, gps.lon))
@@ -82,8 +82,8 @@ def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
 def position_in_range(vehicle: VehicleUnderTest) -> str:
     """Latitude, longitude and heading are within their ranges."""
     message = flying.position(vehicle)
-    holds(abs(message.lat) <= 900_000_000, f"lat {message.lat}")
-    holds(abs(message.lon) <= 1_800_000_000, f"lon {message.lon}")
+    holds(abs(message.lat) <= 900_000_000, f"expected lat within ±900000000, saw {message.lat}")
+    holds(abs(message.lon) <= 1_800_000_000, f"expected lon within ±1800000000, saw {message.lon}")
     holds(message.hdg < 36_000 or message.hdg == 65_535, f"expected hdg below 36000, saw {message.hdg}")
     return f"{message.lat / 1e7:.6f}, {message.lon / 1e7:.6f}"
 
@@ -100,26 +100,27 @@ def relative_is_from_home(vehicle: VehicleUnderTest) -> str:
 def hud_agrees(vehicle: VehicleUnderTest) -> str:
     """VFR_HUD.alt [m] agrees with GLOBAL_POSITION_INT.alt [mm]."""
     position, hud = _both(vehicle, "GLOBAL_POSITION_INT", "VFR_HUD")
-    near(hud.alt, position.alt / 1000, 2.0, "VFR_HUD.alt")
+    near(hud.alt, position.alt / 1000, 2.0, "VFR_HUD.alt [m]")
     return f"{hud.alt:.2f} m"
 
 
 @check("telemetry.altitude.gps_agrees")
 def gps_agrees(vehicle: VehicleUnderTest) -> str:
-    """GPS_RAW_INT.alt [mm, above sea level] is near GLOBAL_POSITION_INT.alt."""
+    """GPS_RAW_INT.alt [mm, above sea level] is within 15 m of GLOBAL_POSITION_INT.alt."""
     position, gps = _both(vehicle, "GLOBAL_POSITION_INT", "GPS_RAW_INT")
-    near(gps.alt / 1000, position.alt / 1000, 15.0, "GPS altitude")
+    near(gps.alt / 1000, position.alt / 1000, 15.0, "GPS altitude [m]")
     return f"{gps.alt / 1000:.1f} m"
 
 
 @check("telemetry.local.at_rest")
 def local_at_rest(vehicle: VehicleUnderTest) -> str:
-    """At rest LOCAL_POSITION_NED agrees with the distance from the local origin; the speed is near 0."""
+    """At rest LOCAL_POSITION_NED agrees with the distance from the local origin; the speed is below 1 m/s."""
     message = vehicle.sample({"LOCAL_POSITION_NED": 4.0}, 1.0)["LOCAL_POSITION_NED"][-1]
     origin = vehicle.request("GPS_GLOBAL_ORIGIN")
     away_m = plans.distance_m((origin.latitude, origin.longitude), plans.current_position(vehicle))
-    near(math.hypot(message.x, message.y), away_m, 3.0, "metres from the origin")
-    holds(math.hypot(message.vx, message.vy, message.vz) < STILL_M_S, f"moves at {message.vx}, {message.vy}")
+    near(math.hypot(message.x, message.y), away_m, 3.0, "distance from the origin [m]")
+    speed_m_s = math.hypot(message.vx, message.vy, message.vz)
+    holds(speed_m_s < STILL_M_S, f"LOCAL_POSITION_NED: {speed_m_s:.2f} m/s")
     return f"{message.x:.2f}, {message.y:.2f}, {message.z:.2f} m"
 
 
@@ -129,7 +130,8 @@ def speed_is_zero(vehicle: VehicleUnderTest) -> str:
     position, hud = _both(vehicle, "GLOBAL_POSITION_INT", "VFR_HUD")
     speed_m_s = math.hypot(position.vx, position.vy, position.vz) / 100
     holds(speed_m_s < STILL_M_S, f"GLOBAL_POSITION_INT: {speed_m_s:.2f} m/s")
-    holds(hud.groundspeed < STILL_M_S and abs(hud.climb) < STILL_M_S, f"VFR_HUD: {hud.groundspeed:.2f} m/s")
+    hud_m_s = max(hud.groundspeed, abs(hud.climb))
+    holds(hud_m_s < STILL_M_S, f"VFR_HUD: {hud_m_s:.2f} m/s")
     return f"{speed_m_s:.2f} m/s"
 
 
@@ -140,21 +142,21 @@ def speed_is_zero(vehicle: VehicleUnderTest) -> str:
 def attitude_in_range(vehicle: VehicleUnderTest) -> str:
     """Roll and yaw are within ±pi rad, pitch is within ±pi / 2 rad."""
     for message in vehicle.sample({"ATTITUDE": 10.0}, 2.0)["ATTITUDE"]:
-        holds(abs(message.roll) <= math.pi + 1e-5, f"roll {message.roll}")
-        holds(abs(message.pitch) <= math.pi / 2 + 1e-5, f"pitch {message.pitch}")
-        holds(abs(message.yaw) <= math.pi + 1e-5, f"yaw {message.yaw}")
+        holds(abs(message.roll) <= math.pi + 1e-5, f"roll {message.roll} rad")
+        holds(abs(message.pitch) <= math.pi / 2 + 1e-5, f"pitch {message.pitch} rad")
+        holds(abs(message.yaw) <= math.pi + 1e-5, f"yaw {message.yaw} rad")
     return f"yaw {math.degrees(message.yaw):.1f} deg"
 
 
 @check("telemetry.attitude.is_level_at_rest")
 def level_at_rest(vehicle: VehicleUnderTest) -> str:
-    """A vehicle on the ground is level within 15 degrees and does not turn."""
+    """A vehicle on the ground is level within 15 degrees and turns by less than 0.2 rad/s."""
     message = vehicle.sample({"ATTITUDE": 5.0}, 1.0)["ATTITUDE"][-1]
-    worst = max(abs(message.roll), abs(message.pitch))
-    holds(worst < math.radians(15), f"tilted by {math.degrees(worst):.1f} deg")
+    tilt_deg = math.degrees(max(abs(message.roll), abs(message.pitch)))
+    holds(tilt_deg < 15, f"the vehicle is tilted by {tilt_deg:.1f} deg")
     speed_rad_s = max(abs(message.rollspeed), abs(message.pitchspeed), abs(message.yawspeed))
     holds(speed_rad_s < 0.2, f"the vehicle turns at {speed_rad_s:.2f} rad/s")
-    return f"{math.degrees(worst):.2f} deg"
+    return f"{tilt_deg:.2f} deg"
 
 
 @check("telemetry.attitude.quaternion_agrees")
@@ -162,7 +164,7 @@ def quaternion_agrees(vehicle: VehicleUnderTest) -> str:
     """ATTITUDE_QUATERNION has length 1 and agrees with ATTITUDE."""
     euler, q = _both(vehicle, "ATTITUDE", "ATTITUDE_QUATERNION")
     w, x, y, z = q.q1, q.q2, q.q3, q.q4
-    near(math.sqrt(w * w + x * x + y * y + z * z), 1.0, 1e-3, "length")
+    near(math.sqrt(w * w + x * x + y * y + z * z), 1.0, 1e-3, "length of the quaternion")
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -171,8 +173,8 @@ def quaternion_agrees(vehicle: VehicleUnderTest) -> str:
         ("pitch", pitch, euler.pitch),
         ("yaw", yaw, euler.yaw),
     ):
-        apart = _degrees_apart(math.degrees(seen), math.degrees(expected))
-        holds(apart < 3, f"{name}: {apart:.1f} deg apart")
+        apart_deg = _degrees_apart(math.degrees(seen), math.degrees(expected))
+        holds(apart_deg < 3, f"{name}: {apart_deg:.1f} deg apart")
     return "agrees within 3 deg"
 
 
@@ -197,17 +199,17 @@ def heading_agrees(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.gps.has_a_fix")
 def gps_fix(vehicle: VehicleUnderTest) -> str:
-    """GPS_RAW_INT reports a 3D fix with at least four satellites."""
+    """GPS_RAW_INT reports a position and a 3D fix with at least four satellites."""
     gps = vehicle.request("GPS_RAW_INT")
     holds(gps.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX, f"expected a 3D fix, saw fix_type {gps.fix_type}")
     holds(gps.satellites_visible >= 4, f"expected 4 satellites, saw {gps.satellites_visible}")
-    holds(abs(gps.lat) <= 900_000_000 and (gps.lat or gps.lon), f"lat {gps.lat}, lon {gps.lon}")
+    holds(abs(gps.lat) <= 900_000_000 and (gps.lat or gps.lon), f"no position: {gps.lat}, {gps.lon}")
     return f"fix_type {gps.fix_type}, {gps.satellites_visible} satellites"
 
 
 @check("telemetry.gps.reports_its_quality")
 def gps_quality(vehicle: VehicleUnderTest) -> str:
-    """eph and epv of a fix are between 0.1 and 10."""
+    """GPS_RAW_INT.eph and epv, dilution of precision times 100, are 10 to 1000."""
     gps = vehicle.request("GPS_RAW_INT")
     for name, value in (("eph", gps.eph), ("epv", gps.epv)):
         holds(10 <= value <= 1000, f"expected {name} of 10 to 1000, saw {value}")
@@ -227,7 +229,7 @@ def estimator(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.sensors.are_consistent")
 def sensors(vehicle: VehicleUnderTest) -> str:
-    """Every enabled sensor in SYS_STATUS is present."""
+    """Every enabled sensor in SYS_STATUS is present, and so is a gyroscope."""
     status = vehicle.request("SYS_STATUS")
     present, enabled = status.onboard_control_sensors_present, status.onboard_control_sensors_enabled
     holds(enabled & ~present == 0, f"enabled, but not present: {enabled & ~present:#x}")
@@ -245,7 +247,7 @@ def load(vehicle: VehicleUnderTest) -> str:
 
 @check("telemetry.imu.measures_gravity")
 def imu(vehicle: VehicleUnderTest) -> str:
-    """At rest the accelerometer shows 9.8 m/s2 upward."""
+    """At rest the accelerometer shows 9.8 m/s2, with a negative z axis (z points down)."""
     for kind, scale in (("SCALED_IMU", 9.80665e-3), ("RAW_IMU", 9.80665e-3), ("HIGHRES_IMU", 1.0)):
         try:
             message = vehicle.request(kind)
@@ -293,15 +295,15 @@ def battery_agrees(vehicle: VehicleUnderTest) -> str:
     cells = [v for v in battery.voltages if v not in (0, 65_535)]
     if not cells or status.voltage_battery == 65_535:
         raise Skip("the voltage is not known")
-    near(sum(cells) / 1000, status.voltage_battery / 1000, 0.3, "volts")
+    near(sum(cells) / 1000, status.voltage_battery / 1000, 0.3, "voltage [V]")
     if battery.battery_remaining >= 0 and status.battery_remaining >= 0:
-        near(battery.battery_remaining, status.battery_remaining, 2, "per cent")
+        near(battery.battery_remaining, status.battery_remaining, 2, "charge [%]")
     return f"{status.voltage_battery / 1000:.2f} V, {status.battery_remaining} %"
 
 
 @check("telemetry.battery.is_in_range")
 def battery_in_range(vehicle: VehicleUnderTest) -> str:
-    """Charge is -1 or a percentage, consumption at least -1, and unused cells are 65535."""
+    """Charge is -1 to 100 %, consumption at least -1 mAh, and unused cells (65535) come last."""
     battery = vehicle.request("BATTERY_STATUS")
     holds(-1 <= battery.battery_remaining <= 100, f"battery_remaining {battery.battery_remaining}")
     holds(battery.current_consumed >= -1, f"current_consumed {battery.current_consumed}")

@@ -1,4 +1,4 @@
-"""STATUSTEXT messages of the whole run, checked last."""
+"""STATUSTEXT messages of the run, and the answers of the vehicle at the end."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -27,7 +27,7 @@ def severities(vehicle: VehicleUnderTest) -> str:
 
 @check("endurance.texts.are_readable")
 def readable(vehicle: VehicleUnderTest) -> str:
-    """Every STATUSTEXT is printable and not empty."""
+    """Every STATUSTEXT is printable, apart from tabs, and not blank."""
     wrong = [
         text
         for _, _, text in _texts(vehicle)
@@ -39,7 +39,7 @@ def readable(vehicle: VehicleUnderTest) -> str:
 
 @check("endurance.still_answers")
 def still_answers(vehicle: VehicleUnderTest) -> str:
-    """At the end of the run the vehicle sends heartbeats and answers."""
+    """At the end of the run the vehicle sends a heartbeat and AUTOPILOT_VERSION."""
     vehicle.expect("HEARTBEAT", within_s=3.0)
     vehicle.request("AUTOPILOT_VERSION")
     return f"mode {vehicle.mode}"

@@ -15,18 +15,18 @@ RELEASES = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "
 
 @check("version.by_request_message")
 def by_request_message(vehicle: VehicleUnderTest) -> str:
-    """REQUEST_MESSAGE brings AUTOPILOT_VERSION."""
+    """The vehicle sends AUTOPILOT_VERSION for REQUEST_MESSAGE."""
     version = vehicle.request("AUTOPILOT_VERSION")
     return f"capabilities {version.capabilities:#x}"
 
 
 @check("version.by_request_capabilities")
 def by_request_capabilities(vehicle: VehicleUnderTest) -> str:
-    """REQUEST_AUTOPILOT_CAPABILITIES, where supported, brings AUTOPILOT_VERSION."""
+    """The vehicle sends AUTOPILOT_VERSION for an accepted REQUEST_AUTOPILOT_CAPABILITIES."""
     mark = vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1)
     if result != mavlink.MAV_RESULT_ACCEPTED:
-        raise Skip(f"deprecated, answered {result_name(result)}")
+        raise Skip(f"the vehicle answers the deprecated command with {result_name(result)}")
     vehicle.expect("AUTOPILOT_VERSION", mark=mark)
     return "AUTOPILOT_VERSION"
 
@@ -41,9 +41,9 @@ def same_every_time(vehicle: VehicleUnderTest) -> str:
 
 @check("version.software_is_named")
 def software_is_named(vehicle: VehicleUnderTest) -> str:
-    """flight_sw_version has a version and a known kind of release."""
+    """flight_sw_version has a version above 0 and a known kind of release."""
     value = vehicle.request("AUTOPILOT_VERSION").flight_sw_version
-    holds(value >> 8 != 0, "flight_sw_version is 0")
+    holds(value >> 8 != 0, f"expected a version above 0.0.0, saw flight_sw_version {value:#x}")
     holds(value & 0xFF in RELEASES, f"expected a FIRMWARE_VERSION_TYPE, saw {value & 0xFF}")
     major, minor, patch = value >> 24, value >> 16 & 0xFF, value >> 8 & 0xFF
     return f"{major}.{minor}.{patch} {RELEASES[value & 0xFF]}"
@@ -73,10 +73,10 @@ def claims_integer_missions(vehicle: VehicleUnderTest) -> str:
 
 @check("version.claims_a_parameter_encoding", pins="AUTOPILOTS 1.16")
 def claims_a_parameter_encoding(vehicle: VehicleUnderTest) -> str:
-    """The claimed encoding of parameters agrees with the known encoding of the autopilot."""
+    """An encoding of parameters is claimed and agrees with the known encoding of the autopilot."""
     as_bytes = vehicle.identity.claims("PARAM_ENCODE_BYTEWISE")
     by_value = vehicle.identity.claims("PARAM_FLOAT") or vehicle.identity.claims("PARAM_ENCODE_C_CAST")
-    holds(as_bytes or by_value, "no encoding is claimed")
+    holds(as_bytes or by_value, "no encoding of parameters is claimed")
     if vehicle.dialect.byte_wise is not None:
         equal(as_bytes, vehicle.dialect.byte_wise, "PARAM_ENCODE_BYTEWISE")
     return "byte-wise" if as_bytes else "float"
@@ -101,8 +101,8 @@ def claims_fence_and_rally(vehicle: VehicleUnderTest) -> str:
 
 @check("version.protocol_version")
 def protocol_version(vehicle: VehicleUnderTest) -> str:
-    """PROTOCOL_VERSION, where supported, has version 2.0, and its range includes 2.0."""
+    """PROTOCOL_VERSION, where supported, has version 200 (2.0) within its range."""
     version, lowest, highest = frames.requested(vehicle, frames.PROTOCOL_VERSION, PROTOCOL)
     equal(version, 200, "version")
-    holds(lowest <= 200 <= highest, f"{lowest} to {highest}")
+    holds(lowest <= 200 <= highest, f"expected a range that includes 200, saw {lowest} to {highest}")
     return f"{lowest} to {highest}"
