@@ -20,7 +20,7 @@ from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
-from swarmctl.planners.envelope import EnvelopeSearch, SummedRoute
+from swarmctl.planners.envelope import Envelope, SummedRoute
 
 SMALL_GAP = 0.02
 """relative gap between the bounds on the exposure below which labels are faster than another search"""
@@ -56,7 +56,7 @@ def plan(problem: Problem, params: Params) -> Route:
         )
     if problem.start in problem.goals:
         return route_of(problem, (problem.start,), 0.0)
-    envelope = EnvelopeSearch(problem)
+    envelope = Envelope(problem)
     greatest = bounds.window(problem)[1]
     if math.isinf(greatest):
         return _route(envelope, envelope.search(0.0)[0].cells)
@@ -77,7 +77,7 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
     return measures.exposure_sum(problem.exposure, cells)
 
 
-def _label(envelope: EnvelopeSearch, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
+def _label(envelope: Envelope, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
     """Return the least exposed route that labels find, or `best` if labels find no route."""
     problem = envelope.problem
     greatest = bounds.window(problem)[1]
@@ -96,7 +96,7 @@ def _label(envelope: EnvelopeSearch, best: SummedRoute, to_go: kernels.ToGo, par
     return replace(route, lower_bound=min(route.cost, proved))
 
 
-def _route(envelope: EnvelopeSearch, cells: tuple[Cell, ...]) -> Route:
+def _route(envelope: Envelope, cells: tuple[Cell, ...]) -> Route:
     """Return a proved route: its exposure is also its lower bound."""
     exposure = measures.exposure_sum(envelope.problem.exposure, cells)
     route = route_of(envelope.problem, cells, exposure)

@@ -69,8 +69,8 @@ class Bracket:
     None if `short` is the least exposed route of all."""
 
 
-class EnvelopeSearch:
-    """Searches for one problem at several prices of length."""
+class Envelope:
+    """The lower envelope of one problem, from searches at several prices of length."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem

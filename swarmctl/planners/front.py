@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, eq5_route
-from swarmctl.planners.envelope import EnvelopeSearch, SummedRoute
+from swarmctl.planners.envelope import Envelope, SummedRoute
 
 MAX_LABELS = 20_000_000
 """default limit on the number of labels over all triangles; a label takes about 50 bytes"""
@@ -49,7 +49,7 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
     budget = MAX_LABELS if max_labels is None else max_labels
     if budget < 0:
         raise BadProblem(f"max_labels = {budget}: expected 0 or more")
-    envelope = EnvelopeSearch(problem)
+    envelope = Envelope(problem)
     if problem.start in problem.goals:
         return _front(envelope, _Points(SummedRoute((problem.start,), 0.0, 0.0)))
     window = bounds.window(problem)
@@ -92,7 +92,7 @@ class _Points:
     complete: bool = True
 
 
-def _front(envelope: EnvelopeSearch, points: _Points) -> Front:
+def _front(envelope: Envelope, points: _Points) -> Front:
     """Return the front of the points within the bounds, the shortest first."""
     problem = envelope.problem
     least, greatest = bounds.window(problem)

@@ -127,8 +127,7 @@ class Replanner:
     def renew(self, exposure: NDArray[np.float64]) -> None:
         """Replace P_s, shape (rows, cols); the cost of every cell is compared with the older field.
 
-        A contiguous, writeable array of floats is not copied. Raises BadProblem for another shape or an
-        invalid exposure.
+        A contiguous, writeable array of floats is not copied. Raises BadProblem for a wrong shape or value.
         """
         checked_field(exposure, self.goals, self._w, self._psi)
         if exposure.shape != self._now.known.shape:

@@ -17,7 +17,7 @@ from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds
 from swarmctl.planners.base import Problem, Route, is_open, route_of
-from swarmctl.planners.envelope import EnvelopeSearch, SummedRoute
+from swarmctl.planners.envelope import Envelope, SummedRoute
 
 # DEVIATION: the paper searches "in the space of w" without a method. A list of values of w would miss the
 # routes of the values between; this search covers every w.
@@ -38,8 +38,8 @@ def plan(problem: Problem, params: Params) -> Route:
     Raises Unreachable, and BoundTooTight if no route over all w keeps the bounds.
     """
     if problem.start in problem.goals:
-        return _checked(problem, params, [SummedRoute((problem.start,), 0.0, 0.0)], EnvelopeSearch(problem))
-    envelope = EnvelopeSearch(problem)
+        return _checked(problem, params, [SummedRoute((problem.start,), 0.0, 0.0)], Envelope(problem))
+    envelope = Envelope(problem)
     candidates = _least_exposed if params.minimise == "exposure" else _shortest
     return _checked(problem, params, candidates(envelope, *bounds.window(problem)), envelope)
 
@@ -51,7 +51,7 @@ def measure(problem: Problem, cells: Sequence[Cell], params: Params) -> float:
     return _sum(problem, cells, params)
 
 
-def _least_exposed(envelope: EnvelopeSearch, _least: float, greatest: float) -> list[SummedRoute]:
+def _least_exposed(envelope: Envelope, _least: float, greatest: float) -> list[SummedRoute]:
     """Return the longest route of the envelope within the upper bound, and the next longer route."""
     if math.isinf(greatest):
         return [envelope.search(0.0)[0]]
@@ -62,8 +62,8 @@ def _least_exposed(envelope: EnvelopeSearch, _least: float, greatest: float) -> 
     return [bracket.short] if bracket.long is None else [bracket.short, bracket.long]
 
 
-def _shortest(envelope: EnvelopeSearch, least: float, greatest: float) -> list[SummedRoute]:
-    """Return the shortest route of the envelope from the lower bound on, and the next shorter route."""
+def _shortest(envelope: Envelope, least: float, greatest: float) -> list[SummedRoute]:
+    """Return the shortest route of the envelope that reaches the lower bound, and the next shorter route."""
     shortest, _ = envelope.search(math.inf)
     if shortest.length_cells > greatest:
         return [shortest]
@@ -73,9 +73,7 @@ def _shortest(envelope: EnvelopeSearch, least: float, greatest: float) -> list[S
     return [bracket.short] if bracket.long is None else [bracket.long, bracket.short]
 
 
-def _checked(
-    problem: Problem, params: Params, candidates: list[SummedRoute], envelope: EnvelopeSearch
-) -> Route:
+def _checked(problem: Problem, params: Params, candidates: list[SummedRoute], envelope: Envelope) -> Route:
     """Return the candidate that keeps the bounds. Raises BoundTooTight with the nearest candidate."""
     least, greatest = bounds.window(problem)
 

@@ -36,8 +36,8 @@ class Params:
 def plan(problem: Problem, params: Params) -> Route:
     """Return the least exposed route found within both bounds on length; `w` and ψ have no influence.
 
-    Raises Unreachable, and BoundTooTight. Its `nearest` is the longest route found below the lower bound, or
-    the shortest route if all routes are above the upper bound.
+    Raises Unreachable, and BoundTooTight with the longest route found below the lower bound, or with the
+    shortest route if all routes are above the upper bound.
     """
     upper = replace(problem, min_length_cells=0.0)
     nearest = constrained.plan(upper, constrained.Params(max_labels=params.max_labels))

@@ -194,8 +194,7 @@ class FactCollector:
     def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
         """Return a vehicle's clock less its reference [s]; None if the vehicle reports no time.
 
-        The reference is this machine's clock. With `free_clocks`, the reference of a simulated vehicle is the
-        median clock of these vehicles.
+        The reference is this machine's clock; for simulated vehicles with `free_clocks`, their median clock.
         """
         offset_s = self._offset_from_machine_s(vehicle)
         if offset_s is None or not (self._free_clocks and _is_simulated(vehicle)):

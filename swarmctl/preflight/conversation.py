@@ -26,7 +26,7 @@ class Preflight:
 
     checked: output; the last results of every vehicle, by name
     crossings: output; each round appends the crossings over ground of this process's first routes
-    sets_parameters: False for the command `preflight`, which writes no parameters
+    sets_parameters: False for the command `preflight`
     unix_s_at_zero, speedup, free_clocks: as for `FactCollector`
     """
 

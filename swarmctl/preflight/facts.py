@@ -23,7 +23,6 @@ class OtherVehicle:
     name: str
     sysid: int
     altitude_m: float
-    """flight altitude above home"""
     identity: Identity | None
     trajectory: Trajectory | None
     airframe: Airframe = "copter"
@@ -75,7 +74,6 @@ class PreflightFacts:
     """flight altitude above home"""
     speed_m_s: float
     endurance_s: float | None
-    """flight time of a full battery"""
     reserve_percent: float
     frame: LocalFrame
     """frame of metres east and north of the area's corner"""

@@ -92,8 +92,7 @@ def least_cost_outside(
 
     `from_start` is the cost to each cell of the box, (rows, cols) padded and flat. The box's first cell is
     cell (top, left) of the area. `label` and `old_straight` are older labels and costs of the whole area, of
-    `area_rows` rows and width - 2 columns. An older label above `valid_below` counts as `valid_below`;
-    `ratio` turns older costs into lower bounds of the present costs.
+    `area_rows` rows and width - 2 columns. `ratio` · min(label, `valid_below`) is a valid lower bound.
     """
     best = np.inf
     box_width = cols + 2

@@ -15,7 +15,7 @@ from swarmctl.planners.kernels.lattice import (
     Floats,
     Ints,
     cuts_corner,
-    least_neighbour_label,
+    min_neighbour_label,
     offsets_of,
 )
 
@@ -55,7 +55,7 @@ def costs(
                 cost[row, col] = cost_of(label, step, extra, straight, offsets, base + col)
             continue
         for col in range(cols):
-            cost[row, col] = least_neighbour_label(label, extra, width, base + col) + step
+            cost[row, col] = min_neighbour_label(label, extra, width, base + col) + step
     return cost
 
 
@@ -352,7 +352,7 @@ def _cells_without_length(
 ) -> tuple[Ints, Ints, int]:
     """Return the cells of unknown length on the cheapest routes from `start`, and their cheapest directions.
 
-    The third value is the number of cells. Write -2 - index into `length` for each of these cells.
+    The third value is the number of cells. Write -2 - index into `length` for each of the cells.
     """
     offsets = offsets_of(width)
     cells = np.empty(256, dtype=np.int64)

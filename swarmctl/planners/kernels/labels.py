@@ -3,8 +3,8 @@
 A label is a route from the start to a cell, with the length and the exposure of the route. A label is dropped
 if another label of the cell is at most as long and at most as exposed. A label that cannot lead to a useful
 route is dropped too. Three fields give lower bounds for the rest of a route: the least length, the least
-exposure, and the least exposure + price · length. Labels are extended in the order of the third sum. So a
-label that reaches a goal is final, and the queue bounds all routes that are not found yet.
+exposure, and the least exposure + price · length. The label of the least bound on the third sum is extended
+first. So a label that reaches a goal is final, and the queue bounds all routes that are not found yet.
 """
 
 from __future__ import annotations
@@ -118,10 +118,7 @@ def set_labels(
     whole_front: bool,
     max_labels: int,
 ) -> tuple[Ints, NDArray[np.int32], NDArray[np.int32], float]:
-    """Return the labels at goals in the order found, the cells and the parents of all labels, and a key.
-
-    The key is the least sum of the labels that the limit left open; infinite within the limit.
-    """
+    """Return the labels at goals as found, cells and parents of all labels, and the least open key or inf."""
     offsets = offsets_of(width)
     head = np.full(p_s.size, -1, dtype=np.int32)  # newest label of each cell; `after` has the older
     cell = np.empty(FIRST_POOL, dtype=np.int32)

@@ -97,7 +97,7 @@ class LargeField(Field):
             by_columns(label, self.straight, extra, self.has_walls, width, rows, first, end, direction)
         for first, end, direction in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
             by_rows(label, self.straight, extra, self.has_walls, width, cols, first, end, direction)
-        improved = compiled(sweep.improve_once)(label, self.straight, extra, self.has_walls, rows, cols)
+        improved = compiled(sweep.improve)(label, self.straight, extra, self.has_walls, rows, cols)
         self._correct(label, improved, np.inf)
 
     def _correct(self, label: Floats, seeds: Ints, until: float) -> Ints:

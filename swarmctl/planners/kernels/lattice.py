@@ -29,7 +29,7 @@ def cuts_corner(entry_cost: Floats, offsets: Ints, m: int, k: int) -> bool:
     return bool(entry_cost[m] != np.inf and (entry_cost[beside] == np.inf or entry_cost[other] == np.inf))
 
 
-def least_neighbour_label(label: Floats, extra: float, width: int, m: int) -> float:
+def min_neighbour_label(label: Floats, extra: float, width: int, m: int) -> float:
     """Return the least label of m's neighbours, plus `extra` for diagonal ones, without a check of walls."""
     near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
     low = min(label[m - width - 1], label[m - width + 1])

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.planners.kernels.lattice import Floats, Ints, least_neighbour_label
+from swarmctl.planners.kernels.lattice import Floats, Ints, min_neighbour_label
 
 
 def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[float, float, bool]:
@@ -129,9 +129,7 @@ def sweep_rows(
             label[here] = carried
 
 
-def improve_once(
-    label: Floats, straight: Floats, extra: float, has_walls: bool, rows: int, cols: int
-) -> Ints:
+def improve(label: Floats, straight: Floats, extra: float, has_walls: bool, rows: int, cols: int) -> Ints:
     """Improve each label once by its neighbours; return the cells of the improved labels."""
     width = cols + 2
     counts = np.zeros(rows + 1, dtype=np.int64)
@@ -144,7 +142,7 @@ def improve_once(
                 )
         else:
             for here in range(row * width + 1, row * width + cols + 1):
-                count += least_neighbour_label(label, extra, width, here) + straight[here] < label[here]
+                count += min_neighbour_label(label, extra, width, here) + straight[here] < label[here]
         counts[row] = count
     found = np.empty(counts.sum(), dtype=np.int64)
     better = np.empty(found.size)
@@ -156,7 +154,7 @@ def improve_once(
             if has_walls:
                 improved = _least_reachable_label(label, straight, extra, width, here)
             else:
-                improved = least_neighbour_label(label, extra, width, here)
+                improved = min_neighbour_label(label, extra, width, here)
             improved += straight[here]
             if improved < label[here]:
                 found[size] = here
@@ -167,7 +165,7 @@ def improve_once(
 
 
 def _least_reachable_label(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """Return `least_neighbour_label` without the steps that pass the corner of a wall."""
+    """Return `min_neighbour_label` without the steps that pass the corner of a wall."""
     west, east = straight[here - 1], straight[here + 1]
     south, north = straight[here - width], straight[here + width]
     low = min(_past(label[here - width - 1], west, south), _past(label[here - width + 1], east, south))

@@ -27,8 +27,7 @@ def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> 
 def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     """Yield kernels with arguments of the right types, for an area of one cell.
 
-    Python code calls all of these but `find_lengths` and its variant. The two come before their caller
-    `descend`, so that each step is short.
+    Some kernels that `descend` calls come before `descend`, so that each step is short.
     """
     exposure, label, length = np.zeros((1, 1)), np.full(9, math.inf), np.full(9, math.inf)
     straight, waiting = label.copy(), np.zeros(9, dtype=np.uint8)
@@ -39,7 +38,7 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     yield sweep.is_prepared, (exposure, 0.5, 0.5, straight)
     yield sweep.sweep_columns, (label, straight, 0.2, False, width, 1, 1, 2, 1)
     yield sweep.sweep_rows, (label, straight, 0.2, False, width, 1, 1, 2, 1)
-    yield sweep.improve_once, (label, straight, 0.2, False, *area)
+    yield sweep.improve, (label, straight, 0.2, False, *area)
     yield buckets.correct, (label, straight, 0.2, width, cells, 0.5, 0.5, False, waiting, math.inf)
     field = (label, 0.5, 0.2, straight)
     yield descent.cost_of, (*field, offsets, goal)

@@ -20,6 +20,4 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, "no position of the vehicle", wanted, "wait for the first position")
     away_m = distance_m((state.home_lat_deg, state.home_lon_deg), (state.lat_deg, state.lon_deg))
     is_near = away_m <= MAX_DISTANCE_M
-    return Finding(
-        is_near, f"home {away_m:.0f} m away", wanted, "" if is_near else "set home to the vehicle's position"
-    )
+    return Finding(is_near, f"home {away_m:.0f} m away", wanted, "" if is_near else "set home at the vehicle")

@@ -40,9 +40,7 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
     policies = sorted({text.split(":")[0] for text in declared if text.startswith("preflight.policy.")})
     keys = sorted({text.split(":")[0] for text in declared if text.split(":")[0].isidentifier()})
     texts = [
-        f"set {_names(settable)} on the vehicle, or declare preflight.set_parameters: true"
-        if settable
-        else "",
+        f"set {_names(settable)} on the vehicle, or set preflight.set_parameters: true" if settable else "",
         f"set {_names(by_hand)} on the vehicle by hand" if by_hand else "",
         f"or declare another {_names(policies)}" if policies else "",
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",

@@ -25,13 +25,13 @@ def check(facts: PreflightFacts) -> Finding:
     corners = [local(*place) for place in facts.fence]
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.track, plan.landing)]
     track = [local(state.lat_deg, state.lon_deg), *(local(*point) for point in points)]
-    outside = [i for i, (a, b) in enumerate(pairwise(track), 1) if not stays_inside(corners, a, b)]
+    legs_outside = [i for i, (a, b) in enumerate(pairwise(track), 1) if not stays_inside(corners, a, b)]
     where = _landing_outside(facts, plan, corners)
     if where:
         cure = "widen preflight.fence, or move the start, the goal or the area"
         return Finding(False, f"the landing pattern {where} leaves the fence", wanted, cure)
-    if outside:
-        found = f"leg {outside[0]} of {len(track) - 1} leaves the fence"
+    if legs_outside:
+        found = f"leg {legs_outside[0]} of {len(track) - 1} leaves the fence"
         cure = "widen preflight.fence, or move the start, the goal or the area"
         return Finding(False, found, wanted, cure)
     highest_m = max(plan.takeoff_alt_m, *(p.alt_rel_m for p in (*plan.track, plan.landing)))

@@ -138,7 +138,7 @@ def _plane_flight(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]
 
 
 def _critical_battery(behaviour: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
-    """Return the parameter of a critical battery; `values` are the actions without a motor stop."""
+    """Return the requirement on the critical-battery action; `values` are actions without a motor stop."""
     return RequiredParameter("BATT_FS_CRT_ACT", behaviour.low_battery, 0.0, values)
 
 

@@ -49,11 +49,7 @@ class DeclaredBehaviour:
 
     @property
     def max_return_height_m(self) -> float:
-        """Greatest height above home to which a return may climb [m].
-
-        The return schedule allows for CLIMBS_TO_M. In a swarm no return climbs above the vehicle's flight
-        altitude.
-        """
+        """Greatest height above home to which a return may climb [m]; in a swarm the flight altitude."""
         return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 
     @property
