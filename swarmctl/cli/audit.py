@@ -60,9 +60,8 @@ def audit(
     troubles = [printable(text) for text in _troubles(path, checked, keys)]
     if troubles:
         fail(troubles, EXPECTED)
-    say(
-        f"{path}: complete and unchanged: {len(checked.entries)} entries; the final hash is {checked.last_hash}"
-    )
+    n_entries, last_hash = len(checked.entries), checked.last_hash
+    say(f"{path}: complete and unchanged: {n_entries} entries; the final hash is {last_hash}")
     say(_signed_by(checked, keys))
 
 

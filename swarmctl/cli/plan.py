@@ -100,6 +100,6 @@ def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int)
     folder = run_folder(out_folder, f"{scenario.config.name}-front")
     front.write_fronts(folder, scenario, found)
     out.print(front.front_table(found))
-    for text in [*front.left_out(found), front.EXPLANATION]:
+    for text in [*front.front_notes(found), front.EXPLANATION]:
         out.print(text, style="bright_black", highlight=False, markup=False)
     out.print(f"all routes, with their cells, and the picture: {folder}", highlight=False, soft_wrap=True)

@@ -136,7 +136,8 @@ async def show(
             for m in members
         ]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
-        ui.refresh(SwarmView(scenario.config.name, statistics.flown_s, speed, rows, director.on_ctrl_c))
+        flown_s = statistics.longest_flight_s
+        ui.refresh(SwarmView(scenario.config.name, flown_s, speed, rows, director.on_ctrl_c))
 
     try:
         while True:

@@ -26,8 +26,6 @@ class Linked(Protocol):
 
 
 class Vehicle(Protocol):
-    """A vehicle of this process."""
-
     @property
     def name(self) -> str: ...
     @property
@@ -38,42 +36,42 @@ class Vehicle(Protocol):
 
 
 def is_released_in_air(state: AgentState) -> bool:
-    """Return whether a pilot or another station controls a vehicle that may be in the air."""
+    """Return whether the agent gives no more orders to a vehicle that may be armed."""
     return state.ended and may_be_armed(state)
 
 
-def _is_over(state: AgentState) -> bool:
+def _has_ended_disarmed(state: AgentState) -> bool:
     return state.ended and not may_be_armed(state)
 
 
 def is_lost_in_air(state: AgentState) -> bool:
-    """Return whether the vehicle is lost and may have been in the air at its last telemetry."""
+    """Return whether the link is lost and the vehicle may have been armed at its last telemetry."""
     return state.lost and may_be_armed(state)
 
 
 def final_phase(state: AgentState) -> str:
-    """Return the vehicle's phase, or "lost" if the last known phase may be over."""
+    """Return the vehicle's phase, or "lost" for a vehicle that is lost in flight."""
     return "lost" if is_lost_in_air(state) and not state.ended else str(state.phase)
 
 
 def describe_outcome(state: AgentState) -> str:
-    """Return the vehicle's outcome; for a released vehicle with the last mode, for a lost one with "lost"."""
+    """Return the outcome as text, with the last mode of a released vehicle, and "lost" for a lost vehicle."""
     outcome = state.outcome or str(state.phase)
     mode = state.vehicle.mode or "unknown"
     if state.phase is Phase.RELEASED and f"in mode {mode}," not in outcome:
         outcome = f"{outcome}; last in mode {mode}"
-    if not state.lost or _is_over(state):
+    if not state.lost or _has_ended_disarmed(state):
         return outcome
     return f"lost; {outcome}" if state.outcome else f"lost; last in mode {mode}"
 
 
 def describe_final_state(member: Vehicle) -> str:
-    """Return the final state of a vehicle as a line, for its recovery."""
+    """Return a line with the final state of a vehicle, so that an operator can recover the vehicle."""
     state, vehicle = member.state, member.runner.link.state()
     age_s = member.runner.link.age_s()
     if age_s == math.inf:
         return f"{member.name}: no telemetry received"
-    if state.lost and not _is_over(state):
+    if state.lost and not _has_ended_disarmed(state):
         where = _height(vehicle) if may_be_armed(state) else "on the ground, disarmed"
         text = f"{member.name}: lost, last telemetry {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
         return f"{text}; the vehicle may still be in the air [lost-in-air]" if may_be_armed(state) else text
@@ -99,7 +97,7 @@ def _height(vehicle: VehicleState) -> str:
 
 
 class FlightEnd:
-    """The condition for the end of a flight, with one message about each vehicle that delays the end."""
+    """The condition for the end of a flight, with messages about lost and released vehicles."""
 
     def __init__(self, members: Sequence[Vehicle], lost_timeout_s: float, say: Callable[[str], None]) -> None:
         self._members = members
@@ -109,29 +107,29 @@ class FlightEnd:
         self._waits_for: list[str] = []
 
     def reached(self) -> bool:
-        """Return whether every vehicle has ended its flight and landed, or is given up.
+        """Return whether every vehicle has ended its flight and is disarmed, or is given up.
 
         A released vehicle in the air delays the end: its failsafe needs the heartbeats of this station, and
         its pilot may use the forwarded link.
         """
-        flown: list[str] = []
+        unfinished: list[str] = []
         released: list[str] = []
         for member in self._members:
-            if _is_over(member.state):
+            if _has_ended_disarmed(member.state):
                 continue
             if member.silent_for(self._lost_timeout_s):
                 self._give_up(member)
                 continue
             self._given_up.discard(member.name)
-            (released if member.state.ended else flown).append(member.name)
-        if not flown and released and released != self._waits_for:
+            (released if member.state.ended else unfinished).append(member.name)
+        if not unfinished and released and released != self._waits_for:
             self._waits_for = released
             self._say(
                 f"{', '.join(released)}: flown by a pilot or another station; the program sends heartbeats "
                 "and records, but gives no orders, until the landing and disarming; Ctrl-C ends the wait "
                 "[waiting-for-released]"
             )
-        return not flown and not released
+        return not unfinished and not released
 
     def _give_up(self, member: Vehicle) -> None:
         if member.name in self._given_up:
@@ -139,7 +137,7 @@ class FlightEnd:
         self._given_up.add(member.name)
         vehicle = member.runner.link.state()
         self._say(
-            f"{member.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); the program "
-            f"no longer waits for the vehicle, which may still be in the air; last in mode "
+            f"{member.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); the "
+            f"program no longer waits for the vehicle, which may still be in the air; last in mode "
             f"{vehicle.mode or '?'}, {_height(vehicle)} [given-up]"
         )

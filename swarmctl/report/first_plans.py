@@ -39,9 +39,9 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     The keys are labels such as `w = 0.5`: one for each w of PLAN_WEIGHTS, and `scenario.chosen_by`. The
     configured planner gives the routes of `scenario.chosen_by`, the paper's planner all other routes.
     """
-    papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
+    paper_method = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {
-        w: tuple(replace(task, method=papers, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
+        w: tuple(replace(task, method=paper_method, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
         for w in PLAN_WEIGHTS
     }
     if PLANNERS[scenario.config.planner.name].USES_W:
@@ -61,8 +61,8 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:
     """Return a table with one row for each route of `first_routes`.
 
-    A row has length [m], exposure and survival probability of the flown track, which may be a straightened
-    route. The configured choice is bold.
+    A row has the numbers of the track that the vehicle would fly, – without a track for the vehicle's turns.
+    The configured choice is bold.
     """
     table = FittedTable(COLUMNS)
     for index, spec in enumerate(scenario.specs):
@@ -83,7 +83,7 @@ def _numbers(scenario: Scenario, first: FirstRoute, *, is_chosen: bool) -> tuple
     try:
         flown = flown_route(task, first.problem, first.route)
     except Unreachable:
-        return "–", "–", "–", "–", "", f"no turns of {task.turn_radius_m:g} m"
+        return "–", "–", "–", "–", "", f"no track with turns of {task.turn_radius_m:g} m"
     return (
         f"{flown.length_cells * scenario.grid.cell_size_m:.0f}",
         f"{flown.exposure_sum:.3f}",

@@ -18,9 +18,9 @@ LEGEND = "ΣP_s and ∏(1−P_s): cells entered, as believed in flight; chance: 
 def flight_table(summary: dict[str, Any]) -> FittedTable:
     """Return a table with a row for each vehicle, and lines about the swarm below."""
     vehicles = summary["vehicles"]
-    bounded = any(vehicle["arrival_bound_kept"] is not None for vehicle in vehicles)
+    has_bounds = any(vehicle["arrival_bound_kept"] is not None for vehicle in vehicles)
     columns = (
-        Column("vehicle", "left"), Column("flown\n[m]"), Column("time\n[s]"), *[BOUND] * bounded,
+        Column("vehicle", "left"), Column("flown\n[m]"), Column("time\n[s]"), *[BOUND] * has_bounds,
         Column("ΣP_s", rank=3), Column("∏\n(1−P_s)", rank=4), Column("chance at\ntake-off"),
         Column("95 %\ninterval", rank=6), Column("by true\nhostiles", rank=2), Column("strikes"),
         Column("replans", rank=1), Column("sent", rank=5), Column("outcome", "left", wraps_at=OUTCOME_WIDTH),
@@ -33,7 +33,7 @@ def flight_table(summary: dict[str, Any]) -> FittedTable:
             vehicle["name"],
             f"{vehicle['flown_m']:.0f}",
             time_s,
-            *([_over_goal(vehicle)] if bounded else []),
+            *([_arrival_text(vehicle)] if has_bounds else []),
             f"{vehicle['exposure_sum_at_decisions']:.3f}",
             product_text(vehicle["safety_factor_at_decisions"]),
             *_chance(vehicle["at_takeoff"]),
@@ -57,10 +57,10 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     if (least := separation["least_distance"]) is not None:
         one, other = least["vehicles"]
         when = "" if least["at_flight_s"] is None else f", {least['at_flight_s']:.0f} s after take-off"
-        over, high = least["horizontal_m"], least["vertical_m"]
+        horizontal_m, vertical_m = least["horizontal_m"], least["vertical_m"]
         lines.append(
-            f"least distance in the air: {least['distance_m']:.1f} m ({over:.1f} m horizontal, "
-            f"{high:.1f} m vertical),\n  {one} and {other}{when}"
+            f"least distance in the air: {least['distance_m']:.1f} m ({horizontal_m:.1f} m horizontal, "
+            f"{vertical_m:.1f} m vertical),\n  {one} and {other}{when}"
         )
     for pair in separation["too_close"]:
         lines.append(f"{' and '.join(pair['vehicles'])} were too close for {pair['seconds']:.1f} s")
@@ -73,8 +73,8 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     if plans["predicted"]:
         lines.append(
             f"plan conflicts predicted in flight: {plans['predicted']}; {plans['by_height']} resolved by "
-            f"height, {plans['by_route']} by route,\n  {plans['by_waiting']} by waiting, {plans['ceased']} by "
-            f"the other vehicle, {plans['unresolved']} unresolved"
+            f"height, {plans['by_route']} by route,\n  {plans['by_waiting']} by waiting, "
+            f"{plans['ceased']} by the other vehicle, {plans['unresolved']} unresolved"
         )
     if separation["alarms"]:
         lines.append(
@@ -84,8 +84,8 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _over_goal(vehicle: dict[str, Any]) -> Text:
-    """Return a vehicle's arrival time and its bound, in red if the bound was not kept."""
+def _arrival_text(vehicle: dict[str, Any]) -> Text:
+    """Return a vehicle's arrival time and time bound, in red if the bound was not kept; – without a bound."""
     if vehicle["arrival_bound_kept"] is None:
         return Text("–")
     after_s, within_s, arrived_s = vehicle["arrive_after_s"], vehicle["arrive_within_s"], vehicle["arrived_s"]
@@ -96,7 +96,7 @@ def _over_goal(vehicle: dict[str, Any]) -> Text:
 
 
 def missed_bounds(summary: dict[str, Any]) -> list[str]:
-    """Return the names of the vehicles that did not keep their time bounds."""
+    """Return the names of the vehicles that did not keep their time bounds, or did not arrive."""
     return [vehicle["name"] for vehicle in summary["vehicles"] if vehicle["arrival_bound_kept"] is False]
 
 

@@ -17,7 +17,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#5B4A8A")
-"""Okabe and Ito's colours, one for each vehicle, repeated in order; the map uses the same colours"""
+"""colours of the vehicles in order, repeated: six of Okabe and Ito's colours, and a violet"""
 AREA, HOSTILES, FOUND, LOG = "/map/area", "/map/hostiles", "/map/found", "/log"
 """topics of the whole run; each vehicle also has `/NAME/location` and `/NAME/route`"""
 
@@ -88,14 +88,14 @@ def route_topic(name: str) -> str:
 
 
 def log(time_ns: int, name: str, text: str, level: LogLevel) -> dict[str, Any]:
-    """Return a `foxglove.Log` of a vehicle."""
+    """Return a `foxglove.Log` of the vehicle `name`."""
     return {
         "timestamp": _time(time_ns), "level": level, "message": text, "name": name, "file": "", "line": 0,
     }  # fmt: skip
 
 
 def location_fix(time_ns: int, name: str, state: VehicleState, hex_colour: str) -> dict[str, Any]:
-    """Return a `foxglove.LocationFix` of a vehicle whose state has a position."""
+    """Return a `foxglove.LocationFix`; `state` must have a position. An unknown altitude becomes 0 m."""
     red, green, blue = (int(hex_colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     return {
         "timestamp": _time(time_ns),
@@ -110,7 +110,7 @@ def location_fix(time_ns: int, name: str, state: VehicleState, hex_colour: str) 
 
 
 def route(name: str, plan: FlightPlan, hex_colour: str) -> dict[str, Any]:
-    """Return a `foxglove.GeoJSON` of the mission that a vehicle flies from now on."""
+    """Return a `foxglove.GeoJSON` of a vehicle's new mission."""
     points = [*((w.lat_deg, w.lon_deg) for w in plan.waypoints), (plan.landing.lat_deg, plan.landing.lon_deg)]
     return _collection([_feature("LineString", _positions(points), f"route of {name}", color=hex_colour)])
 
@@ -130,7 +130,7 @@ def hostiles(grid: Grid, cells: Iterable[Cell], label: str) -> dict[str, Any]:
 
 
 def layout(names: Sequence[str], centre: LatLon) -> dict[str, Any]:
-    """Return a layout for Foxglove: the map beside the log and the heights above home."""
+    """Return a layout for Foxglove: the map, beside the log and the heights above home."""
     colours = {location_topic(name): colour_of(i) for i, name in enumerate(names)}
     heights = [
         {

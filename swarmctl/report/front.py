@@ -1,7 +1,6 @@
-"""Pareto fronts of length against exposure, one a vehicle, for an operator to choose from.
+"""Pareto fronts of length against exposure, one per vehicle, from which an operator chooses.
 
-`fronts` searches. `front_table` and `write_fronts` show the result: a table for the terminal, `front.json`
-with every route, and `front.png`.
+`front.json` has every route; the table and the map of `front.png` show at most MAX_ROWS routes of a vehicle.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ class VehicleFront:
     """P_s (rows, cols) at take-off"""
     front: Front
     candidates: tuple[Candidate, ...]
-    """the routes of the front by length"""
+    """the routes of the front, shortest first"""
     chosen: Candidate
     """the configured route"""
     chosen_by: str
@@ -100,12 +99,12 @@ class VehicleFront:
 def fronts(
     scenario: Scenario, names: Sequence[str] = (), max_labels: int | None = None
 ) -> tuple[VehicleFront, ...]:
-    """Return the fronts of the named vehicles, or of all; time bounds are shown, not applied.
+    """Return the fronts of the named vehicles, or of all. A front has routes outside the time bound, too.
 
     `max_labels` as for `pareto_front`. Raises Unreachable.
     """
-    chosen = [(index, spec) for index, spec in enumerate(scenario.specs) if not names or spec.name in names]
-    return tuple(_front(scenario, index, spec, max_labels) for index, spec in chosen)
+    specs = [(index, spec) for index, spec in enumerate(scenario.specs) if not names or spec.name in names]
+    return tuple(_front(scenario, index, spec, max_labels) for index, spec in specs)
 
 
 def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -> VehicleFront:
@@ -141,16 +140,16 @@ def _equals(one: Route, other: Route) -> bool:
     )
 
 
-def _shown_indices(front: Front, always: int | None) -> tuple[int, ...]:
+def _shown_indices(front: Front, chosen_index: int | None) -> tuple[int, ...]:
     """Return up to MAX_ROWS indices: the ends, the configured route, routes that some w finds, the rest.
 
-    The next point of a group is the farthest from the line through the points chosen so far (Douglas and
-    Peucker's algorithm).
+    The next point of a group differs most in exposure from the line through the points selected so far, as in
+    Douglas and Peucker's algorithm.
     """
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
     points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), TOLERANCE)
-    kept = {0, n - 1} | ({always} if always is not None else set())
+    kept = {0, n - 1} | ({chosen_index} if chosen_index is not None else set())
     while len(kept) < min(MAX_ROWS, n):
         line = sorted(kept)
         between = np.interp(points[:, 0], points[line, 0], points[line, 1])
@@ -173,23 +172,23 @@ COLUMNS = (
 
 
 def front_table(found: Sequence[VehicleFront]) -> FittedTable:
-    """Return a table of the `shown` routes of each vehicle."""
+    """Return a table of the `shown` routes and the configured route of each vehicle."""
     table = FittedTable(COLUMNS, elsewhere="front.json")
     for vehicle in found:
         for row, index in enumerate(vehicle.shown):
-            _add_row(table, vehicle, index, first=row == 0)
+            _add_row(table, vehicle, index, with_name=row == 0)
         if vehicle.chosen_index is None:
             _add_numbers(table, "", vehicle, vehicle.chosen, "not on the front", _mark(vehicle), "bold")
         table.end_section()
     return table
 
 
-def _add_row(table: FittedTable, vehicle: VehicleFront, index: int, *, first: bool) -> None:
+def _add_row(table: FittedTable, vehicle: VehicleFront, index: int, *, with_name: bool) -> None:
     candidate = vehicle.candidates[index]
     is_chosen = index == vehicle.chosen_index
     mark = _mark(vehicle) if is_chosen else _fault(vehicle, candidate)
     style = "bold" if is_chosen else "bright_black" if mark else ""
-    name = vehicle.name if first else ""
+    name = vehicle.name if with_name else ""
     _add_numbers(table, name, vehicle, candidate, weights(vehicle.front, index), mark, style)
 
 
@@ -219,15 +218,15 @@ def _fault(vehicle: VehicleFront, candidate: Candidate) -> str:
     """Return the reason against this route; empty for a route that the vehicle would fly."""
     if not candidate.is_flyable:
         return "turns too tight"
-    return "" if vehicle.is_in_time(candidate.flown) else "outside its time bound"
+    return "" if vehicle.is_in_time(candidate.flown) else "outside the time bound"
 
 
 def weights(front: Front, index: int) -> str:
-    """Return the range of w for which the paper's planner finds a route, as text; – for no w."""
+    """Return the range of w for which the paper's planner finds the route `index`, as text; – for no w."""
     w_range = front.w_ranges[index]
     if not front.supported[index] or w_range is None:
         return "–"
-    ends = {0.0, 1.0} | {w for weights in front.w_ranges if weights is not None for w in weights}
+    ends = {0.0, 1.0} | {w for limits in front.w_ranges if limits is not None for w in limits}
     low, high = w_range
     if high - low < TOLERANCE:
         return f"{_weight(low, ends)} alone"
@@ -239,13 +238,13 @@ def _weight(w: float, ends: set[float]) -> str:
 
     So each end has a different text, and only w = 0 and w = 1 have the texts 0 and 1.
     """
-    spare = min(abs(w - other) for other in ends if abs(w - other) >= TOLERANCE) / 4.0
+    max_error = min(abs(w - other) for other in ends if abs(w - other) >= TOLERANCE) / 4.0
     texts = (f"{w:.{digits}g}" for digits in range(2, 18))
-    return next(text for text in texts if abs(float(text) - w) <= spare)
+    return next(text for text in texts if abs(float(text) - w) <= max_error)
 
 
-def left_out(found: Sequence[VehicleFront]) -> list[str]:
-    """Return lines about routes that the table does not show."""
+def front_notes(found: Sequence[VehicleFront]) -> list[str]:
+    """Return notes about hidden routes, searches that reached their limit, and straightened routes."""
     lines = []
     for vehicle in found:
         hidden = len(vehicle.front.routes) - len(vehicle.shown)
@@ -271,7 +270,7 @@ def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]
     content = {
         "name": scenario.config.name,
         "planner": scenario.config.planner.model_dump(mode="json"),
-        "vehicles": [_vehicle(vehicle) for vehicle in found],
+        "vehicles": [_vehicle_content(vehicle) for vehicle in found],
     }
     text = json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
     (folder / "front.json").write_text(text, encoding="utf-8")
@@ -286,7 +285,7 @@ def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]
         draw_fronts(folder / name, scenario.grid, panels, title, _subtitle(scenario, found))
 
 
-def _vehicle(vehicle: VehicleFront) -> dict[str, Any]:
+def _vehicle_content(vehicle: VehicleFront) -> dict[str, Any]:
     arrival, front = vehicle.task.arrival, vehicle.front
     return {
         "name": vehicle.name,
@@ -307,7 +306,7 @@ def _vehicle(vehicle: VehicleFront) -> dict[str, Any]:
 
 
 def _numbers(vehicle: VehicleFront, candidate: Candidate) -> dict[str, Any]:
-    """Return the numbers of the flown track, and of its route if the track is pulled straight."""
+    """Return the numbers of the track to fly, and those of its lattice route if the track is straightened."""
     flown, route, chance = candidate.flown, candidate.route, candidate.chance
     pulled_from = {
         "length_m": route.length_cells * vehicle.task.grid.cell_size_m,
@@ -343,7 +342,7 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
     front, arrival, chosen = vehicle.front, vehicle.task.arrival, vehicle.chosen
     n, n_hull = len(front.routes), sum(front.supported)
     about = f"{n} route{'s' if n != 1 else ''}, {n_hull} on the hull"
-    before_s = before_takeoff(arrival, vehicle.task.altitude_m).arrives_s(arrival, 0.0)
+    entry_s = before_takeoff(arrival, vehicle.task.altitude_m).arrives_s(arrival, 0.0)
     ends = ((arrival.after_s, "not before"), (arrival.within_s, "within"))
     return FrontPanel(
         name=vehicle.name,
@@ -360,13 +359,13 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
         exposure=vehicle.exposure,
         start=vehicle.spec.start,
         goal_cells=vehicle.task.goals,
-        before_s=before_s,
+        entry_s=entry_s,
         speed_m_s=arrival.speed_m_s,
         chosen=(vehicle.length_m(chosen.flown), chosen.flown.exposure_sum),
-        chosen_by=vehicle.chosen_by,
+        chosen_label=vehicle.chosen_by,
         chosen_track=_track(vehicle, chosen) if vehicle.chosen_index is None else None,
         bounds=[
-            FrontBound((end_s - before_s) * arrival.speed_m_s, f"{words} {end_s:g} s", words == "within")
+            FrontBound((end_s - entry_s) * arrival.speed_m_s, f"{words} {end_s:g} s", words == "within")
             for end_s, words in ends
             if 0.0 < end_s < math.inf
         ],
@@ -374,7 +373,7 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
 
 
 def _track(vehicle: VehicleFront, candidate: Candidate) -> list[LatLon]:
-    """Return the line from the start over the corners, with arcs for turns."""
+    """Return the line from the start over the corners, with arcs if the vehicle needs wide turns."""
     grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
     points = [grid.frame.to_local(*grid.centre(cell)) for cell in candidate.flown.corners]
     if candidate.is_flyable and radius_m > 0.0:

@@ -52,7 +52,7 @@ class VehicleRow:
     mode: str
     battery_percent: int | None
     progress: float
-    """flown share of the present route, 0..1"""
+    """share of the route, 0..1: cells entered / (cells entered + cells ahead); 0 without a route"""
     cells_own: int
     cells_received: int
     hostiles_known: int
@@ -63,7 +63,7 @@ class VehicleRow:
     weights: str = ""
     """w and firing strengths after a change by an operator; empty: unchanged"""
     silence: str = ""
-    """`lost` or `given up` for a vehicle that is silent in the air; else empty"""
+    """`lost` or `given up` for an armed vehicle without telemetry; else empty"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class SwarmView:
 
     name: str
     flown_s: float
-    """flight time by the vehicles' clocks [s]"""
+    """longest flight time of a vehicle, by the vehicle's clock [s]"""
     speed: float | None
     """seconds of the vehicles' clocks in one second of the wall clock; None: not known yet"""
     rows: Sequence[VehicleRow]
@@ -86,17 +86,17 @@ def vehicle_row(
 
     age_s: time since the last heartbeat, infinite before the first [s].
     refused: number of network messages that the vehicle refused.
-    lost_timeout_s: age from which a silent vehicle is given up [s].
+    lost_timeout_s: age above which a lost vehicle is given up [s].
     """
-    own = state.belief.n_cells_from(state.task.uav)
+    n_own = state.belief.n_cells_from(state.task.uav)
     return VehicleRow(
         name=state.task.name,
         phase=state.phase,
         mode=state.vehicle.mode,
         battery_percent=state.vehicle.battery_percent,
         progress=_progress(state),
-        cells_own=own,
-        cells_received=state.belief.n_observed - own,
+        cells_own=n_own,
+        cells_received=state.belief.n_observed - n_own,
         hostiles_known=state.belief.n_found,
         replans=state.replans,
         strikes=state.vehicle.strikes,
@@ -108,9 +108,9 @@ def vehicle_row(
 
 
 def _weights(state: AgentState) -> str:
-    task, fs = state.task, state.strength
-    if fs != task.strength:
-        return f"{state.w:g}; {fs.direct:g}/{fs.first_neighbour:g}/{fs.second_neighbour:g}"
+    task, strength = state.task, state.strength
+    if strength != task.strength:
+        return f"{state.w:g}; {strength.direct:g}/{strength.first_neighbour:g}/{strength.second_neighbour:g}"
     return f"{state.w:g}" if state.w != task.w else ""
 
 
@@ -139,13 +139,13 @@ def live_table(view: SwarmView, width: int, height: int) -> Group:
     """
     speed = "" if view.speed is None else f" · {view.speed:.1f}× real time"
     head = Text.assemble(
-        (view.name, "bold"), f"  flown {_minutes(view.flown_s)}{speed} · Ctrl-C: {view.on_ctrl_c}"
+        (view.name, "bold"), f"  flown {_minutes_text(view.flown_s)}{speed} · Ctrl-C: {view.on_ctrl_c}"
     )
     has_new_weights = any(row.weights for row in view.rows)
     table = FittedTable((*COLUMNS, *[NEW_WEIGHTS] * has_new_weights))
-    room = max(height - OTHER_LINES, 1)
-    ranked = sorted(view.rows, key=lambda row: row.phase in ENDED)
-    shown = view.rows if len(view.rows) <= room else ranked[: room - 1]
+    max_rows = max(height - OTHER_LINES, 1)
+    ended_last = sorted(view.rows, key=lambda row: row.phase in ENDED)
+    shown = view.rows if len(view.rows) <= max_rows else ended_last[: max_rows - 1]
     for row in shown:
         table.add_row(
             row.name,
@@ -175,7 +175,7 @@ def _bar(share: float, length: int) -> Text:
     )
 
 
-def _minutes(seconds: float) -> str:
+def _minutes_text(seconds: float) -> str:
     return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 

@@ -1,4 +1,4 @@
-"""The result of a flight, from which all reports are written."""
+"""The result of a flight, the source of its reports."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Report:
 
     ended: Ending
     trouble: tuple[str, ...]
-    """lines about failures before or beside the flight"""
+    """lines about errors of the run, and about output files that ended early"""
     final_states: tuple[str, ...]
     """a line for each vehicle"""
     states: dict[int, AgentState]
@@ -27,7 +27,7 @@ class Report:
     bug: Exception | None = None
     """unexpected exception, caused by a bug"""
     checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
-    """the findings of the preflight checks, by vehicle name"""
+    """results of the preflight checks, by vehicle name"""
 
     @property
     def arrived(self) -> int:

@@ -1,4 +1,4 @@
-"""The files of a run for people: summary, mission files and the map."""
+"""The files of a flight or of first routes for people: summary, `.plan` files, layout for Foxglove, map."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from swarmctl.report.summary import known_to_any
 
 
 def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
-    """Write the summary, the map, Foxglove's layout, and a `.plan` for each vehicle that held a mission."""
+    """Write the summary, the map, Foxglove's layout, and a `.plan` for each vehicle with an accepted plan."""
     _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
     grid = scenario.grid
     centre = grid.frame.to_geodetic(grid.size_east_m / 2.0, grid.size_north_m / 2.0)
@@ -37,7 +37,7 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
 
 
 def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> None:
-    """Write the `.plan` files of the configured routes, and the map of all routes."""
+    """Write the `.plan` files of the configured routes, and the map of all routes. Raises Unreachable."""
     for spec, first in zip(scenario.specs, routes[scenario.chosen_by], strict=True):
         plan = first_flight(first.task, first.problem, first.route)
         _write_plan(folder / f"{spec.name}.plan", scenario, spec, plan)
@@ -66,18 +66,18 @@ def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     task, route = first.task, first.route
     try:
         plan = first_flight(task, first.problem, route)
-    except Unreachable:  # the turns are too tight for this vehicle: draw the lattice route
+    except Unreachable:  # No room for the turns or the landing: draw the lattice route.
         return [spec.start, *map(task.grid.centre, route.cells)]
     points = [spec.start, *_points(plan)]
     if task.turn_radius_m == 0.0:
         return points
     frame = task.grid.frame
-    flown, _ = rounded([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
+    arcs, _ = rounded([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
     landing = []
     if plan.approach is not None:
         pattern = pattern_from(plan.approach, frame)
         landing = [*pattern.circle(), pattern.final]
-    return [points[0], *(frame.to_geodetic(*point) for point in (*flown, *landing)), points[-1]]
+    return [points[0], *(frame.to_geodetic(*point) for point in (*arcs, *landing)), points[-1]]
 
 
 def _points(plan: FlightPlan) -> list[LatLon]:
@@ -86,8 +86,8 @@ def _points(plan: FlightPlan) -> list[LatLon]:
 
 def _write_plan(path: Path, scenario: Scenario, spec: Spec, plan: FlightPlan) -> None:
     simulate = scenario.config.simulate
-    home_alt_m = simulate.home_alt_amsl_m if simulate is not None and spec.simulated else 0.0
-    path.write_text(plan_json(plan, spec.start, home_alt_m, spec.speed_m_s), encoding="utf-8")
+    home_alt_amsl_m = simulate.home_alt_amsl_m if simulate is not None and spec.simulated else 0.0
+    path.write_text(plan_json(plan, spec.start, home_alt_amsl_m, spec.speed_m_s), encoding="utf-8")
 
 
 def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:

@@ -15,7 +15,7 @@ QUADROTOR, FIXED_WING = 2, 1
 Params = tuple[float, float, float, float | None]
 NO_PARAMS: Params = (0, 0, 0, None)
 PlanItem = tuple[int, Waypoint, Params]
-"""MAV_CMD, position, the four parameters"""
+"""MAV_CMD, position, param1 to param4"""
 FRAME_GLOBAL_RELATIVE_ALT = 3
 ALTITUDE_RELATIVE = 1
 """QGroundControl's AltitudeMode"""

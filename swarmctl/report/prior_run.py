@@ -28,21 +28,21 @@ def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
         config, observations = record.recorded_observations(run)
     except record.RecordError as error:
         raise PriorRunError(f"--known {error}") from error
-    flown = build(config)
-    if differences := list(_area_differences(flown, scenario)):
+    earlier = build(config)
+    if differences := list(_area_differences(earlier, scenario)):
         text = f"--known {run}: flown over another area: {', '.join(differences)}; give a run over this area"
         raise PriorRunError(f"{text} [other-area]")
     prior = scenario.prior.merge(observations)
     lines = [f"prior: {prior.n_observed} cells with {prior.n_found} hostiles, from {run}"]
-    if flown.hostiles != scenario.hostiles:
+    if earlier.hostiles != scenario.hostiles:
         lines.append(
-            "the earlier run had hostiles in other cells (another seed, or another list), so its "
-            "observations may be wrong; they are used [other-hostiles]"
+            "the earlier run had hostiles in other cells (another seed, or another list); its observations "
+            "are used, but may be wrong in this configuration [other-hostiles]"
         )
-    if flown.prior.sensor != scenario.prior.sensor:
+    if earlier.prior.sensor != scenario.prior.sensor:
         lines.append(
-            "the earlier run had another sensor model; this configuration's model is used for its "
-            "observations [other-sensor]"
+            "the earlier run had another sensor model; its observations are evaluated with the sensor model "
+            "of this configuration [other-sensor]"
         )
     if prior.announced_too_low:
         lines.append(
@@ -60,11 +60,11 @@ def vehicles_without_route(scenario: Scenario) -> Iterator[str]:
             yield f"{task.name}: with this prior {error}"
 
 
-def _area_differences(flown: Scenario, planned: Scenario) -> Iterator[str]:
-    old, new = flown.grid, planned.grid
-    for what in ("rows", "cols", "cell_size_m"):
-        if getattr(old, what) != getattr(new, what):
-            yield f"{what} {getattr(old, what):g}, now {getattr(new, what):g}"
+def _area_differences(earlier: Scenario, scenario: Scenario) -> Iterator[str]:
+    old, new = earlier.grid, scenario.grid
+    for name in ("rows", "cols", "cell_size_m"):
+        if getattr(old, name) != getattr(new, name):
+            yield f"{name} {getattr(old, name):g}, now {getattr(new, name):g}"
     origins = (old.origin_lat_deg, old.origin_lon_deg), (new.origin_lat_deg, new.origin_lon_deg)
     if (apart_m := distance_m(*origins)) > MAX_ORIGIN_DISTANCE_M:
-        yield f"the south-west corners are {apart_m:.0f} m apart"
+        yield f"the south-west corners are {apart_m:.2f} m apart"

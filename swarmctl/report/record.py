@@ -1,7 +1,7 @@
-"""The record of a run, and its replay through the agents' fold.
+"""The record of a run, and its replay through `swarmctl.agent.step.step`.
 
-`run.mcap` holds every event, effect and bus message as JSON with its schema. Foxglove and any other reader of
-MCAP can open the file without this program. Equal runs on the virtual clock write equal bytes.
+`run.mcap` holds every event, effect and bus message as JSON, with schemas. Foxglove and any other reader of
+MCAP can open the file. Equal runs on the virtual clock write equal bytes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FORMAT = 3
 READABLE = frozenset({"2", "3"})
 """readable formats; format 2 has a channel for each vehicle and each kind of event and effect"""
 CHUNK_BYTES = 1 << 16
-"""size of a chunk; a crash loses at most the last chunk"""
+"""size of a chunk; a crash loses the last chunk, and data in the buffer of the file"""
 
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
@@ -99,14 +99,14 @@ class Recorder:
                 self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
         except OSError as error:
-            self._broken(error)
+            self._end(error)
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None:
         uav, name = after.task.uav, after.task.name
         if self._sequence == 0:
-            self._map(now)
+            self._show_area(now)
         self._write(EVENTS, EventRecord(now, event, name), now)
         for effect in effects:
             self._write(EFFECTS, EffectRecord(now, effect, name), now)
@@ -117,7 +117,7 @@ class Recorder:
             fix = foxglove.location_fix(self._log_time(now), name, event.state, self._colours[uav])
             self._show(foxglove.location_topic(name), "foxglove.LocationFix", fix, now)
         if isinstance(event, ev.Observed):
-            self._see({(row, col) for row, col, occupied in event.cells if occupied}, now)
+            self._show_found({(row, col) for row, col, occupied in event.cells if occupied}, now)
 
     def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         self._write(MESSAGES, BusRecord(now, recipients, message, self._names[uav]), now)
@@ -127,8 +127,8 @@ class Recorder:
         entry = foxglove.log(self._log_time(now), self._names[uav], text, level)
         self._show(foxglove.LOG, "foxglove.Log", entry, now)
 
-    def _map(self, now: float) -> None:
-        """Write the area and the true hostiles, once."""
+    def _show_area(self, now: float) -> None:
+        """Write the area and the true hostiles."""
         grid = self._scenario.grid
         goals = [goal for spec in self._scenario.swarm for goal in spec.goals]
         area = foxglove.area(grid, self._scenario.config.area.no_fly, goals)
@@ -136,7 +136,7 @@ class Recorder:
         hostiles = foxglove.hostiles(grid, self._scenario.hostiles, "hostile (truth)")
         self._show(foxglove.HOSTILES, "foxglove.GeoJSON", hostiles, now)
 
-    def _see(self, cells: set[Cell], now: float) -> None:
+    def _show_found(self, cells: set[Cell], now: float) -> None:
         if not cells <= self._found:
             self._found |= cells
             shown = foxglove.hostiles(self._scenario.grid, self._found, "seen occupied")
@@ -166,9 +166,9 @@ class Recorder:
             self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
             self._sequence += 1
         except OSError as error:
-            self._broken(error)
+            self._end(error)
 
-    def _broken(self, error: OSError) -> None:
+    def _end(self, error: OSError) -> None:
         self.trouble = f"{self._path}: the record ends early: {error.strerror or error}"
 
     def _schema(self, name: str, definition: dict[str, Any] | type[msgspec.Struct]) -> int:
@@ -184,7 +184,7 @@ class Recorder:
 
 
 def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
-    """Return the JSON schema with `type: object` at its top, as required by readers of MCAP."""
+    """Return the JSON schema with `type: object` at its top, as Foxglove requires."""
     (reference,), components = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
     top: dict[str, Any] = components.pop(reference["$ref"].rsplit("/", 1)[-1])
     return {name: _dedented(part) for name, part in {**top, "$defs": components}.items()}
@@ -204,7 +204,7 @@ class RecordError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class ReplayResult:
     """The result of a replay."""
 
     events: int
@@ -215,10 +215,10 @@ class Verdict:
     """True if the record has no end, because the process died; the complete part was replayed"""
 
 
-def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Verdict:
+def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> ReplayResult:
     """Replay the recorded events of every agent and compare the effects. Raises RecordError.
 
-    `prepare` is called with the recorded configuration before the first event.
+    `prepare` gets the recorded configuration before the replay builds the scenario.
     """
     content = _read(path)
     prepare(content.config)
@@ -233,18 +233,18 @@ def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Ve
             if not due or due[0] != record.effect:
                 found = due[0] if due else "nothing"
                 text = f"{name} at {record.now_s:.3f} s: recorded {record.effect}, now {found}"
-                return Verdict(events, effects, text, content.is_cut)
+                return ReplayResult(events, effects, text, content.is_cut)
             due.pop(0)
             continue
         if expected[name]:
             text = f"{name} before {record.now_s:.3f} s: nothing recorded, now {expected[name][0]}"
-            return Verdict(events, effects, text, content.is_cut)
+            return ReplayResult(events, effects, text, content.is_cut)
         events += 1
         states[name], expected[name] = step(states[name], record.event, record.now_s)
     for name, due in expected.items():
         if due and not content.is_cut:
-            return Verdict(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
-    return Verdict(events, effects, "", content.is_cut)
+            return ReplayResult(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
+    return ReplayResult(events, effects, "", content.is_cut)
 
 
 def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
@@ -272,7 +272,7 @@ def _read(path: Path) -> _Content:
     """Return the complete part of a record. Raises RecordError."""
     try:
         with path.open("rb") as file:
-            end, is_cut = _whole(file)
+            end, is_cut = _complete_part(file)
             file.seek(0)
             metadata, rows = _parsed(BytesIO(file.read(end)))
         if metadata.get("format") not in READABLE:
@@ -290,22 +290,22 @@ def _read(path: Path) -> _Content:
         raise RecordError(f"{path}: cannot be read as a record: {reason} [damaged]") from error
 
 
-def _whole(file: BinaryIO) -> tuple[int, bool]:
-    """Return the end of the last complete record [bytes], and whether the file is cut.
+def _complete_part(file: BinaryIO) -> tuple[int, bool]:
+    """Return the length of the part with complete records [bytes], and whether the file is cut.
 
     An MCAP file is a magic number and records of opcode (1 byte), length (8 bytes) and content; the last
     record is the footer.
     """
-    size, at = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
-    while at + _RECORD.size <= size:
-        file.seek(at)
+    size, position = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
+    while position + _RECORD.size <= size:
+        file.seek(position)
         opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-        if at + _RECORD.size + length > size:
+        if position + _RECORD.size + length > size:
             break
-        at += _RECORD.size + length
+        position += _RECORD.size + length
         if opcode == Opcode.FOOTER:
             return size, False
-    return min(at, size), True
+    return min(position, size), True
 
 
 def _parsed(file: BinaryIO) -> tuple[dict[str, str], list[tuple[int, str, bytes]]]:

@@ -16,19 +16,20 @@ from swarmctl.core.vehicle import Landed, VehicleState
 
 
 class SeparationStatistics:
-    """Distances between all vehicles known to this process; times from take-off, by the vehicles' clocks."""
+    """Distances between all vehicles known to this process."""
 
     def __init__(self) -> None:
         self._flown: FlownSeparation | None = None
         self._at_flight_s: float | None = None
-        self._here: set[int] = set()
+        """flight time of the reporting vehicle at the least distance [s]; None: not known"""
+        self._own_uavs: set[int] = set()
         """system ids of the vehicles that this process flies"""
 
     def moved(self, after: AgentState, flight_time_s: float | None, now: float) -> None:
         """Record the position of a vehicle of this process."""
-        self._here.add(after.task.uav)
-        if (here := _in_the_air(after)) is not None and self._flown_separation(after).add_position(
-            after.task.uav, now, here
+        self._own_uavs.add(after.task.uav)
+        if (position := _airborne_position(after)) is not None and self._flown_separation(after).add_position(
+            after.task.uav, now, position
         ):
             self._at_flight_s = flight_time_s
 
@@ -39,9 +40,9 @@ class SeparationStatistics:
         flight_time_s: float | None,
         now: float,
     ) -> None:
-        """Record the positions of vehicles of other processes."""
+        """Record the new positions of airborne vehicles of other processes."""
         for uav, state in states:
-            if uav in self._here or state.alt_rel_m < AIRBORNE_M or state.age_s > 0.0:
+            if uav in self._own_uavs or state.alt_rel_m < AIRBORNE_M or state.age_s > 0.0:
                 continue
             east_m, north_m = after.task.grid.frame.to_local(state.lat_deg, state.lon_deg)
             height_m = state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
@@ -56,11 +57,11 @@ class SeparationStatistics:
     def summary(
         self, states: Mapping[int, AgentState], crossings: CrossingCounts | None = None
     ) -> dict[str, Any]:
-        """Return the section of `summary.json`; `least_distance` is None if no two vehicles flew at once."""
+        """Return the section of `summary.json`. `least_distance` is None if no two vehicles flew at once."""
         flown, names = self._flown, _Names({uav: state.task.name for uav, state in states.items()})
         too_close = {} if flown is None else flown.too_close_s
         return {
-            "least_distance": self._least(names),
+            "least_distance": self._least_distance(names),
             "too_close": [
                 {"vehicles": [names[uav] for uav in pair], "seconds": seconds}
                 for pair, seconds in sorted(too_close.items())
@@ -69,10 +70,10 @@ class SeparationStatistics:
             "held": sum(state.n_holds for state in states.values()),
             "climbed": sum(state.n_climbs for state in states.values()),
             "first_routes": None if crossings is None else asdict(crossings),
-            "plans_in_flight": _plans(states),
+            "plans_in_flight": _plan_conflicts(states),
         }
 
-    def _least(self, names: Mapping[int, str]) -> dict[str, Any] | None:
+    def _least_distance(self, names: Mapping[int, str]) -> dict[str, Any] | None:
         flown = self._flown
         if flown is None or flown.nearest is None or flown.between is None:
             return None
@@ -85,7 +86,7 @@ class SeparationStatistics:
         }
 
 
-def _plans(states: Mapping[int, AgentState]) -> dict[str, int]:
+def _plan_conflicts(states: Mapping[int, AgentState]) -> dict[str, int]:
     """Return predicted conflicts of plans and their resolutions, counted at the vehicle that gives way."""
     names = DeconflictionCounts.__slots__
     added = {name: sum(getattr(state.deconfliction, name) for state in states.values()) for name in names}
@@ -94,20 +95,20 @@ def _plans(states: Mapping[int, AgentState]) -> dict[str, int]:
 
 
 class _Names(dict[int, str]):
-    """Vehicle names; a vehicle of another process is named by its system id."""
+    """Vehicle names; `vehicle 3` for vehicle 3 of another process."""
 
     def __missing__(self, uav: int) -> str:
         return f"vehicle {uav}"
 
 
-def _in_the_air(state: AgentState) -> LocalPoint | None:
+def _airborne_position(state: AgentState) -> LocalPoint | None:
     vehicle = state.vehicle
-    if not is_airborne(vehicle) or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if not _is_airborne(vehicle) or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None
     height_m = vehicle.alt_rel_m if vehicle.alt_amsl_m is None else vehicle.alt_amsl_m
     east_m, north_m = state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
     return None if height_m is None else (east_m, north_m, height_m)
 
 
-def is_airborne(vehicle: VehicleState) -> bool:
+def _is_airborne(vehicle: VehicleState) -> bool:
     return vehicle.armed and vehicle.landed not in (Landed.ON_GROUND, Landed.UNDEFINED)

@@ -33,12 +33,12 @@ from swarmctl.report.separation import SeparationStatistics
 from swarmctl.report.swaps import SwapStatistics
 
 MAX_WEIGHTS = 500
-"""number of a vehicle's last weight changes that are kept"""
+"""number of a vehicle's last weight changes in the summary"""
 
 
 @dataclass(frozen=True, slots=True)
 class TakeoffPlan:
-    """The route at take-off, with the belief and the firing strengths of that moment."""
+    """The route, the belief and the firing strengths at take-off."""
 
     route: ev.SwapMission
     belief: Belief
@@ -50,12 +50,14 @@ class VehicleStatistics:
     """Statistics of one vehicle that are not in its agent's state."""
 
     planned: list[LatLon] = field(default_factory=list)
-    """points of the first route"""
+    """points of the first accepted plan"""
     flown: list[LatLon] = field(default_factory=list)
+    """positions while armed, up to the first position after disarming"""
     strikes: list[LatLon] = field(default_factory=list)
     took_off_s: float | None = None
+    """time of the first position in `flown`, by the vehicle's clock [s]"""
     last_s: float | None = None
-    """time of the last position by the vehicle's own clock [s]"""
+    """time of the last position in `flown`, by the vehicle's clock [s]"""
     takeoff_plan: TakeoffPlan | None = None
 
     weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
@@ -68,12 +70,12 @@ class VehicleStatistics:
 
     @property
     def flight_time_s(self) -> float | None:
-        """The time from take-off to now or to the landing."""
+        """Time from the first to the last position in `flown` [s]; None without positions."""
         return None if self.took_off_s is None or self.last_s is None else self.last_s - self.took_off_s
 
 
 class FlightStatistics:
-    """Statistics of all vehicles; latencies are in seconds of the run's clock."""
+    """Statistics of all vehicles."""
 
     def __init__(self) -> None:
         self.vehicles: defaultdict[int, VehicleStatistics] = defaultdict(VehicleStatistics)
@@ -91,7 +93,7 @@ class FlightStatistics:
         vehicle = self.vehicles[after.task.uav]
         match event:
             case ev.TelemetryReceived():
-                self._moved(vehicle, before, after)
+                self._add_position(vehicle, before, after)
                 self.separation.moved(after, vehicle.flight_time_s, now)
                 self.arrivals.moved(after, now)
             case ev.Neighbours(states):
@@ -107,7 +109,7 @@ class FlightStatistics:
         if isinstance(event, ev.MissionAccepted | ev.MissionFailed):
             pending = before.pending if before.phase in IN_FLIGHT else None
             if pending is not None and pending.plan_id == event.plan_id:
-                vehicle.swaps.ended(event)
+                vehicle.swaps.count(event)
         for effect in effects:
             changed = (after.w, after.strength) != (before.w, before.strength)
             if changed and isinstance(effect, ev.Answer) and effect.answer.from_plan is not None:
@@ -125,7 +127,7 @@ class FlightStatistics:
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         pass
 
-    def _moved(self, vehicle: VehicleStatistics, before: AgentState, after: AgentState) -> None:
+    def _add_position(self, vehicle: VehicleStatistics, before: AgentState, after: AgentState) -> None:
         state = after.vehicle
         if state.lat_deg is None or state.lon_deg is None or not (state.armed or before.vehicle.armed):
             return
@@ -145,12 +147,12 @@ class FlightStatistics:
             self._flown_s[observation] = now
 
     @property
-    def flown_s(self) -> float:
-        """The longest flight time so far."""
+    def longest_flight_s(self) -> float:
+        """Longest flight time of a vehicle so far, by the vehicle's clock [s]; 0 before the first flight."""
         return max((v.flight_time_s or 0.0 for v in self.vehicles.values()), default=0.0)
 
     def latencies(self, observer: int | None = None) -> dict[str, Any]:
-        """Return quantiles of the times from an observation to its effects [s]; None: of all vehicles."""
+        """Return quantiles of the times from observations by `observer` (None: all) to their effects [s]."""
         observed_s = {o: t for o, t in self._observed_s.items() if observer in (None, o[0])}
         return {
             "observation_to_last_peers_belief_s": _quantiles(observed_s, self._believed_s),
@@ -230,7 +232,7 @@ def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[n
 
 
 def _merged_belief(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
-    """Return the merged beliefs of all vehicles; of two contents under one name the first counts."""
+    """Return the merged beliefs of all vehicles; of two observations with one name, the first counts."""
     merged = scenario.prior
     for state in states.values():
         for item in state.belief.items():
@@ -243,7 +245,7 @@ def _vehicle(
     scenario: Scenario, state: AgentState, statistics: FlightStatistics, network: NetworkCounters
 ) -> dict[str, Any]:
     task, flight = state.task, statistics.vehicles[state.task.uav]
-    own = state.belief.n_cells_from(task.uav)
+    n_own = state.belief.n_cells_from(task.uav)
     return {
         "name": task.name,
         "sysid": task.uav,
@@ -275,8 +277,8 @@ def _vehicle(
         "network": _network(network),
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
         "latency": statistics.latencies(task.uav),
-        "cells_own": own,
-        "cells_heard": state.belief.n_observed - own,
+        "cells_own": n_own,
+        "cells_heard": state.belief.n_observed - n_own,
         "hostiles_known": state.belief.n_found,
         "battery_percent": state.vehicle.battery_percent,
     }
@@ -323,7 +325,7 @@ def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> di
 
 
 def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
-    """Return the survival probability over the entered cells among the true hostiles; None: no flight."""
+    """Return the survival probability over the cells entered, among the true hostiles; None without cells."""
     if not state.flown_cells:
         return None
     shape = (scenario.grid.rows, scenario.grid.cols)

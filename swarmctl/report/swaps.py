@@ -12,14 +12,14 @@ import numpy as np
 from swarmctl.core import events as ev
 
 MAX_FAILURES = 20
-"""number of a vehicle's last failed changes that are kept with their reasons"""
+"""number of a vehicle's last failed changes with a reason in the summary"""
 MAX_LISTED = 5
-"""number of failed changes that are listed below the table"""
+"""greatest number of failed changes below the table"""
 
 
 @dataclass(slots=True)
 class SwapStatistics:
-    """Mission changes of one vehicle; times by the vehicle's clock."""
+    """Mission changes of one vehicle in flight."""
 
     changed: int = 0
     failed: int = 0
@@ -32,8 +32,7 @@ class SwapStatistics:
     took_s: tuple[float, ...] = ()
     """durations of the changes [s]"""
 
-    def ended(self, event: ev.MissionAccepted | ev.MissionFailed) -> None:
-        """Count a change that has ended in flight."""
+    def count(self, event: ev.MissionAccepted | ev.MissionFailed) -> None:
         if isinstance(event, ev.MissionFailed):
             self.failed += 1
             self.failures = [*self.failures, {"plan": event.plan_id, "reason": event.reason}][-MAX_FAILURES:]
@@ -62,7 +61,7 @@ class SwapStatistics:
 
 
 def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
-    """Return lines about the changes: their number, MAX_LISTED failures, each vehicle that stood still."""
+    """Return lines: the number of changes, up to MAX_LISTED failures, each vehicle that stood still."""
     by_name = [(v["name"], v["swaps"]) for v in vehicles]
     tried = sum(swaps["changed"] + swaps["failed"] for _, swaps in by_name)
     if not tried:
@@ -89,5 +88,5 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _without_address(reason: str, name: str) -> str:
-    """Return a link's reason without the vehicle's name and address at its beginning."""
+    """Return a link's reason without the leading name and address of the vehicle."""
     return re.sub(rf"^{re.escape(name)}( \(.*?\))?: ", "", reason)

@@ -15,7 +15,7 @@ from rich.text import Text
 from swarmctl.core.inference.survival import ProbabilityEstimate
 
 MIN_DECIMAL = 1e-3
-"""least value with decimals; smaller values have significant digits"""
+"""least product with four decimals"""
 
 
 def product_text(safety_factor: float) -> str:
@@ -40,16 +40,16 @@ class Column:
     rank: int = 0
     """order of omission: the column with the greatest rank is left out first; 0: never left out"""
     wraps_at: int = 0
-    """least width to which longer texts wrap; 0: one line"""
+    """width at which longer texts may wrap [characters]; 0: no wrap"""
 
 
 class FittedTable:
-    """A table that leaves out whole columns on a narrow console and never cuts a heading or a value."""
+    """A table that leaves out columns on a narrow console. Columns of rank 0 stay, and may be cut."""
 
     def __init__(
         self, columns: Sequence[Column], *, caption: Sequence[str] = (), elsewhere: str = ""
     ) -> None:
-        """`caption`: lines below the table. `elsewhere`: the file with the columns that are left out."""
+        """`caption`: lines below the table. `elsewhere`: file or command that shows all columns."""
         self._columns = columns
         self._caption = caption
         self._elsewhere = elsewhere
@@ -61,7 +61,7 @@ class FittedTable:
         self._rows.append((texts, style))
 
     def end_section(self) -> None:
-        """Draw a gap below the last row."""
+        """Draw a gap below the row added last."""
         self._section_ends.add(len(self._rows) - 1)
 
     def at(self, width: int | None = None) -> Table:
@@ -103,7 +103,7 @@ class FittedTable:
         return shown, 1
 
     def _least(self, index: int) -> int:
-        """Return the least width in which a column's heading and values are whole."""
+        """Return the least width at which a column's heading and values are not cut."""
         column = self._columns[index]
         widest = max((cell.cell_len for cells, _ in self._rows for cell in [cells[index]]), default=0)
         if column.wraps_at:

@@ -17,7 +17,7 @@ from swarmctl.report.ui import Ui
 LINE_EVERY_S = 30.0
 """flight time between two lines about a vehicle [s]"""
 MESSAGE_FOR_S = 20.0
-"""flight time for which a message stays below the table [s]"""
+"""flight time after which a message below the table disappears [s]"""
 
 
 class Terminal(Ui, Protocol):
@@ -26,13 +26,13 @@ class Terminal(Ui, Protocol):
 
 
 class LiveTable:
-    """A table that changes in place, above the last message; with `verbose`, below a log."""
+    """A table that changes in place, with the last message below; with `verbose`, a log above the table."""
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._live = Live(console=console, auto_refresh=False)
         self._verbose = verbose
         self._message = ""
-        self._said_s = 0.0
+        self._message_s = 0.0
         self._view: SwarmView | None = None
 
     @contextlib.contextmanager
@@ -44,7 +44,7 @@ class LiveTable:
 
     def say(self, text: str) -> None:
         self._message = text
-        self._said_s = self._view.flown_s if self._view is not None else 0.0
+        self._message_s = self._view.flown_s if self._view is not None else 0.0
         self.log(text)
         self._draw()
 
@@ -54,7 +54,7 @@ class LiveTable:
 
     def refresh(self, view: SwarmView) -> None:
         self._view = view
-        if view.flown_s - self._said_s > MESSAGE_FOR_S:
+        if view.flown_s - self._message_s > MESSAGE_FOR_S:
             self._message = ""
         self._draw()
 
@@ -72,7 +72,7 @@ class LiveTable:
 class PlainLines:
     """Lines for logs and pipes: one at each change of a phase, and one per vehicle every LINE_EVERY_S.
 
-    With `verbose` the observer of the flight logs each change of a phase.
+    With `verbose`, `UiObserver` logs the changes of a phase instead.
     """
 
     def __init__(self, console: Console, *, verbose: bool) -> None:

@@ -1,4 +1,4 @@
-"""The user interface of a flight: a protocol, a wrapper that catches its errors, and an observer."""
+"""The user interface of a flight: a protocol, a wrapper that catches output errors, and an observer."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ class SafeUi:
         self._ui: Ui | None = ui
 
     def say(self, text: str) -> None:
-        self._show("say", text)
+        self._call("say", text)
 
     def log(self, text: str) -> None:
-        self._show("log", text)
+        self._call("log", text)
 
     def refresh(self, view: SwarmView) -> None:
-        self._show("refresh", view)
+        self._call("refresh", view)
 
-    def _show(self, how: str, what: Any) -> None:
+    def _call(self, method: str, argument: Any) -> None:
         if self._ui is None:
             return
         try:
-            getattr(self._ui, how)(what)
-        except (OSError, ValueError, SystemExit):  # Rich exits where standard output is closed
+            getattr(self._ui, method)(argument)
+        except (OSError, ValueError, SystemExit):  # Rich raises SystemExit if standard output is closed.
             self._ui = None
 
 
@@ -69,7 +69,7 @@ class UiObserver:
             text = (
                 "telemetry has stopped; orders wait until telemetry arrives again [telemetry-lost]"
                 if after.lost
-                else "telemetry arrives again; waiting orders are sent [telemetry-back]"
+                else "telemetry arrives again; orders no longer wait [telemetry-back]"
             )
             self.ui.say(f"{after.task.name}: {text}")
         for effect in effects:
@@ -80,7 +80,7 @@ class UiObserver:
         match event:
             case ev.OperatorCommand(order=order):
                 self.ui.say(order_line(order, answer))
-            # A command without an effect is not shown here; only its sender gets the answer.
+            # New weights equal to the present weights are not shown, unless the vehicle refuses them.
             case ev.WeightsChanged(w=w, strength=strength) if changed or answer.outcome != "taken":
                 self.ui.say(weights_line(w, strength, answer))
 

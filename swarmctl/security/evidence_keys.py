@@ -10,7 +10,7 @@ from pathlib import Path
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
-from swarmctl.security.files import KeyringError, check_private, read_signer, read_signers
+from swarmctl.security.files import KeyringError, check_private, read_public_keys, read_signing_key
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ def load_evidence_signer(folder: Path, name: str) -> EvidenceSigner:
     """Return the signer of participant `name` in a folder of `swarmctl keys`. Raises KeyringError."""
     file = folder / name / "sign.pem"
     check_private(file)
-    return EvidenceSigner(name, read_signer(file))
+    return EvidenceSigner(name, read_signing_key(file))
 
 
 def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
-    """Return whether the public `key` (base64) verifies `signature` (base64) of `data`; never raises."""
+    """Return whether the public `key` (base64) verifies `signature` (base64) of `data`."""
     try:
         public = Ed25519PublicKey.from_public_bytes(base64.b64decode(key, validate=True))
         public.verify(base64.b64decode(signature, validate=True), data)
@@ -46,11 +46,12 @@ def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
 
 
 def is_key_of(folder: Path, name: str, key: str) -> bool:
-    """Return whether the keys in `folder` list this public key (base64) for `name`. Raises KeyringError."""
+    """Return whether `folder` lists the public `key` (base64) for `name`. Raises KeyringError."""
+    # All participants of a swarm have the same table.
     tables = sorted(folder.glob("*/signers.json"))
     if not tables:
         raise KeyringError(
-            f"{folder}: found no signers.json in its folders; expected a folder made by `swarmctl keys`"
+            f"{folder}: no subfolder has a signers.json; give a folder made by `swarmctl keys`"
         )
-    known = read_signers(tables[0]).get(name)
-    return known is not None and base64.b64encode(known.public_bytes_raw()).decode() == key
+    listed_key = read_public_keys(tables[0]).get(name)
+    return listed_key is not None and base64.b64encode(listed_key.public_bytes_raw()).decode() == key

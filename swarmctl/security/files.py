@@ -24,7 +24,7 @@ PARTICIPANT_NAME = re.compile(r"uav[1-9][0-9]{0,2}|operator|router")
 
 
 class KeyringError(Exception):
-    """A folder of keys cannot be made or used; the text has file, reason and advice."""
+    """A fault of a folder of keys; the text has file, reason and advice."""
 
 
 def read(path: Path) -> bytes:
@@ -60,14 +60,14 @@ def read_ec_key(path: Path) -> ec.EllipticCurvePrivateKey:
     return key
 
 
-def read_signer(path: Path) -> Ed25519PrivateKey:
+def read_signing_key(path: Path) -> Ed25519PrivateKey:
     key = read_private(path)
     if not isinstance(key, Ed25519PrivateKey):
         raise KeyringError(f"{path} is not an Ed25519 key; restore it, or make it again")
     return key
 
 
-def read_signers(path: Path) -> dict[str, Ed25519PublicKey]:
+def read_public_keys(path: Path) -> dict[str, Ed25519PublicKey]:
     content = read(path)
     try:
         return {
@@ -124,7 +124,7 @@ def check_private(path: Path) -> None:
     except OSError as error:
         raise KeyringError(f"{path}: {error.strerror or error}") from error
     if mode & 0o077:
-        raise KeyringError(f"{path} is readable by other users (mode {mode:04o}): chmod 600 {path}")
+        raise KeyringError(f"{path} is open to other users (mode {mode:04o}); run chmod 600 {path}")
 
 
 def hosts_of(certificate: x509.Certificate) -> tuple[str, ...]:

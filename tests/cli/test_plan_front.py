@@ -242,7 +242,7 @@ def test_a_long_front_shows_its_ends_its_knees_and_the_configured_route() -> Non
     # None that some w finds is left out before one that no w finds.
     supported = {i for i, some_w_finds_it in enumerate(vehicle.front.supported) if some_w_finds_it}
     assert supported <= set(vehicle.shown) or set(vehicle.shown) - {0, n - 1} <= supported
-    (line,) = front.left_out([vehicle])
+    (line,) = front.front_notes([vehicle])
     assert re.findall(r"\d+", line.partition(": ")[2]) == [str(n - front.MAX_ROWS), str(n)]
     assert "front.json" in line
     table = front.front_table([vehicle]).at()

@@ -38,10 +38,10 @@ def panel(n: int = 5, name: str = "uav1", **changes: object) -> FrontPanel:
         exposure=exposure,
         start=start,
         goal_cells=[(10, 19)],
-        before_s=22.0,
+        entry_s=22.0,
         speed_m_s=10.0,
         chosen=(chosen.length_m, chosen.exposure_sum),
-        chosen_by="constrained",
+        chosen_label="constrained",
         bounds=[FrontBound(1100.0, "within 132 s", is_latest=True)],
     )
     return dataclasses.replace(made, **changes)

@@ -11,7 +11,7 @@ from swarmctl.report.swaps import MAX_FAILURES, MAX_LISTED, SwapStatistics, swap
 def after(*events: ev.MissionAccepted | ev.MissionFailed) -> SwapStatistics:
     swaps = SwapStatistics()
     for event in events:
-        swaps.ended(event)
+        swaps.count(event)
     return swaps
 
 

@@ -1,8 +1,7 @@
 """Evidence entries from the MAVLink messages to and from one vehicle: commands and acknowledgements. Pure.
 
 - Keep-alive messages, mission requests and mission items make no entry when sent. Other messages do.
-- The items of an upload make one entry, with their number and hash, when the upload ends. An earlier call of
-  `unrecorded_entries` makes an entry, too.
+- The items of an upload make one entry, with their number and hash, at the end or in `unrecorded_entries`.
 - Several MISSION_WRITE_PARTIAL_LIST in a row are one upload. The first list makes an entry.
   `unrecorded_entries` counts their MISSION_ACKs by result.
 """

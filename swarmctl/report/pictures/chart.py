@@ -37,9 +37,9 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
 def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
-    """Draw the goals and the cells, shaded as in Figure 8; tint cells that no vehicle observed."""
+    """Draw goals and cells, shaded as in the paper's Figure 8; tint cells that no vehicle observed."""
     grid = picture.grid
-    hostile, first, second = shading(picture)
+    hostile, n1, n2 = shading(picture)
     missed = hostile & (picture.known != OCCUPIED)
     mistaken = ~hostile & (picture.known == OCCUPIED)
     colours = np.array([_rgb(colour) for colour in (SEEN, VEIL, FOUND, NEVER_FOUND)], dtype=np.uint8)
@@ -51,11 +51,11 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
         edges: list[Ends] = [((0, r), (grid.cols, r)) for r in range(1, grid.rows)]
         edges += [((c, 0), (c, grid.rows)) for c in range(1, grid.cols)]
         _draw_lines(axes, grid, edges, colors=GRID_LINE, linewidths=0.4, zorder=1.5)
-    at = (np.arange(n := min(max(round(cell_pt / 3.2), 2), 6)) + 0.5) / n
+    offsets = (np.arange(n := min(max(round(cell_pt / 3.2), 2), 6)) + 0.5) / n
     hatch: list[Ends] = [
-        ((c, r + y), (c + 1, r + y)) for r, c in np.argwhere(first).tolist() for y in at.tolist()
+        ((c, r + y), (c + 1, r + y)) for r, c in np.argwhere(n1).tolist() for y in offsets.tolist()
     ]
-    hatch += [((c + x, r), (c + x, r + 1)) for r, c in np.argwhere(second).tolist() for x in at.tolist()]
+    hatch += [((c + x, r), (c + x, r + 1)) for r, c in np.argwhere(n2).tolist() for x in offsets.tolist()]
     width = 0.7 if cell_pt > 8.0 else 0.4
     _draw_lines(axes, grid, hatch, colors=HATCH, linewidths=width, zorder=2)
 
@@ -114,23 +114,23 @@ def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
         draw_badge(axes, float(badge[0]), float(badge[1]), index)
 
 
-def _spread(points: Points, least: float) -> Points:
-    """Return the points (n, 2), moved apart until the distances are about `least` or more."""
+def _spread(points: Points, least_m: float) -> Points:
+    """Return the points (n, 2), moved apart until the distances are about `least_m` or more."""
     angles = 2.4 * np.arange(len(points))
     # Points in the same place get small offsets in different directions.
-    moved = points + 1e-3 * least * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    moved = points + 1e-3 * least_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     for _ in range(100):
         between = moved[:, None] - moved[None, :]
-        gap = np.hypot(between[..., 0], between[..., 1]) + np.eye(len(points)) * least
-        if gap.min(initial=least) >= 0.99 * least:
+        gap_m = np.hypot(between[..., 0], between[..., 1]) + np.eye(len(points)) * least_m
+        if gap_m.min(initial=least_m) >= 0.99 * least_m:
             break
-        push = np.maximum(least - gap, 0.0) / (2.0 * gap)
+        push = np.maximum(least_m - gap_m, 0.0) / (2.0 * gap_m)
         moved = moved + (between * push[..., None]).sum(axis=1)
     return moved
 
 
 def draw_scales(axes: Axes, grid: Grid) -> None:
-    """Draw scales: metres from the corner at the left and below, cell indices at the right and above."""
+    """Draw scales: metres at the left and below, cell indices at the right and above."""
     axes.set_xlabel("metres east of the area's south-west corner", fontsize=8.5, color=QUIET)
     axes.set_ylabel("metres north", fontsize=8.5, color=QUIET)
     axes.tick_params(labelsize=8, colors=QUIET, length=3)
@@ -149,10 +149,10 @@ def draw_scales(axes: Axes, grid: Grid) -> None:
 
     columns = axes.secondary_xaxis("top", functions=(to_cells, to_metres))
     rows = axes.secondary_yaxis("right", functions=(to_cells, to_metres))
-    for scale, n, what in ((columns.xaxis, grid.cols, "col"), (rows.yaxis, grid.rows, "row")):
-        every = next(step for step in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, n) if n / step <= 10)
-        numbers = range(0, n, every)
-        scale.set_ticks(numbers, [f"{what} {k}" if k == 0 else str(k) for k in numbers])
+    for scale, n, label in ((columns.xaxis, grid.cols, "col"), (rows.yaxis, grid.rows, "row")):
+        interval = next(step for step in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, n) if n / step <= 10)
+        indices = range(0, n, interval)
+        scale.set_ticks(indices, [f"{label} {k}" if k == 0 else str(k) for k in indices])
     for secondary in (columns, rows):
         secondary.tick_params(labelsize=6.5, colors=QUIET, length=0, pad=2)
         for spine in secondary.spines.values():

@@ -27,7 +27,7 @@ from swarmctl.report.pictures.style import FORBIDDEN, GRID_LINE, INK, OUTSIDE, Q
 
 ALONG = LinearSegmentedColormap.from_list("along the front", ("#D55E00", "#A0568C", "#0072B2", "#00506B"))
 EXPOSED = LinearSegmentedColormap.from_list("exposure", ("#FFFFFF", "#AEB9C6"))
-LATE = FORBIDDEN
+OUT_OF_BOUND = FORBIDDEN
 HALO = withStroke(linewidth=2.5, foreground="white")
 """outline of labels that may cover points"""
 
@@ -39,10 +39,10 @@ FLAT_SHARE = 1e-9
 ALONE_HIGH_IN, SHARED_HIGH_IN = 3.6, 2.15
 """height of a single chart, and of each of several charts on a sheet"""
 WIDEST_PT, NARROWEST_PT, WIDEST_CELLS = 5.0, 1.2, 0.6
-"""line widths on the map, from the least exposed route to the shortest; the widest also in cells"""
+"""greatest and least line width on the map [pt]; greatest width also in cells"""
 
 CHOSEN_DASHES = (0, (3, 1.5))
-"""dashes on the map of a configured route that is not on the front"""
+"""dashes of a configured route that is on the map, but not on the front"""
 
 
 def draw_fronts(path: Path, grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> None:
@@ -90,11 +90,11 @@ def _draw_chart(axes: Axes, panel: FrontPanel) -> None:
         axes.plot(*panel.chosen, "o", ms=size + 5.5, mfc="none", mec=INK, mew=1.4, zorder=6)
         if panel.chosen_track is not None:
             axes.plot(*panel.chosen, "o", ms=size, mfc=INK, mec=INK, mew=1.1, zorder=6)
-        _label_chosen(axes, panel.chosen, panel.chosen_by)
+        _label_chosen(axes, panel.chosen, panel.chosen_label)
     if len(points) == 1:
         axes.text(
-            0.5, 0.25, "one route is best in both", transform=axes.transAxes, fontsize=8.5, color=QUIET,
-            ha="center", va="bottom", zorder=8, path_effects=[HALO],
+            0.5, 0.25, "one route is shortest and least exposed", transform=axes.transAxes, fontsize=8.5,
+            color=QUIET, ha="center", va="bottom", zorder=8, path_effects=[HALO],
         )  # fmt: skip
     _draw_bounds(axes, panel)
     _draw_scales(axes, panel)
@@ -132,13 +132,13 @@ def _draw_bounds(axes: Axes, panel: FrontPanel) -> None:
         if not low < bound.length_m < high:
             continue
         out = (bound.length_m, high) if bound.is_latest else (low, bound.length_m)
-        axes.axvspan(*out, color=LATE, alpha=0.07, lw=0, zorder=2)
-        axes.axvline(bound.length_m, color=LATE, lw=1.2, ls=(0, (4, 2)), zorder=2.5)
+        axes.axvspan(*out, color=OUT_OF_BOUND, alpha=0.07, lw=0, zorder=2)
+        axes.axvline(bound.length_m, color=OUT_OF_BOUND, lw=1.2, ls=(0, (4, 2)), zorder=2.5)
         is_right = bound.length_m > (low + high) / 2
         axes.annotate(
             bound.text, (bound.length_m, 1.0), (-4 if is_right else 4, -4),
             xycoords=axes.get_xaxis_transform(), textcoords="offset points",
-            ha="right" if is_right else "left", va="top", fontsize=8, color=LATE, zorder=8,
+            ha="right" if is_right else "left", va="top", fontsize=8, color=OUT_OF_BOUND, zorder=8,
         )  # fmt: skip
 
 
@@ -155,10 +155,10 @@ def _draw_scales(axes: Axes, panel: FrontPanel) -> None:
         spine.set_color(GRID_LINE)
 
     def to_s(metres: ArrayLike) -> ArrayLike:
-        return panel.before_s + np.asarray(metres) / panel.speed_m_s
+        return panel.entry_s + np.asarray(metres) / panel.speed_m_s
 
     def to_m(seconds: ArrayLike) -> ArrayLike:
-        return (np.asarray(seconds) - panel.before_s) * panel.speed_m_s
+        return (np.asarray(seconds) - panel.entry_s) * panel.speed_m_s
 
     seconds = axes.secondary_xaxis("top", functions=(to_s, to_m))
     seconds.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
@@ -205,7 +205,7 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
         axes.plot(*line.T, color=INK, lw=1.6, ls=CHOSEN_DASHES, zorder=7, path_effects=[HALO])
     widest = max(min(WIDEST_PT, WIDEST_CELLS * cell_pt), 1.8 * NARROWEST_PT)
     widths = np.linspace(widest, NARROWEST_PT, len(drawn))
-    # Other routes are drawn over the wide line of the least exposed route, so each departure is visible.
+    # Wide lines come first, so each narrower line stays visible on top.
     for (colour, track), width in zip(reversed(drawn), widths, strict=True):
         line = local_m(grid, track)
         axes.plot(*line.T, color=colour, lw=float(width), solid_joinstyle="round", zorder=6)

@@ -30,7 +30,7 @@ from swarmctl.report.pictures.style import (
 
 MAX_KEY_VEHICLES = 30
 ROW_CHARS = 29
-"""greatest length of a row's text [characters]"""
+"""greatest length of a vehicle row's text [characters]"""
 
 KeyRow = Callable[[Axes, float, float], None]
 """a function that draws one row of the legend at (x, y) [in]"""
@@ -75,7 +75,7 @@ def line_rows(picture: MapPicture) -> list[KeyRow]:
 
 def cell_rows(picture: MapPicture) -> list[KeyRow]:
     """Return rows for the kinds of cell that are on this map."""
-    hostile, first, second = shading(picture)
+    hostile, n1, n2 = shading(picture)
     occupied, unseen = picture.known == OCCUPIED, picture.known == UNKNOWN
     n_found, n_missed = int((hostile & occupied).sum()), int((hostile & ~occupied).sum())
     n_mistaken = int((~hostile & occupied).sum())
@@ -87,8 +87,8 @@ def cell_rows(picture: MapPicture) -> list[KeyRow]:
         _cell_row(f"hostile, found ({n_found})", {"facecolor": FOUND}): n_found > 0,
         _cell_row(f"hostile, not found ({n_missed})", missed): n_missed > 0,
         _cell_row(f"false alarm believed ({n_mistaken})", {"edgecolor": FOUND, "lw": 1.6}): n_mistaken > 0,
-        _cell_row("next to a hostile (N1)", {}, hatch="level"): first.any(),
-        _cell_row("diagonal to one (N2)", {}, hatch="upright"): second.any(),
+        _cell_row("next to a hostile (N1)", {}, hatch="level"): n1.any(),
+        _cell_row("diagonal to a hostile (N2)", {}, hatch="upright"): n2.any(),
         _cell_row(f"seen ({n_seen} cells)", {}): n_seen > 0,
         _cell_row(f"never seen ({n_unseen} cells)", {"facecolor": VEIL}): n_unseen > 0,
     }

@@ -19,14 +19,14 @@ class FrontPoint:
     length_m: float
     exposure_sum: float
     supported: bool
-    """True for a route on the convex hull, which some w finds"""
+    """True for a route on the convex hull of the front: a search with some w finds this route"""
     track: Sequence[LatLon] | None = None
     """the route's line on the map; None: not drawn"""
 
 
 @dataclass(frozen=True, slots=True)
 class FrontBound:
-    """The greatest or the least length within a time bound."""
+    """The route length at which the arrival time equals one limit of the time bound, without turns."""
 
     length_m: float
     text: str
@@ -42,17 +42,18 @@ class FrontPanel:
     about: str
     """text beside the name"""
     points: Sequence[FrontPoint]
-    """by length; at least one"""
+    """shortest first; at least one"""
     exposure: NDArray[np.float64]
     """P_s (rows, cols); infinite in walls"""
     start: LatLon
     goal_cells: Sequence[Cell]
-    before_s: float
-    """time from take-off to the entry cell, where the length begins [s]"""
+    entry_s: float
+    """time from take-off to the entry cell, where the route length begins [s]"""
     speed_m_s: float
     chosen: tuple[float, float] | None = None
     """(length [m], ΣP_s) of the configured route"""
-    chosen_by: str = ""
+    chosen_label: str = ""
+    """the planner's name, or `w = …`"""
     chosen_track: Sequence[LatLon] | None = None
-    """the route's line on the map, if the route is not in `points`"""
+    """the configured route's line on the map; None if this route is in `points`"""
     bounds: Sequence[FrontBound] = ()

@@ -39,7 +39,7 @@ class VehicleTrack:
     is_lost: bool = False
     """True if `flown` ends at the vehicle's last known position"""
     outcome: str = ""
-    """outcome of the vehicle for the legend, such as "landed, 2 strikes" """
+    """outcome of the vehicle for the legend, such as "arrived" """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ class MapPicture:
     hostiles: frozenset[Cell] | None
     """true hostiles; None: unknown, so the map shades the hostiles found"""
     known: NDArray[np.int8]
-    """(rows, cols) of `swarmctl.core.belief`, at the end"""
+    """(rows, cols) as `Belief.known`"""
     tracks: Sequence[VehicleTrack]
     title: str
     subtitle: str = ""
@@ -59,7 +59,6 @@ class MapPicture:
 
 
 def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:
-    """Return points as (n, 2) metres east and north of the south-west corner."""
     lat_lon = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     return np.stack(grid.frame.to_local(lat_lon[:, 0], lat_lon[:, 1]), axis=1)
 
@@ -81,13 +80,13 @@ def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
 
 
 def shading(picture: MapPicture) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return masks of hostile cells, their N1 and their N2 cells; each cell is in the gravest class only."""
+    """Return masks of hostile cells, their N1 and their N2 cells; a cell is in the first that fits."""
     hostile = np.zeros(picture.known.shape, dtype=bool)
     if picture.hostiles is None:
         hostile = picture.known == OCCUPIED
     else:
         for cell in picture.hostiles:
             hostile[cell] = True
-    nearest = ndimage.binary_dilation(hostile, ndimage.generate_binary_structure(2, 1))
-    around = ndimage.binary_dilation(hostile, ndimage.generate_binary_structure(2, 2))
-    return hostile, nearest & ~hostile, around & ~nearest
+    up_to_n1 = ndimage.binary_dilation(hostile, ndimage.generate_binary_structure(2, 1))
+    up_to_n2 = ndimage.binary_dilation(hostile, ndimage.generate_binary_structure(2, 2))
+    return hostile, up_to_n1 & ~hostile, up_to_n2 & ~up_to_n1

@@ -46,7 +46,7 @@ def draw_map(path: Path, picture: MapPicture) -> None:
 
 
 def figure_of(picture: MapPicture) -> Figure:
-    """Return the figure: the map, and the legend beside and below the map."""
+    """Return the figure: the map, the legend beside the map, and vehicles below that do not fit beside."""
     west, south, east, north = view_of(picture)
     inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
     map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
@@ -75,7 +75,7 @@ def figure_of(picture: MapPicture) -> Figure:
 
 
 def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
-    """Return the legend's rows beside the map, and the rows below: vehicles, if too many for the side."""
+    """Return the legend's rows beside the map, and the blocks of vehicles below if too many for the side."""
     blocks, marks = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
     vehicles = [row for block in blocks for row in block]
     if (len(vehicles) + 1 + len(marks)) * ROW_IN + FOOT_IN <= map_high_in:

@@ -12,7 +12,7 @@ from swarmctl.report.pictures.scene import MapPicture
 
 Dashes = tuple[float, tuple[float, ...]]
 
-STRIKE = "#F0E442"  # the yellow of the vehicles' palette
+STRIKE = "#F0E442"
 INK, QUIET = "#222222", "#777777"
 OUTSIDE, SEEN, VEIL, GRID_LINE = "#F3F1EC", "#FFFFFF", "#E4EBF3", "#D5DBE2"
 FOUND, NEVER_FOUND, HATCH = "#7A7A7A", "#BDBDBD", "#9C9C9C"
