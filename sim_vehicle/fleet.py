@@ -1,4 +1,4 @@
-"""A fleet without I/O: ground stations' bytes and simulated time in, vehicles' bytes out."""
+"""A fleet of simulated vehicles without I/O: the input is bytes and simulated time, the output is bytes."""
 
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class Fleet:
         Parameters
         ----------
         scenario: vehicles, area, faults and environment.
-        ready_s: time from boot to a position estimate [s]; None: the time of the scenario or autopilot.
+        ready_s: time from boot to a position estimate [s]; None: the scenario's time, else the autopilot's.
         trusted_links: links on which vehicles with a signing key accept unsigned messages, as on USB.
         """
         specs = scenario.vehicles
@@ -108,7 +108,7 @@ class Fleet:
         self._link_layer = LinkLayer(
             [vehicle.signing for vehicle in self.vehicles], self.links, trusted_links
         )
-        self._ready_frames: Frames = []  # signed frames for the next result
+        self._ready_frames: Frames = []  # frames for the next result of `receive` or `step`
         self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
         if area is not None and scenario.firing_strength is not None:
@@ -137,7 +137,7 @@ class Fleet:
         link: int = 0,
         reach: Collection[int] | None = None,
     ) -> Frames:
-        """Advance to `now` [s] and process bytes of one ground station; return (vehicle, bytes) to send.
+        """Advance to `now` [s] and process bytes of one station; return (vehicle index, bytes) to send.
 
         peer: stream of the bytes; a message can span several calls.
         link: only vehicles on this link receive the bytes.
@@ -170,7 +170,7 @@ class Fleet:
                 self._deliver_one(vehicle, message, now)
 
     def _deliver_one(self, vehicle: Autopilot, message: Any, now: float) -> None:
-        """Deliver a message to a vehicle that accepts its signature."""
+        """Deliver a message to a vehicle, if the vehicle accepts the signature."""
         if not self._link_layer.accepts(vehicle.index, message, now):
             return
         vehicle.receive(message, now)
@@ -185,11 +185,11 @@ class Fleet:
 
     @property
     def waiting_bytes(self) -> int:
-        """Number of bytes of incomplete messages of all streams."""
+        """Return the number of bytes of incomplete messages of all streams."""
         return sum(parser.waiting_bytes for parser in self._parsers.values())
 
     def step(self, now: float) -> Frames:
-        """Run physics and streams up to `now` [s since the start]; return (vehicle, bytes) to send."""
+        """Run the simulation up to `now` [s since the start]; return (vehicle index, bytes) to send."""
         self._advance(now)
         return self._take(now)
 
@@ -200,11 +200,11 @@ class Fleet:
         self._schedule.inject(spec, now)
 
     def faults_on(self, index: int) -> tuple[str, ...]:
-        """Return the names of a vehicle's active faults."""
+        """Return the names of a vehicle's running faults."""
         return self._schedule.names(index)
 
     def truth(self) -> Truth:
-        """Return the true state for tests, checks and displays; no telemetry contains this state."""
+        """Return the true state of all vehicles, without errors of sensors and estimators."""
         dynamics = self.world.dynamics
         lat_deg, lon_deg = self.world.geodetic()
         return Truth(
@@ -250,7 +250,7 @@ class Fleet:
         self._outbox.stream(self._streams, now)
 
     def _decide(self, now: float) -> None:
-        """Run the decisions of vehicles with an event or a due alarm."""
+        """Update the vehicles with an event or a due alarm."""
         due = (self._alarm_s <= now + EPSILON_S) | self.world.has_event
         for index in np.flatnonzero(due).tolist():
             vehicle = self.vehicles[index]
@@ -283,14 +283,14 @@ class Fleet:
         self._schedule.replace(index, key, specs, now)
 
     def _deliver_arrivals(self, now: float) -> None:
-        """Deliver the messages that have passed impaired links by `now` [s]."""
+        """Deliver the messages that have passed impaired links by `now` [s], and send the answers."""
         for due_s, index, message in self._link_layer.arrivals_at_vehicles(now):
             if message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN_"):
                 self._deliver_one(self.vehicles[index], message, due_s)
                 self._send_pending(due_s)
 
     def _send_pending(self, now: float) -> None:
-        """Sign and send the vehicles' messages up to `now` [s]."""
+        """Send the vehicles' pending messages at `now` [s], signed if required."""
         self._ready_frames += self._link_layer.send(self._outbox.take(), now)
 
     def _take(self, now: float) -> Frames:

@@ -57,7 +57,7 @@ _BYTES = {"uint32_t": 4, "uint64_t": 8}
 
 @cache
 def crc_extra(message_id: int) -> int:
-    """Return CRC_EXTRA of a message, computed from its definition."""
+    """Return CRC_EXTRA of a message, computed from `_MESSAGES`."""
     name, fields = _MESSAGES[message_id]
     crc = x25crc()
     crc.accumulate_str(f"{name} ")
@@ -92,10 +92,10 @@ class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 @dataclass(frozen=True, slots=True)
 class ParameterMeta:
-    """The metadata of one parameter."""
+    """The metadata of one parameter; an empty group is the part of the name before the first `_`."""
 
     name: str
-    default: float | int  # an int makes an integer parameter
+    default: float | int  # an int means an integer parameter; an infinite default or NaN is left out
     short: str = ""  # short description
     units: str = ""
     group: str = ""
@@ -105,7 +105,7 @@ class ParameterMeta:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """The identity of a component."""
+    """The identity of a component; `capabilities` are MAV_PROTOCOL_CAPABILITY bits."""
 
     vendor: str
     model: str
@@ -114,7 +114,7 @@ class Component:
 
 
 class ComponentMetadata:
-    """The metadata files and messages that all vehicles of one kind share; immutable."""
+    """The metadata files (by path, without a leading `/`) and messages that similar vehicles share."""
 
     def __init__(
         self, component: Component, parameters: Iterable[ParameterMeta], *, directory: str = "/etc/extras"
@@ -144,7 +144,7 @@ class ComponentMetadata:
         }
 
     def message(self, message_id: int, time_boot_ms: int) -> ComponentMessage | None:
-        """Return the message with this id, or None if the id has no component metadata."""
+        """Return the message with this id, or None if the id is not a message of component metadata."""
         uri = f"mftp://{self._general_path}"
         crc = checksum(self.files[self._general_path.lstrip("/")])
         component = self._component

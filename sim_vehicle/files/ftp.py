@@ -1,7 +1,6 @@
 """The server of the MAVLink file transfer protocol, a state machine without I/O.
 
-Both autopilots serve one open file at a time. `FtpRules` has the differences between autopilots. Each tick
-sends a part of a burst.
+Both autopilots serve one open file at a time. `FtpRules` has the differences between autopilots.
 """
 
 import errno
@@ -21,13 +20,13 @@ from sim_vehicle.files.pacing import BYTES_S, MAX_BYTES_AT_ONCE, Pacer
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request's opcode, burst complete, offset
 SIZE = struct.Struct("<I")
 MAX_DATA_BYTES = 239  # bytes of data in one message
-FRAME_BYTES = 277  # bytes of one message on the link
+FRAME_BYTES = 277  # assumed size of one message on the link
 
 
 class _Nak(Exception):
-    def __init__(self, error: FtpError, number: int | None = None) -> None:
+    def __init__(self, error: FtpError, error_number: int | None = None) -> None:
         super().__init__(error.name)
-        self.error, self.number = error, number
+        self.error, self.errno = error, error_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ class _OpenFile:
     session: int
     path: str
     content: bytes | None  # None: open for writing
-    used_s: float  # time of the last use [s]
+    last_use_s: float
 
 
 @dataclass
@@ -54,7 +53,7 @@ class _Burst:
     request: _Request
     offset: int
     seq: int
-    remaining: int  # number of messages before the next request of the client
+    remaining: int  # largest number of messages before the next request of the client
 
 
 class FtpServer:
@@ -65,7 +64,7 @@ class FtpServer:
     files: the served files.
     rules: the behaviour of the autopilot.
     send: called with each outgoing message.
-    bytes_s, max_bytes_at_once: rate of bursts [bytes/s], largest part of a burst in one tick [bytes].
+    bytes_s, max_bytes_at_once: mean rate of bursts [bytes/s], largest part sent at once [bytes].
     """
 
     def __init__(
@@ -81,7 +80,7 @@ class FtpServer:
         self._pacer = Pacer(bytes_s, max_bytes_at_once)
         self._open: _OpenFile | None = None
         self._burst: _Burst | None = None
-        self._last: tuple[_Request, bytes] | None = None  # the latest request and its answer
+        self._last: tuple[_Request, bytes] | None = None  # the latest answered request and its answer
         self._operations: dict[int, Callable[[_Request, float], tuple[bytes, int]]] = {
             Opcode.NONE: lambda _request, _now: (b"", 0),
             Opcode.TERMINATE_SESSION: self._terminate,
@@ -107,7 +106,7 @@ class FtpServer:
         return self._burst is not None
 
     def receive(self, message: Any, now: float) -> None:
-        """Process one FILE_TRANSFER_PROTOCOL at `now` [s]."""
+        """Process one FILE_TRANSFER_PROTOCOL at `now` [s]; a repeated request gets the same answer."""
         payload = bytes(message.payload)
         seq, session, opcode, size, _, _, offset = HEADER.unpack_from(payload)
         if opcode in (Opcode.ACK, Opcode.NAK):
@@ -126,16 +125,16 @@ class FtpServer:
             self._reply_nak(request, _nak_of_errno(error.number))
 
     def tick(self, now: float) -> None:
-        """Send the messages of a burst due by `now` [s], and close an idle file."""
+        """Send the messages of a burst due by `now` [s]; PX4 also closes an idle file."""
         while self._burst is not None and self._pacer.take(FRAME_BYTES, now):
             self._continue_burst(self._burst, now)
         opened = self._open
-        idle = opened is not None and now - opened.used_s > self._rules.idle_s
+        idle = opened is not None and now - opened.last_use_s > self._rules.idle_s
         if idle and not self._rules.client_names_session:
             self._abandon()
 
     def reset(self) -> None:
-        """Close open files after a reboot; written files remain."""
+        """Forget the open file and the burst after a reboot; written bytes remain."""
         self._open = self._burst = self._last = None
 
     # -- answering ---------------------------------------------------------------------------------------
@@ -154,7 +153,7 @@ class FtpServer:
             raise _Nak(self._rules.unknown_command)
         data, offset = operation(request, now)
         if self._open is not None and self._open.session == request.session:
-            self._open.used_s = now
+            self._open.last_use_s = now
         self._reply(request, Opcode.ACK, data, offset)
 
     def _reply(self, request: _Request, opcode: Opcode, data: bytes, offset: int) -> None:
@@ -175,7 +174,10 @@ class FtpServer:
     # -- sessions ----------------------------------------------------------------------------------------
 
     def _check_session(self, request: _Request, now: float) -> None:
-        """Raise _Nak if a busy file belongs to another session; close an idle file of another session."""
+        """Raise _Nak for a request outside of the open session; PX4 checks only READ_FILE.
+
+        ArduPilot closes the file instead if the open session is idle.
+        """
         opened, opcode = self._open, request.opcode
         if not self._rules.client_names_session:
             if opcode == Opcode.READ_FILE and request.session != 0:
@@ -184,7 +186,7 @@ class FtpServer:
         ends = opcode in (Opcode.TERMINATE_SESSION, Opcode.RESET_SESSIONS)
         if opened is None or request.session == opened.session or ends:
             return
-        if now - opened.used_s < self._rules.idle_s:
+        if now - opened.last_use_s < self._rules.idle_s:
             raise _Nak(self._rules.another_session)
         self._abandon()
 
@@ -214,9 +216,9 @@ class FtpServer:
             self._close()
 
     def _new_session(self, request: _Request, now: float) -> int:
-        """Return the session of the next opened file; raise _Nak while another file is open."""
+        """Return the session of the next opened file; raise _Nak if a file is open and not idle."""
         opened = self._open
-        if opened is not None and now - opened.used_s > self._rules.idle_s:
+        if opened is not None and now - opened.last_use_s > self._rules.idle_s:
             self._abandon()
         if self._open is not None:
             raise _Nak(self._rules.second_open)
@@ -257,7 +259,7 @@ class FtpServer:
             self._burst = None
             return
         request, rules = burst.request, self._rules
-        opened.used_s = now
+        opened.last_use_s = now
         size = (request.size or MAX_DATA_BYTES) if rules.obeys_read_size else MAX_DATA_BYTES
         data = opened.content[burst.offset : burst.offset + size]
         burst.remaining -= 1
@@ -351,4 +353,4 @@ def _nak_of_errno(number: int) -> _Nak:
 
 
 def _nak_data(nak: _Nak) -> bytes:
-    return bytes([nak.error] if nak.number is None else [nak.error, nak.number])
+    return bytes([nak.error] if nak.errno is None else [nak.error, nak.errno])

@@ -52,15 +52,15 @@ class FtpRules:
     client_names_session: bool  # False: every file is opened in session 0
     another_session: FtpError  # answer to a request outside of the open session
     second_open: FtpError  # answer to an open request while a file is open
-    nothing_open: FtpError  # answer to a read or write without an open file
+    nothing_open: FtpError  # answer to a request that needs an open file
     terminate_needs_open: bool  # True: TERMINATE_SESSION without an open file is an error
-    obeys_read_size: bool  # False: data messages are always full
+    obeys_read_size: bool  # False: the requested size is ignored, data messages are full up to the end
     reports_sizes: bool  # True: answers to CREATE_FILE, OPEN_FILE_WO and WRITE_FILE have a size
     unknown_command: FtpError  # answer to an unsupported opcode
     truncates: bool  # True: TRUNCATE_FILE is supported
     lists_dots: bool  # True: `.` and `..` are listed as entries to skip
     idle_s: float  # idle time [s] after which a session may be replaced (ArduPilot) or is closed (PX4)
-    burst_messages: int  # messages of a burst before the next request
+    burst_messages: int  # largest number of messages in one burst
 
 
 ARDUPILOT = FtpRules(

@@ -1,7 +1,7 @@
 """Listing, download and erasure of flight logs over MAVLink, a state machine without I/O.
 
-LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time and refuses further
-requests. PX4 serves all ground stations.
+LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time and refuses requests of
+other stations. PX4 serves several ground stations at once.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from sim_vehicle.files.pacing import BYTES_S, MAX_BYTES_AT_ONCE, Pacer
 
 CHUNK_BYTES = 90  # log data in one LOG_DATA
 FRAME_BYTES = 109  # size of LOG_DATA on the link
-MAX_STATIONS = 8  # stored list requests
+MAX_STATIONS = 8  # largest number of remembered list requests, one for each station
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class LogRules:
 
     first_id: int  # id of the oldest log
     one_at_a_time: bool  # True: a transfer must end before the next transfer
-    refused_armed: str  # STATUSTEXT of a refusal while armed; "": logs are served in flight
+    refused_armed: str  # STATUSTEXT of a refusal while armed; "": logs are served while armed
     list_first: bool  # True: data requires a list request since the last LOG_REQUEST_END
 
 
@@ -54,7 +54,7 @@ class LogTransfer:
     rules: the behaviour of the autopilot.
     send, send_text: called with each outgoing message and STATUSTEXT (severity, text).
     armed: returns True while the vehicle is armed.
-    bytes_s, max_bytes_at_once: rate on the link [bytes/s], largest part in one tick [bytes].
+    bytes_s, max_bytes_at_once: mean rate on the link [bytes/s], largest part sent at once [bytes].
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class LogTransfer:
         self._pacer = Pacer(bytes_s, max_bytes_at_once)
         self._transfers: dict[tuple[int, int], _Transfer] = {}
         self._listed: dict[tuple[int, int], None] = {}  # stations with a list request, in order
-        self._warned = False
+        self._refusal_announced = False
         self._handlers: dict[str, Callable[[Any, tuple[int, int]], None]] = {
             "LOG_REQUEST_LIST": self._request_list,
             "LOG_REQUEST_DATA": self._request_data,
@@ -93,11 +93,11 @@ class LogTransfer:
     def receive(self, message: Any, now: float) -> None:
         """Process one log message at `now` [s]."""
         if self._rules.refused_armed and self._armed():
-            if not self._warned:
-                self._warned = True
+            if not self._refusal_announced:
+                self._refusal_announced = True
                 self._send_text(mavlink.MAV_SEVERITY_ERROR, self._rules.refused_armed)
             return
-        self._warned = False
+        self._refusal_announced = False
         peer = (message.get_srcSystem(), message.get_srcComponent())
         self._handlers[message.get_type()](message, peer)
         self.tick(now)
@@ -117,21 +117,21 @@ class LogTransfer:
         """End the transfers after a reboot; the logs remain."""
         self._transfers.clear()
         self._listed.clear()
-        self._warned = False
+        self._refusal_announced = False
 
     # -- requests ----------------------------------------------------------------------------------------
 
     def _is_busy_for(self, peer: tuple[int, int]) -> bool:
         if not (self._rules.one_at_a_time and self._transfers):
             return False
-        if peer not in self._transfers:  # a repeated request of the served station is not refused
+        if peer not in self._transfers:  # a further request of the served station is ignored silently
             self._send_text(mavlink.MAV_SEVERITY_INFO, "Log download in progress")
         return True
 
     def _request_list(self, message: Any, peer: tuple[int, int]) -> None:
         if self._is_busy_for(peer):
             return
-        self._note_list_request(peer)
+        self._remember_list_request(peer)
         first = self._rules.first_id
         newest = first + len(self._logs()) - 1
         if newest < first:
@@ -164,7 +164,7 @@ class LogTransfer:
         self._transfers.pop(peer, None)
         self._listed.pop(peer, None)
 
-    def _note_list_request(self, peer: tuple[int, int]) -> None:
+    def _remember_list_request(self, peer: tuple[int, int]) -> None:
         self._listed.pop(peer, None)
         if len(self._listed) >= MAX_STATIONS:
             forgotten = next(iter(self._listed))
@@ -175,7 +175,7 @@ class LogTransfer:
     # -- sending -----------------------------------------------------------------------------------------
 
     def _continue(self, transfer: _Transfer) -> bool:
-        """Send the next message; return True if more follow."""
+        """Send the next message; return True if further messages follow."""
         if transfer.log is None:
             self._send_entry(transfer)
             transfer.next += 1
@@ -189,6 +189,6 @@ class LogTransfer:
     def _send_entry(self, transfer: _Transfer) -> None:
         logs, index = self._logs(), transfer.next - self._rules.first_id
         utc_s = size = 0
-        if 0 <= index < len(logs):  # otherwise the list is empty, or the log was erased
+        if 0 <= index < len(logs):  # else no log has this id; the entry is empty
             utc_s, size = max(int(logs[index].utc_s), 0), len(logs[index].content)
         self._send(mavlink.MAVLink_log_entry_message(transfer.next, len(logs), transfer.last, utc_s, size))

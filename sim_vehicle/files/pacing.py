@@ -1,4 +1,4 @@
-"""The rate limit of long answers, for slow links."""
+"""The rate limit of long answers, such as files and logs."""
 
 import math
 
@@ -15,7 +15,7 @@ class Pacer:
         self._filled_s = -math.inf
 
     def take(self, size: int, now: float) -> bool:
-        """Take `size` bytes at `now` [s]; return False if the bytes must wait."""
+        """Take `size` bytes at `now` [s]; return False and take none if the bytes must wait."""
         if now > self._filled_s:
             self._bytes = min(self._bytes + (now - self._filled_s) * self._bytes_s, self._max_bytes)
             self._filled_s = now

@@ -1,4 +1,4 @@
-"""ArduPilot's packed files: all parameters (`@PARAM/param.pck`) and a whole mission (`@MISSION/*.dat`)."""
+"""ArduPilot's packed files: parameters (`@PARAM/param.pck`), mission, fence and rally (`@MISSION/*.dat`)."""
 
 import errno
 import struct
@@ -14,7 +14,7 @@ PARAMETERS_WITH_DEFAULTS_MAGIC = 0x671C
 PARAMETERS_HEADER = struct.Struct("<HHH")  # magic, parameters in this file, parameters of the vehicle
 MISSION_MAGIC = 0x763D
 MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, first index, number of items
-NO_CLEAR = 1  # option: uploaded items replace and extend the old items
+NO_CLEAR = 1  # option: uploaded items replace or extend the stored items
 MAX_NAME_BYTES = 16
 
 _FLOAT = 4
@@ -33,29 +33,29 @@ class Parameter(NamedTuple):
 
 
 def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
-    """Return `param.pck` for a query (`start=`, `count=`, `withdefaults=`); raise FileError if invalid.
+    """Return `param.pck` for a query (`start=`, `count=`, `withdefaults=`); raise FileError if it is invalid.
 
-    A name omits the characters that it shares with the start of the previous name. The content does not
+    A name omits up to 15 characters that it shares with the start of the previous name. The content does not
     change while the file is open, so reads need no padding.
     """
-    wanted = _query(query)
-    start, count, defaults = wanted["start"], wanted["count"], bool(wanted["withdefaults"])
+    options = _query(query)
+    start, count, defaults = options["start"], options["count"], bool(options["withdefaults"])
     if start >= max(len(parameters), 1):
         raise FileError(errno.EINVAL)
     chosen = parameters[start : start + count] if count else parameters[start:]
     magic = PARAMETERS_WITH_DEFAULTS_MAGIC if defaults else PARAMETERS_MAGIC
     packed = bytearray(PARAMETERS_HEADER.pack(magic, len(chosen), len(parameters)))
-    last = b""
+    previous = b""
     for name, value, default, bits in chosen:
         kind = _INTEGERS[bits] if isinstance(value, int) else _FLOAT
         differs = defaults and default != value
         encoded = name.encode("ascii")[:MAX_NAME_BYTES]
-        common = min(_common_length(last, encoded), len(encoded) - 1)
+        common = min(_common_length(previous, encoded), len(encoded) - 1)
         packed += bytes([kind | differs << 4, common | (len(encoded) - common - 1) << 4])
         packed += encoded[common:] + _value(kind, value)
         if differs:
             packed += _value(kind, default)
-        last = encoded
+        previous = encoded
     return bytes(packed)
 
 
@@ -67,7 +67,7 @@ def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
     if magic != PARAMETERS_MAGIC or length != len(content):
         return None
     values: dict[str, float | int] = {}
-    offset, last = PARAMETERS_HEADER.size, b""
+    offset, previous = PARAMETERS_HEADER.size, b""
     for _ in range(count):
         if offset + 2 > length:
             return None
@@ -76,14 +76,14 @@ def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
         offset += 2
         if (
             form is None
-            or common > len(last)
+            or common > len(previous)
             or common + more > MAX_NAME_BYTES
             or offset + more + form.size > length
         ):
             return None
-        last = last[:common] + content[offset : offset + more]
+        previous = previous[:common] + content[offset : offset + more]
         try:
-            name = last.decode("ascii")
+            name = previous.decode("ascii")
         except UnicodeDecodeError:
             return None
         values[name] = form.unpack_from(content, offset + more)[0]
@@ -100,15 +100,15 @@ def pack_mission(mission_type: int, items: Iterable[Any]) -> bytes:
 
 
 class UploadedMission(NamedTuple):
-    """An uploaded mission file, with items for the indices from `start` on."""
+    """An uploaded mission, fence or rally file; `start` is the index of its first item."""
 
     start: int
-    clear: bool  # True: all stored items are removed first
+    clear: bool  # True: the upload replaces all stored items
     items: list[Any]  # MISSION_ITEM_INT
 
 
 def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
-    """Return the mission in an uploaded file, or None if malformed, incomplete or of another type."""
+    """Return the content of an uploaded file, or None if malformed, incomplete or of another type."""
     if len(content) < MISSION_HEADER.size:
         return None
     magic, kind, options, start, count = MISSION_HEADER.unpack_from(content)
@@ -117,7 +117,7 @@ def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
         return None
     items = []
     for offset in range(MISSION_HEADER.size, len(content), size):
-        if not any(content[offset : offset + size]):  # omitted by the client
+        if not any(content[offset : offset + size]):  # the client has not written this item
             return None
         fields = _ITEM.unpacker.unpack_from(content, offset)
         items.append(_ITEM(**dict(zip(_ITEM.ordered_fieldnames, fields, strict=True))))
@@ -125,21 +125,21 @@ def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
 
 
 def _query(query: str) -> Mapping[str, int]:
-    wanted = {"start": 0, "count": 0, "withdefaults": 0}
+    options = {"start": 0, "count": 0, "withdefaults": 0}
     for part in filter(None, query.split("&")):
         key, _, text = part.partition("=")
-        if key in wanted:
+        if key in options:
             if not text.isascii() or not text.isdigit() or int(text) >= 0xFFFF:
                 raise FileError(errno.EINVAL)
-            wanted[key] = int(text)
-    if wanted["withdefaults"] > 1:
+            options[key] = int(text)
+    if options["withdefaults"] > 1:
         raise FileError(errno.EINVAL)
-    return wanted
+    return options
 
 
-def _common_length(one: bytes, other: bytes) -> int:
+def _common_length(name: bytes, next_name: bytes) -> int:
     length = 0
-    for a, b in zip(one, other, strict=False):
+    for a, b in zip(name, next_name, strict=False):
         if a != b:
             break
         length += 1

@@ -42,7 +42,7 @@ def ardupilot_files(
     ----------
     parameters: returns the parameters, in the order of their index.
     set_parameter: called for each parameter of an upload.
-    banner: sends the texts of a parameter download.
+    banner: sends the texts that announce a parameter download.
     items: returns the stored MISSION_ITEM_INT of a mission type.
     set_items: stores an uploaded mission of a type; returns False if the items are unusable.
     recorder: the recorder of the logs.
@@ -75,7 +75,7 @@ def ardupilot_files(
 
 
 def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightRecorder) -> FileSystem:
-    """Return PX4's tree: metadata under `/etc/extras`, and logs by date on the writable SD card."""
+    """Return PX4's tree: the metadata files, and logs by date on the writable SD card (`/fs/microsd`)."""
 
     def sources() -> Mapping[str, GeneratedFile]:
         fixed = {path: constant(content) for path, content in metadata().files.items()}
@@ -86,7 +86,7 @@ def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightReco
 
 
 def px4_log_name(log: StoredLog) -> str:
-    """Return the path of a log, `YYYY-MM-DD/hh_mm_ss.ulg`, from its start (UTC)."""
+    """Return the path of a log under PX4_LOGS, `YYYY-MM-DD/hh_mm_ss.ulg` of its start (UTC)."""
     days, seconds = divmod(max(int(log.begun_utc_s), 0), 86_400)
     year, month, day = _civil(days)
     minutes, second = divmod(seconds, 60)

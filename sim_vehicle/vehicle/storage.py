@@ -110,7 +110,7 @@ class Storage:
             return
         seen = _logged_state(self._vehicle)
         if seen != self._seen:
-            log = self.recorder.event(now)
+            log = self.recorder.log_for_event(now)
             if log is not None:
                 self._log_changes(log, now, seen)
             self._flown = self._flown or (self._seen.armed and not seen.armed)
@@ -136,19 +136,19 @@ class Storage:
     def text(self, now: float, severity: int, text: str) -> None:
         """Record a STATUSTEXT, including the texts of arming and disarming."""
         self._begin_if_required(now)
-        log = self.recorder.event(now)
+        log = self.recorder.log_for_event(now)
         if log is not None:
             log.text(now, severity, text)
 
     def parameter(self, now: float, name: str) -> None:
         """Record a parameter change."""
-        log = self.recorder.event(now)
+        log = self.recorder.log_for_event(now)
         if log is not None:
             log.parameter(now, name, self._vehicle.params[name])
 
     def strike(self, now: float, over: tuple[int, int], by: tuple[int, int]) -> None:
         """Record a hit by a hostile."""
-        log = self.recorder.event(now)
+        log = self.recorder.log_for_event(now)
         if log is not None:
             log.strike(now, self._vehicle.strikes, over, by)
 

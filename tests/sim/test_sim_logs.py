@@ -359,11 +359,11 @@ def test_a_full_log_accepts_events_but_no_samples(tmp_path: Path) -> None:
     recorder.begin(10.0, facts())
     for tick in range(1000):
         recorder.sample(10 + tick / 10, sample())
-    log = recorder.event(200.0)
+    log = recorder.log_for_event(200.0)
     assert log is not None
     log.mode(200.0, 9)
     for _ in range(1000):
-        if (log := recorder.event(201.0)) is not None:
+        if (log := recorder.log_for_event(201.0)) is not None:
             log.text(201.0, 6, "again")
     (stored,) = recorder.logs
     assert len(stored.content) <= 20_000 + 100
@@ -375,7 +375,7 @@ def test_a_full_log_accepts_events_but_no_samples(tmp_path: Path) -> None:
 def test_without_room_for_logs_nothing_is_recorded() -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits(logs=0))
     recorded(recorder, 10.0, 1.0)
-    assert (recorder.logs, recorder.event(10.5), recorder.recording) == ([], None, False)
+    assert (recorder.logs, recorder.log_for_event(10.5), recorder.recording) == ([], None, False)
 
 
 def test_erasing_the_current_log_ends_it() -> None:

@@ -90,10 +90,10 @@ _MAX_I32 = 2**31 - 1
 
 def _definitions() -> bytes:
     """Return the messages for formats, units and multipliers, equal in every log."""
-    made = bytearray()
+    messages = bytearray()
 
     def add(name: str, *values: Any) -> None:
-        made.extend(_STRUCTS[name].pack(_HEADS[name], *values))
+        messages.extend(_STRUCTS[name].pack(_HEADS[name], *values))
 
     for name, form in _FORMATS.items():
         size = _STRUCTS[name].size
@@ -104,7 +104,7 @@ def _definitions() -> bytes:
         add("MULT", 0, ord(code), factor)
     for form in _FORMATS.values():
         add("FMTU", 0, form.number, form.units.encode(), form.multipliers.encode())
-    return bytes(made)
+    return bytes(messages)
 
 
 _DEFINITIONS = _definitions()

@@ -32,7 +32,7 @@ class LogStart:
     """The state of the vehicle at the start of a log."""
 
     utc_s: float  # UNIX time of the start
-    boot_s: float  # simulated time of the boot, origin of the log's times
+    boot_s: float  # simulated time of the boot; the log counts its times from the boot
     banner: tuple[str, ...]  # the autopilot's name and version first, as sent to ground stations
     flight_sw_version: int
     parameters: Mapping[str, float | int]
@@ -48,7 +48,7 @@ class Sample:
     lon_deg: float
     alt_amsl_m: float
     above_home_m: float
-    north_m: float  # from the origin
+    north_m: float  # north_m, east_m, up_m: from the origin of the position estimate
     east_m: float
     up_m: float
     north_m_s: float
@@ -61,7 +61,7 @@ class Sample:
     current_a: float
     used_mah: float
     used_wh: float
-    remaining: float  # share, in [0, 1]
+    remaining: float  # charge as a share of the full charge, in [0, 1]
     gps_hdop: float
     gps_lat_deg: float
     gps_lon_deg: float
@@ -73,7 +73,8 @@ class Sample:
 class FlightLog(Protocol):
     """A log during recording; `content` is a readable file at every moment.
 
-    `now` is the simulated time [s], a mode is custom_mode, a severity is MAV_SEVERITY.
+    `now` is the simulated time [s], a mode is custom_mode, a severity is MAV_SEVERITY. The cells of a strike
+    are (row, column): `over` of the vehicle, `by` of the hostile.
     """
 
     content: bytearray

@@ -1,4 +1,4 @@
-"""The logs of one vehicle. A new log above the limit erases the oldest log."""
+"""The logs of one vehicle. A new log beyond the limit erases the oldest log."""
 
 import math
 from collections.abc import Callable
@@ -11,8 +11,8 @@ FLEET_BYTES = 256 << 20  # total size of the logs of all vehicles
 MAX_LOG_BYTES = 8 << 20
 MAX_LOGS, MIN_LOGS = 10, 2
 FULL_RATE_HZ = 10.0  # highest sampling rate; small logs have a lower rate
-SAMPLE_BYTES = 258  # size of a sample in the larger format
-MIN_LOG_DURATION_S = 600.0  # duration of samples that every log can store
+SAMPLE_BYTES = 258  # size of a sample in ULog; a sample in DataFlash is smaller
+MIN_LOG_DURATION_S = 600.0  # flight time that fits in a log; a small log has a lower sampling rate instead
 RESERVED_SHARE = 0.05  # share of a log reserved for events after the last sample
 
 
@@ -26,12 +26,13 @@ class LogLimits:
 
 
 def limits_for(fleet_size: int) -> LogLimits:
-    """Return one vehicle's limits, so that the logs of the whole fleet need at most FLEET_BYTES."""
-    share = FLEET_BYTES // max(fleet_size, 1)
-    needed = int(MIN_LOG_DURATION_S * FULL_RATE_HZ * SAMPLE_BYTES / (1 - RESERVED_SHARE))
-    logs = min(max(share // needed, MIN_LOGS), MAX_LOGS)
-    log_bytes = min(share // logs, MAX_LOG_BYTES)
-    return LogLimits(rate_hz=min(log_bytes / needed, 1.0) * FULL_RATE_HZ, log_bytes=log_bytes, logs=logs)
+    """Return one vehicle's limits, so that the logs of the whole fleet need at most about FLEET_BYTES."""
+    vehicle_bytes = FLEET_BYTES // max(fleet_size, 1)
+    full_rate_bytes = int(MIN_LOG_DURATION_S * FULL_RATE_HZ * SAMPLE_BYTES / (1 - RESERVED_SHARE))
+    logs = min(max(vehicle_bytes // full_rate_bytes, MIN_LOGS), MAX_LOGS)
+    log_bytes = min(vehicle_bytes // logs, MAX_LOG_BYTES)
+    rate_hz = min(log_bytes / full_rate_bytes, 1.0) * FULL_RATE_HZ
+    return LogLimits(rate_hz=rate_hz, log_bytes=log_bytes, logs=logs)
 
 
 @dataclass(slots=True, eq=False)
@@ -65,7 +66,7 @@ class FlightRecorder:
         return self._log is not None
 
     def begin(self, now: float, start: LogStart) -> None:
-        """End the current log and begin a new log at `now` [s]."""
+        """End the current log and begin a new log at `now` [s], if logs are enabled."""
         self.end(now)
         if not self.enabled:
             return
@@ -79,17 +80,17 @@ class FlightRecorder:
     def end(self, now: float) -> None:
         if self._log is not None:
             self._log.end(now)
-            self._touch(now)
+            self._update_time(now)
         self._log, self._due_s = None, math.inf
 
     def erase(self) -> None:
-        """Erase all logs, also the current log."""
+        """Erase all logs, even the current log."""
         self._log, self._due_s = None, math.inf
         self.logs.clear()
         self._last_number = 0
 
     def remove(self, log: StoredLog) -> None:
-        """Erase one log, also the current log."""
+        """Erase one log, even the current log."""
         if self._log is not None and log is self.logs[-1]:
             self._log, self._due_s = None, math.inf
         self.logs.remove(log)
@@ -99,7 +100,7 @@ class FlightRecorder:
         return now + EPSILON_S >= self._due_s
 
     def sample(self, now: float, sample: Sample) -> None:
-        """Record a sample at `now` [s] if a sample is due."""
+        """Record a sample at `now` [s] if a sample is due; a full log receives no samples."""
         log = self._log
         if log is None or now + EPSILON_S < self._due_s:
             return
@@ -109,14 +110,14 @@ class FlightRecorder:
         elif not self._full:
             self._full = True
             log.text(now, 4, "Log is full, samples stop")
-        self.logs[-1].utc_s = self.logs[-1].begun_utc_s + now - self._begun_s
+        self._update_time(now)
 
-    def event(self, now: float) -> FlightLog | None:
+    def log_for_event(self, now: float) -> FlightLog | None:
         """Return the current log for an event at `now` [s], or None if the log is absent or full."""
         if self._log is None or len(self._log.content) >= self._limits.log_bytes:
             return None
-        self._touch(now)
+        self._update_time(now)
         return self._log
 
-    def _touch(self, now: float) -> None:
+    def _update_time(self, now: float) -> None:
         self.logs[-1].utc_s = self.logs[-1].begun_utc_s + now - self._begun_s

@@ -10,7 +10,7 @@ FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def samples(v: View) -> list[Sample]:
-    """Return one sample for each vehicle of the view, in order; values are limited to 32-bit floats."""
+    """Return one sample for each vehicle of the view, in order; values are clipped to the float32 range."""
     world, status, i = v.world, v.status, v.i
     gps, batteries, dynamics = world.gps, world.batteries, world.dynamics
     lat_deg, lon_deg = world.estimated_geodetic()
@@ -46,5 +46,6 @@ def samples(v: View) -> list[Sample]:
     )
     rows = np.clip(np.column_stack(floats), -FLOAT32_MAX, FLOAT32_MAX).tolist()
     return [
-        Sample(*row, *whole) for *whole, row in zip(fix_type.tolist(), satellites.tolist(), rows, strict=True)
+        Sample(*row, *integers)
+        for *integers, row in zip(fix_type.tolist(), satellites.tolist(), rows, strict=True)
     ]

@@ -1,6 +1,6 @@
 """PX4's ULog format (.ulg): self-describing topics, parameters and texts, readable by PX4's log tools.
 
-Topics and fields have PX4's names. A topic has only the simulated fields.
+Topics have only the simulated fields. Names are PX4's, except `strike` and `mission_result.item_command`.
 """
 
 import math
