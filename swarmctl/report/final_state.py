@@ -137,7 +137,7 @@ class FlightEnd:
         self._given_up.add(member.name)
         vehicle = member.runner.link.state()
         self._say(
-            f"{member.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); the "
-            f"program no longer waits for the vehicle, which may still be in the air; last in mode "
-            f"{vehicle.mode or '?'}, {_height(vehicle)} [given-up]"
+            f"{member.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); last in "
+            f"mode {vehicle.mode or '?'}, {_height(vehicle)}; the program no longer waits for the vehicle, "
+            "which may still be in the air; look for the vehicle with another ground station [given-up]"
         )
