@@ -17,7 +17,7 @@ import pytest
 if TYPE_CHECKING:
     from sim_vehicle.scenarios import Scenario
     from sim_vehicle.testing.rig import Clock, Rig, Swarm, Vehicle
-    from sim_vehicle.testing.served import Link
+    from sim_vehicle.testing.served import ServedFleet
 
 RIG = pytest.StashKey["Rig"]()
 FOLDERS = pytest.StashKey[Callable[[], Path]]()  # function that creates a folder for a failing test's tlogs
@@ -128,11 +128,11 @@ def vehicle(swarm: "Callable[..., Swarm]") -> "Vehicle":
 
 
 @pytest.fixture
-def link(_sim_rig: "Rig") -> "Iterator[Link]":
+def link(_sim_rig: "Rig") -> "Iterator[ServedFleet]":
     """Serve the fleet over UDP in real time: `link.url`, `link.address`, `link.serve(speedup=10)`."""
-    from sim_vehicle.testing.served import Link  # noqa: PLC0415
+    from sim_vehicle.testing.served import ServedFleet  # noqa: PLC0415
 
-    served = Link(_sim_rig)
+    served = ServedFleet(_sim_rig)
     yield served
     served.close()
 

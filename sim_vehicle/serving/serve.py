@@ -1,4 +1,4 @@
-"""A served fleet: signals, the live table, the first and the last line of output."""
+"""The run of a served fleet: signals, the live table, the logs, the first and the last line of output."""
 
 import asyncio
 import contextlib
@@ -23,7 +23,7 @@ from sim_vehicle.wire.outbox import Frames
 
 MAVLINK_MAGIC = b"\xfd\xfe"
 MAX_HELD_WARNINGS = 20
-MANY_FILES = 10_240  # limit of open files on a system without a reported limit
+MAX_OPEN_FILES = 10_240  # limit of open files if the system sets no hard limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class ServeSettings:
     """Settings of a served fleet.
 
     ready_s: time from boot to a position estimate [s]; None for the time of the scenario or autopilot
-    speedup: simulated seconds per second; None for the manual clock
+    speedup: simulated seconds per second of wall time; None for the manual clock
     tlog: folder of the telemetry logs; None without logs
     """
 
@@ -47,90 +47,90 @@ class ServeSettings:
 def serve(scenario: Scenario, settings: ServeSettings) -> None:
     """Serve until SIGINT, SIGTERM, the end of the manual clock, or the end of the parent process.
 
-    Raises LinkError for unusable links, and OptionError for other problems.
+    Raises LinkError for unusable links, and OptionError for an unusable platform, standard input or folder.
     """
     if sys.platform == "win32":
         raise OptionError(
-            "a fleet can be served on Linux and macOS only; "
-            "the event loop of Windows does not support the links"
+            "a fleet can be served on Linux and macOS only, because the event loop of Windows "
+            "does not support the links; use WSL on Windows"
         )
     if settings.speedup is None and sys.stdin is None:
         raise OptionError("--step: standard input is closed; open it for the `step SECONDS` lines")
     asyncio.run(_serve(scenario, settings))
 
 
-class _OperatorLines:
-    """Lines to the operator; warnings are held until the end of a live table."""
+class _OperatorWarnings:
+    """Warnings on standard error."""
 
     def __init__(self) -> None:
-        self._waiting: deque[str] | None = None
+        self._held: deque[str] | None = None
 
     def warn(self, text: str) -> None:
-        if self._waiting is not None:
-            self._waiting.append(text)
+        if self._held is not None:
+            self._held.append(text)
         else:
             typer.echo(f"sim_vehicle: {text}", err=True)
 
-    def last(self) -> str:
+    def last_held(self) -> str:
         """Return the last held warning, or an empty text."""
-        return self._waiting[-1] if self._waiting else ""
+        return self._held[-1] if self._held else ""
 
     @contextlib.contextmanager
-    def holding_warnings(self) -> Iterator[None]:
-        """Hold warnings during a table if standard error is the terminal."""
-        self._waiting = deque(maxlen=MAX_HELD_WARNINGS) if sys.stderr is None or sys.stderr.isatty() else None
+    def held(self) -> Iterator[None]:
+        """Hold the last 20 warnings during a table, unless standard error is redirected; then print them."""
+        self._held = deque(maxlen=MAX_HELD_WARNINGS) if sys.stderr is None or sys.stderr.isatty() else None
         try:
             yield
         finally:
-            waiting, self._waiting = self._waiting or (), None
-            for text in waiting:
+            held, self._held = self._held or (), None
+            for text in held:
                 self.warn(text)
 
 
 async def _serve(scenario: Scenario, settings: ServeSettings) -> None:
     _allow_files()
-    lines = _OperatorLines()
+    warnings = _OperatorWarnings()
     with contextlib.ExitStack() as stack:
         record = (
             None
             if settings.tlog is None
-            else stack.enter_context(_recorded(settings.tlog, scenario, lines.warn))
+            else stack.enter_context(_recorded(settings.tlog, scenario, warnings.warn))
         )
-        await _run(scenario, settings, record, lines)
+        await _run(scenario, settings, record, warnings)
 
 
 async def _run(
     scenario: Scenario,
     settings: ServeSettings,
     record: Callable[[Frames, float], None] | None,
-    lines: _OperatorLines,
+    warnings: _OperatorWarnings,
 ) -> None:
-    pace: Pace = ManualPace() if settings.speedup is None else RealTime(settings.speedup, lines.warn)
+    pace: Pace = ManualPace() if settings.speedup is None else RealTime(settings.speedup, warnings.warn)
     server = Server(
         Fleet(scenario, ready_s=settings.ready_s),
         settings.urls,
         pace,
-        warn=lines.warn,
+        warn=warnings.warn,
         port_step=settings.port_step,
         parent_pid=settings.parent_pid,
         record=record,
     )
 
-    def opened() -> None:
+    def print_first_lines() -> None:
         typer.echo(f"sim_vehicle: {describe_fleet(scenario)}, {server.describe_ports()}, {pace}")
         if isinstance(pace, ManualPace) and sys.stdin.isatty():
             typer.echo(f"sim_vehicle: manual clock; enter {FORMS}, for example step 0.5")
 
-    running = asyncio.ensure_future(server.run(on_open=opened))
+    running = asyncio.ensure_future(server.run(on_open=print_first_lines))
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, running.cancel)
+    for signal_number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(signal_number, running.cancel)
     async with contextlib.AsyncExitStack() as stack:
         if isinstance(pace, ManualPace):
             # A table would cover the typed lines.
-            stack.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, lines.warn))
+            stack.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, warnings.warn))
         elif settings.table and sys.stdout is not None and sys.stdout.isatty():
-            await stack.enter_async_context(_table_shown(server, lines))
+            await stack.enter_async_context(_table_shown(server, warnings))
         with contextlib.suppress(asyncio.CancelledError):
             await running
     typer.echo(f"sim_vehicle: {summary(server)}")
@@ -138,13 +138,13 @@ async def _run(
 
 def _allow_files() -> None:
     """Raise the limit of open files, for a log of each vehicle and clients on every port."""
-    import resource  # noqa: PLC0415 - Windows has none
+    import resource  # noqa: PLC0415 - Windows has no such module
 
-    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = MANY_FILES if most == resource.RLIM_INFINITY else most
-    if allowed != resource.RLIM_INFINITY and allowed < wanted:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    raised = MAX_OPEN_FILES if hard == resource.RLIM_INFINITY else hard
+    if soft != resource.RLIM_INFINITY and soft < raised:
         with contextlib.suppress(OSError, ValueError):  # the present limit remains
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (raised, hard))
 
 
 @contextlib.contextmanager
@@ -160,20 +160,20 @@ def _recorded(
         raise OptionError(
             f"--tlog {folder}: the folder cannot be written to ({error.strerror}); choose another folder"
         ) from error
-    full = False
+    failed = False
 
     @contextlib.contextmanager
     def writing() -> Iterator[None]:
-        nonlocal full
+        nonlocal failed
         try:
             yield
         except OSError as error:
-            if not full:
+            if not failed:
                 warn(f"--tlog {folder}: writing failed ({error.strerror}); the logs end early [tlog-full]")
-            full = True
+            failed = True
 
     def record(frames: Frames, now: float) -> None:
-        if full:
+        if failed:
             return
         with writing():
             for index, frame in frames:
@@ -183,16 +183,16 @@ def _recorded(
     try:
         yield record
     finally:
-        with writing():  # the buffered rest
+        with writing():  # closing writes the buffered rest
             files.close()
 
 
 @contextlib.asynccontextmanager
-async def _table_shown(server: Server, lines: _OperatorLines) -> AsyncIterator[None]:
+async def _table_shown(server: Server, warnings: _OperatorWarnings) -> AsyncIterator[None]:
     from sim_vehicle.serving.display import show_table  # noqa: PLC0415 - rich, for terminals only
 
-    with lines.holding_warnings():
-        task = asyncio.ensure_future(show_table(server, lines.last))
+    with warnings.held():
+        task = asyncio.ensure_future(show_table(server, warnings.last_held))
         try:
             yield
         finally:
@@ -212,7 +212,7 @@ def describe_fleet(scenario: Scenario) -> str:
 
 
 def summary(server: Server) -> str:
-    """Return the last line: simulated time, messages, lateness."""
+    """Return the last line: simulated time, messages, lateness, lost time."""
     counters = server.fleet.counters
     words = [
         f"{server.simulated_s:.1f} s simulated",
@@ -220,8 +220,8 @@ def summary(server: Server) -> str:
         f"{counters.messages_in} received",
     ]
     if server.lateness.count:
-        half, most = (1000 * server.lateness.quantile_s(share) for share in (0.5, 0.99))
-        words.append(f"heartbeats late by {half:.1f} ms (p50), {most:.1f} ms (p99)")
+        p50_ms, p99_ms = (1000 * server.lateness.quantile_s(share) for share in (0.5, 0.99))
+        words.append(f"heartbeats late by {p50_ms:.1f} ms (p50), {p99_ms:.1f} ms (p99)")
     if server.pace.lost_s:
-        words.append(f"{server.pace.lost_s:.1f} s lost because the machine was too slow")
+        words.append(f"{server.pace.lost_s:.1f} s of wall time lost because the machine was too slow")
     return ", ".join(words)

@@ -24,7 +24,7 @@ class Tlog:
 
 @contextlib.contextmanager
 def tlogs(folder: Path, vehicles: Sequence[VehicleSpec]) -> Iterator[FrameSink]:
-    """Open a tlog for each vehicle; yield a function that writes a frame to a vehicle's tlog."""
+    """Open a tlog for each vehicle in `folder`; yield a function that writes a frame to a vehicle's tlog."""
     folder.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as files:
         logs = [Tlog(files.enter_context(_open(folder, spec))) for spec in vehicles]

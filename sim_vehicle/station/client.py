@@ -22,8 +22,8 @@ SETTLED_S = 3.0  # delay after the first heartbeat; some autopilots undo an earl
 RETRY_S = 1.0  # delay after a refusal
 STREAMS_MISSING_S = 5.0  # time without telemetry after which streams are requested
 STREAM_HZ = 4
-FRAME_BYTES = HEADER2_BYTES + 2  # a frame without payload and signature
-PROCESSED = frozenset(
+EMPTY_FRAME_BYTES = HEADER2_BYTES + 2  # a frame without payload and signature
+PROCESSED_IDS = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
@@ -45,7 +45,7 @@ LinkFrames = list[tuple[int, bytes]]  # (link, frame)
 
 
 class StatusTexts:
-    """STATUSTEXT messages, assembled from their chunks, in the order of the first chunks."""
+    """Texts of STATUSTEXT, assembled from their chunks, in the order of the first received chunks."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -56,19 +56,19 @@ class StatusTexts:
         if message.id == 0:
             self.texts.append(message.text)
             return
-        place, chunks = self._open.get(message.id, (-1, {}))
-        if place < 0 or chunks.get(message.chunk_seq, message.text) != message.text:
+        index, chunks = self._open.get(message.id, (-1, {}))
+        if index < 0 or chunks.get(message.chunk_seq, message.text) != message.text:
             # A new text, or a reused id; a repeated chunk has equal text.
-            place, chunks = len(self.texts), {}
-            self._open[message.id] = place, chunks
+            index, chunks = len(self.texts), {}
+            self._open[message.id] = index, chunks
             self.texts.append("")
         chunks[message.chunk_seq] = message.text
-        self.texts[place] = "".join(chunks.get(i, GAP) for i in range(max(chunks) + 1))
+        self.texts[index] = "".join(chunks.get(i, GAP) for i in range(max(chunks) + 1))
 
 
 @dataclass(frozen=True, slots=True)
 class StepFailure:
-    """A failed step; `index` counts the script's steps from 0."""
+    """A failed step; `index` counts the script's steps from 0 (-1: a step of `append_step`)."""
 
     index: int
     action: str
@@ -116,7 +116,7 @@ class Station:
     Parameters
     ----------
     scenario: scenario with the vehicles and the script.
-    on_frame: receiver of every message, in both directions.
+    on_frame: receiver of every whole message, in both directions.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Station:
         self._links = sorted({spec.link for spec in scenario.vehicles})
         self._codecs = {link: mavlink.MAVLink(None, SYSTEM, COMPONENT) for link in self._links}
         self._parsers = [_parser() for _ in scenario.vehicles]
-        self._has_intact_frames = not scenario.faults  # slow decoding is then unnecessary for most frames
+        self._has_intact_frames = not scenario.faults  # most intact frames need no slow decoding
         self._outbox: LinkFrames = []
         self._now = 0.0
         self._next_heartbeat_s = 0.0
@@ -147,8 +147,8 @@ class Station:
         """True if every step has ended."""
         return not any(contact.pending for contact in self.contacts)
 
-    def begin(self, index: int, step: ScriptStep) -> None:
-        """Append a step for one vehicle."""
+    def append_step(self, index: int, step: ScriptStep) -> None:
+        """Append a step after the pending steps of one vehicle."""
         contact = self.contacts[index]
         contact.pending.append(
             _StepRun(-1, step, StepExchanges(contact.spec, self._sender(index)).exchanges(step))
@@ -189,7 +189,7 @@ class Station:
                 running.step.chosen,
                 contact.spec.sysid,
                 self._now,
-                "the step did not end before the run [unfinished]",
+                "the run ended before the end of this step [unfinished]",
             )
             for contact in self.contacts
             for running in contact.pending
@@ -202,7 +202,7 @@ class Station:
         contact.messages += 1
         kind = message.get_type()
         if message.get_srcSystem() != contact.spec.sysid:
-            return  # a message of the telemetry radio
+            return  # a message of another system, such as the telemetry radio
         if kind == "HEARTBEAT":
             contact.last_heartbeat_s = now
             if contact.first_heartbeat_s is None:
@@ -310,9 +310,9 @@ class Station:
 
 
 def _is_plain_telemetry(data: bytes) -> bool:
-    """Return True for one whole frame of a kind that the station does not process."""
-    whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + FRAME_BYTES
-    return whole and int.from_bytes(data[7:10], "little") not in PROCESSED
+    """Return True for one whole unsigned frame of a kind that the station does not process."""
+    whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + EMPTY_FRAME_BYTES
+    return whole and int.from_bytes(data[7:10], "little") not in PROCESSED_IDS
 
 
 def _parser() -> mavlink.MAVLink:

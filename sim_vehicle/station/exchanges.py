@@ -19,7 +19,7 @@ Send = Callable[[Any], None]
 
 @dataclass(frozen=True, slots=True)
 class ExchangeOutcome:
-    """The end of an exchange; `text` is the answer."""
+    """The outcome of an exchange; `text` is the answer in words."""
 
     accepted: bool
     text: str
@@ -53,7 +53,7 @@ class Exchange:
 
 
 class LongCommand(Exchange):
-    """COMMAND_LONG, repeated until it is acknowledged."""
+    """COMMAND_LONG, repeated until the acknowledgement."""
 
     def __init__(self, sysid: int, send: Send, command: int, params: Sequence[float] = ()) -> None:
         super().__init__(sysid, send)
@@ -85,8 +85,8 @@ class LongCommand(Exchange):
 class WaitUntilReady(Exchange):
     """A wait of at most `give_up_s` for the pre-arm bit in SYS_STATUS.
 
-    After this time the exchange succeeds too, because the refusal of the next arming has the reason. If the
-    autopilot has no such bit, the wait ends at once.
+    After this time the exchange succeeds too, because the refusal of the next arming gives the reason. If the
+    autopilot has no such bit, the wait ends with the first SYS_STATUS.
     """
 
     def __init__(self, sysid: int, send: Send, give_up_s: float) -> None:
@@ -100,10 +100,10 @@ class WaitUntilReady(Exchange):
         super().begin(now)
 
     def message(self) -> Any:
-        wanted = float(mavlink.MAVLINK_MSG_ID_SYS_STATUS)
+        message_id = float(mavlink.MAVLINK_MSG_ID_SYS_STATUS)
         request = mavlink.MAV_CMD_REQUEST_MESSAGE
         return mavlink.MAVLink_command_long_message(
-            self.sysid, COMPONENT, request, 0, wanted, 0, 0, 0, 0, 0, 0
+            self.sysid, COMPONENT, request, 0, message_id, 0, 0, 0, 0, 0, 0
         )
 
     def receive(self, message: Any, now: float) -> None:
@@ -125,18 +125,18 @@ class Reposition(LongCommand):
 
     def __init__(self, sysid: int, send: Send, frame: int, x: int, y: int, z: float) -> None:
         super().__init__(sysid, send, mavlink.MAV_CMD_DO_REPOSITION)
-        self._frame, self._place = frame, (x, y, z)
+        self._frame, self._target = frame, (x, y, z)
 
     def message(self) -> Any:
         flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
         params = (-1.0, flags, 0.0, float("nan"))
         return mavlink.MAVLink_command_int_message(
-            self.sysid, COMPONENT, self._frame, self.command, 0, 0, *params, *self._place
+            self.sysid, COMPONENT, self._frame, self.command, 0, 0, *params, *self._target
         )
 
 
 class ChangeMode(LongCommand):
-    """DO_SET_MODE, repeated until the heartbeat shows the mode, because an autopilot may undo the change."""
+    """DO_SET_MODE, repeated until a refusal or a heartbeat in the mode; an autopilot may undo the change."""
 
     def __init__(self, sysid: int, send: Send, number: int, params: Sequence[float]) -> None:
         super().__init__(sysid, send, mavlink.MAV_CMD_DO_SET_MODE, params)
@@ -152,7 +152,7 @@ class ChangeMode(LongCommand):
 
 
 class SetParameter(Exchange):
-    """A read of a parameter for its type, then PARAM_SET until the value is confirmed."""
+    """A read of a parameter for its type, then PARAM_SET until the vehicle answers with the value."""
 
     def __init__(self, sysid: int, send: Send, name: str, value: float, *, byte_wise: bool) -> None:
         super().__init__(sysid, send)

@@ -1,1 +1,1 @@
-"""The vehicles of the pytest fixtures."""
+"""The fleet behind the pytest fixtures."""

@@ -21,7 +21,7 @@ from sim_vehicle.serving.tlog import tlogs
 from sim_vehicle.station.client import Station
 from sim_vehicle.wire.outbox import Frames
 
-STEP_S = 0.05
+STEP_S = 0.05  # simulated time of one tick of the test's clock
 HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], altitude above mean sea level [m]
 GCS_SYSTEM, GCS_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 PEER = "the test"
@@ -32,7 +32,7 @@ Result = TypeVar("Result")
 
 
 class NotWithinTimeError(AssertionError):
-    """A condition or step without success in time."""
+    """A condition that did not hold in time, or a failed action."""
 
 
 class FleetThread(Protocol):
@@ -41,8 +41,8 @@ class FleetThread(Protocol):
     def call(self, function: Callable[[], Result]) -> Result:
         """Run a function between two ticks of the fleet; return its result."""
 
-    def wait(self) -> None:
-        """Wait a moment of wall time."""
+    def sleep_briefly(self) -> None:
+        """Sleep for a moment of wall time; raise an error of the thread."""
 
     @property
     def now(self) -> float:
@@ -76,7 +76,7 @@ class Vehicle:
         self._decoder = mavlink.MAVLink(None)
         self._decoder.robust_parsing = True
         self._raw: list[bytes] = []
-        self._log: list[tuple[float, bytes]] = []  # time [s] and whole frame, from and to the vehicle
+        self._log: list[tuple[float, bytes]] = []  # time [s] and data, from and to the vehicle
         self._decoded = 0
         self._received: list[Any] = []
 
@@ -93,7 +93,7 @@ class Vehicle:
 
     @property
     def received(self) -> list[Any]:
-        """Every message from this vehicle, in order; a test may remove processed messages."""
+        """Every valid message from this vehicle, in order; a test may remove processed messages."""
         while self._decoded < len(self._raw):
             parsed = self._decoder.parse_buffer(self._raw[self._decoded]) or ()
             self._decoded += 1
@@ -145,8 +145,9 @@ class Vehicle:
     def do(self, action: str, value: Any = None) -> None:
         """Perform one action of a scenario's script: `do("takeoff", 20)`, `do("mode", "RTL")`.
 
-        The action begins with the next tick of the clock. If the action fails, the clock raises
-        NotWithinTimeError. Raises ScenarioError for an action that is unknown or impossible on this vehicle.
+        The action begins after the vehicle's earlier actions, at least 3 s after its first heartbeat. If the
+        action fails, the clock raises NotWithinTimeError.
+        Raises ScenarioError for an action that is unknown or impossible on this vehicle.
         """
         __tracebackhide__ = True
         try:
@@ -239,11 +240,11 @@ class Rig:
 
     def deliver(self, message: Any, vehicle: Vehicle) -> None:
         fleet = self.existing()
-        whole = not isinstance(message, bytes)
-        data = bytes(message.pack(self._codec)) if whole else message
+        is_message = not isinstance(message, bytes)
+        data = bytes(message.pack(self._codec)) if is_message else message
 
         def received() -> None:
-            if whole:
+            if is_message:
                 vehicle._log.append((self.now, data))
             self.take(fleet.receive(data, self.now, peer=PEER, link=vehicle.link), self.now)
 
@@ -267,7 +268,7 @@ class Rig:
             for vehicle in self.vehicles:
                 for frame in vehicle._raw:
                     self._station.receive(vehicle.index, frame, self.now)
-        self._station.begin(index, step)
+        self._station.append_step(index, step)
 
     def _log_sent(self, index: int, frame: bytes, now: float) -> None:
         """Log the messages of the ground station; `take` logs the messages of the vehicle."""
@@ -284,10 +285,10 @@ class Rig:
                     record_frame(vehicle.index, frame, now)
 
     def tick(self) -> None:
-        """Let 0.05 s pass."""
+        """Let 0.05 s pass, or wait briefly for a served fleet; then run the ground station."""
         __tracebackhide__ = True
         if self.serving is not None:
-            self.serving.wait()
+            self.serving.sleep_briefly()
         else:
             self._ticks += 1
             self._now = self._ticks * STEP_S
@@ -305,7 +306,7 @@ class Rig:
             self.take(self.fleet.receive(data, self.now, peer=self._station, link=link), self.now)
 
     def state(self) -> str:
-        """Return the state and last text of each vehicle, for a failing test."""
+        """Return the state and last text of the first 10 vehicles, for a failing test."""
         lines = [
             f"{vehicle!r}; last text: {(vehicle.texts or ['none'])[-1]}" for vehicle in self.vehicles[:10]
         ]
@@ -366,11 +367,14 @@ def scenario_for(
     wind: Mapping[str, float] | None = None,
     scenario: Scenario | Path | str | None = None,
 ) -> Scenario:
-    """Return the scenario of `swarm(...)`. Raises ScenarioError for invalid arguments."""
+    """Return the scenario of `swarm(...)`; a given scenario replaces count, personality, kind and home.
+
+    Raises ScenarioError for invalid arguments.
+    """
     if not (isinstance(count, int) and 1 <= count <= MAX_VEHICLES):
         raise ScenarioError(f"count={count!r}: give a whole number from 1 to {MAX_VEHICLES}")
-    _one_of("personality", personality, [*PERSONALITIES, "mixed"])
-    _one_of("kind", kind, sorted({kind for kinds in PERSONALITIES.values() for kind in kinds}))
+    _check_choice("personality", personality, [*PERSONALITIES, "mixed"])
+    _check_choice("kind", kind, sorted({kind for kinds in PERSONALITIES.values() for kind in kinds}))
     if len(home) != 3 or not (-90 <= home[0] <= 90 and -180 <= home[1] <= 180):
         raise ScenarioError(f"home={home!r}: give latitude, longitude [deg] and altitude [m]")
     if isinstance(faults, str):
@@ -388,8 +392,8 @@ def scenario_for(
     return parse_data(data)
 
 
-def _one_of(what: str, found: str, words: Sequence[str]) -> None:
-    if found not in words:
-        near = difflib.get_close_matches(str(found), words, n=1)
-        cure = f"did you mean {near[0]!r}?" if near else f"the values are {', '.join(words)}"
-        raise ScenarioError(f"{what}={found!r}: {cure}")
+def _check_choice(argument: str, given: str, choices: Sequence[str]) -> None:
+    if given not in choices:
+        near = difflib.get_close_matches(str(given), choices, n=1)
+        cure = f"did you mean {near[0]!r}?" if near else f"the values are {', '.join(choices)}"
+        raise ScenarioError(f"{argument}={given!r}: {cure}")

@@ -1,4 +1,4 @@
-"""A fleet under test, served by a thread in real time × speedup."""
+"""A fleet under test, served by a thread at the wall clock's pace times the speedup."""
 
 import asyncio
 import concurrent.futures
@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 
 
 class ServerThread:
-    """A thread that serves the fleet until `stop`; all other access to the fleet uses `call`."""
+    """A thread that serves the fleet until `stop`; the test's thread accesses the fleet by `call`."""
 
     def __init__(self, rig: Rig, url: str, speedup: float) -> None:
         self._rig, self._url, self._speedup = rig, url, speedup
@@ -30,7 +30,7 @@ class ServerThread:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[None] | None = None
         self._server: Server | None = None
-        self.lag_warning = ""  # the last warning of lost time
+        self.lag_warning = ""  # the last warning that the machine was too slow
         self._thread = threading.Thread(target=self._main, name="sim_vehicle", daemon=True)
         self._thread.start()
         if not self._opened.wait(DEADLINE_S):
@@ -67,7 +67,10 @@ class ServerThread:
         return 0.0 if self._server is None else self._server.simulated_s
 
     def call(self, function: Callable[[], Result]) -> Result:
-        """Run a function between two ticks, in the thread of the fleet; return its result."""
+        """Run a function between two ticks in the fleet's thread (in this thread if that has ended).
+
+        Returns the result of the function.
+        """
         if self._error is not None:
             raise self._error
         if threading.current_thread() is self._thread or not self._thread.is_alive():
@@ -84,7 +87,7 @@ class ServerThread:
         self._loop.call_soon_threadsafe(run)
         return done.result(DEADLINE_S)
 
-    def wait(self) -> None:
+    def sleep_briefly(self) -> None:
         time.sleep(WAIT_S)
         if self._error is not None:
             raise self._error
@@ -97,7 +100,7 @@ class ServerThread:
             raise self._error
 
 
-class Link:
+class ServedFleet:
     """The served fleet of a test, which starts with the first use of its URL.
 
     One port carries up to 250 vehicles with different system ids; more vehicles use the following ports.
@@ -108,16 +111,16 @@ class Link:
         self._thread: ServerThread | None = None
         self._port = 0
 
-    def serve(self, url: str | None = None, *, speedup: float = 1.0) -> "Link":
+    def serve(self, url: str | None = None, *, speedup: float = 1.0) -> "ServedFleet":
         """Begin to serve; without this call serving begins with the first use of `link.url`.
 
         Parameters
         ----------
         url: as for `--url`: `udpout:127.0.0.1:14550` for a listening station, `tcpin:127.0.0.1:5760` for a
-            connecting station. None: a free UDP port of this machine, as in `link.url`, `link.mavsdk_url`,
-            `link.address` and `link.port`; the fleet answers every sender.
-        speedup: simulated seconds per second. Simulated time follows the wall clock; lost time causes a
-            RuntimeWarning at the end of the test.
+            connecting station. None: the fleet listens on a free UDP port of this machine and answers every
+            sender; `link.url`, `link.mavsdk_url`, `link.address` and `link.port` give this port.
+        speedup: simulated seconds per second of wall time. If the machine is too slow, the test ends with a
+            RuntimeWarning.
         """
         __tracebackhide__ = True
         if self._thread is not None:
@@ -131,13 +134,14 @@ class Link:
 
     @property
     def port(self) -> int:
-        """The fleet's port on 127.0.0.1; the fleet answers every sender."""
+        """The fleet's first UDP port on 127.0.0.1."""
         __tracebackhide__ = True
         if self._thread is None:
             self.serve()
         if not self._port:
             raise RuntimeError(
-                "the fleet has only the URL of link.serve(url); call link.serve() without a URL"
+                "link.port and link.url are unknown after link.serve(url); "
+                "use that URL, or call link.serve() without a URL"
             )
         return self._port
 
@@ -160,7 +164,7 @@ class Link:
         return f"udpout://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Stop the server; warn of lost time in the test's thread, because pytest may raise the warning."""
+        """Stop the server; warn in the test's thread if the machine was too slow."""
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.stop()
@@ -169,7 +173,7 @@ class Link:
 
 
 def _free_port(count: int) -> int:
-    """Return the first of `count` consecutive free UDP ports."""
+    """Return the first of `count` consecutive free UDP ports of 127.0.0.1."""
     for _ in range(100):
         with contextlib.ExitStack() as probes:
             first = _bound_port(probes, 0)

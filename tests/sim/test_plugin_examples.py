@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.scenarios import ScenarioError
 from sim_vehicle.station.client import Station
 from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Rig, Swarm, Vehicle, scenario_for
-from sim_vehicle.testing.served import Link
+from sim_vehicle.testing.served import ServedFleet
 
 pytest_plugins = ["sim_vehicle.pytest_plugin"]
 MakeSwarm = Callable[..., Swarm]
@@ -74,13 +74,13 @@ def count_heartbeats(url: str, wanted: int) -> set[int]:
 
 
 @pytest.mark.interop
-def test_hears_every_vehicle_over_udp(swarm: MakeSwarm, link: Link) -> None:
+def test_hears_every_vehicle_over_udp(swarm: MakeSwarm, link: ServedFleet) -> None:
     swarm(count=3, personality="mixed")
     assert count_heartbeats(link.url, wanted=3) == {1, 2, 3}
 
 
 @pytest.mark.interop
-def test_a_socket_is_enough(vehicle: Vehicle, link: Link, clock: Clock) -> None:
+def test_a_socket_is_enough(vehicle: Vehicle, link: ServedFleet, clock: Clock) -> None:
     link.serve(speedup=10)
     codec = mavlink.MAVLink(None, srcSystem=255)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
@@ -94,7 +94,7 @@ def test_a_socket_is_enough(vehicle: Vehicle, link: Link, clock: Clock) -> None:
 
 
 @pytest.mark.interop
-def test_a_station_that_listens(vehicle: Vehicle, link: Link) -> None:
+def test_a_station_that_listens(vehicle: Vehicle, link: ServedFleet) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         station.settimeout(10)
@@ -106,7 +106,7 @@ def test_a_station_that_listens(vehicle: Vehicle, link: Link) -> None:
 
 @pytest.mark.full
 @pytest.mark.interop
-def test_a_station_that_comes_late(vehicle: Vehicle, link: Link, clock: Clock) -> None:
+def test_a_station_that_comes_late(vehicle: Vehicle, link: ServedFleet, clock: Clock) -> None:
     with socket.socket() as station:
         station.bind(("127.0.0.1", 0))
         link.serve(f"tcpout:127.0.0.1:{station.getsockname()[1]}", speedup=10)
@@ -119,7 +119,7 @@ def test_a_station_that_comes_late(vehicle: Vehicle, link: Link, clock: Clock) -
 
 
 @pytest.mark.interop
-def test_lost_time_causes_a_warning_at_the_end(vehicle: Vehicle, link: Link, clock: Clock) -> None:
+def test_lost_time_causes_a_warning_at_the_end(vehicle: Vehicle, link: ServedFleet, clock: Clock) -> None:
     link.serve(speedup=1_000_000)
     end_s = time.monotonic() + 1.1  # a lag of 1 s is reported
     clock.run_until(lambda: time.monotonic() > end_s, timeout=1e9)
@@ -129,7 +129,7 @@ def test_lost_time_causes_a_warning_at_the_end(vehicle: Vehicle, link: Link, clo
 
 @pytest.mark.interop
 def test_one_thread_runs_a_served_fleet_and_its_ground_station(
-    vehicle: Vehicle, link: Link, clock: Clock, monkeypatch: pytest.MonkeyPatch
+    vehicle: Vehicle, link: ServedFleet, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     threads: list[threading.Thread] = []
     receive = Station.receive

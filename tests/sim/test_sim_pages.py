@@ -18,7 +18,7 @@ from sim_vehicle.scenarios.plan import Circle, FenceShape, Jump, Land, Leg, Loit
 from sim_vehicle.scenarios.runner import Run
 from sim_vehicle.scenarios.steps import GoTo, RawCommand, ScriptStep
 from sim_vehicle.testing.rig import Clock, Vehicle, VehicleTruth, scenario_for
-from sim_vehicle.testing.served import Link
+from sim_vehicle.testing.served import ServedFleet
 
 ROOT = Path(__file__).parents[2]
 
@@ -96,7 +96,7 @@ def test_every_setting_of_a_check_is_on_the_page() -> None:
     assert not set(COMMON) - named(page("scenarios"))
 
 
-@pytest.mark.parametrize("kind", [Vehicle, Clock, Link], ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", [Vehicle, Clock, ServedFleet], ids=lambda kind: kind.__name__)
 def test_every_attribute_of_a_fixture_is_on_the_page_and_has_its_help(kind: type) -> None:
     public = [name for name in vars(kind) if not name.startswith("_")]
     on_the_page = set(re.findall(rf"`{kind.__name__.lower()}\.(\w+)", page("testing")))
