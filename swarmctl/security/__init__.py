@@ -1,7 +1,7 @@
-"""Keys and signatures: certificates of links, signers of messages, signed requests, keys of evidence.
+"""Keys and signatures: certificates of bus links, keys for messages, signed requests, keys of evidence.
 
-Each participant has a folder, which the user copies to the participant's machine as a whole. A further folder
-has the swarm's certificate authority; its key stays on the machine where the folders were made:
+Each participant has a folder. The user copies the whole folder to the participant's machine. A further folder
+has the swarm's certificate authority. The authority's key stays on the machine where the folders were made:
 
 | file | contents |
 |---|---|

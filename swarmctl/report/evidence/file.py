@@ -29,7 +29,7 @@ class Signer(Protocol):
 
 
 class EvidenceFile:
-    """An append-only file. A failed write, as on a full disk, ends it with a message to the operator."""
+    """An append-only file. A failed write, as on a full disk, ends the evidence; the operator is told."""
 
     def __init__(
         self,
