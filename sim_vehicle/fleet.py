@@ -185,7 +185,7 @@ class Fleet:
 
     @property
     def waiting_bytes(self) -> int:
-        """Return the number of bytes of incomplete messages of all streams."""
+        """Return the size of the incomplete messages of all streams [bytes]."""
         return sum(parser.waiting_bytes for parser in self._parsers.values())
 
     def step(self, now: float) -> Frames:

@@ -53,7 +53,7 @@ class Traffic:
 
     During each wait the station receives frames and sends one heartbeat per second.
 
-    received: frames since the check began.
+    received: frames of the vehicle since the check began.
     last: latest frame of each kind.
     texts: time [s], severity and text of each STATUSTEXT of the run.
     noise: bytes outside of valid frames since the check began.

@@ -123,10 +123,7 @@ class VehicleUnderTest(Traffic):
         return mavlink.MAVLink_command_int_message(*self.target, frame, command, 0, 0, *padded, x, y, z)
 
     def result(self, message: Any, *, source: tuple[int, int] = STATION, attempts: int = 3) -> int:
-        """Send a COMMAND_LONG or COMMAND_INT up to `attempts` times; return its final MAV_RESULT.
-
-        Raise CheckFailed if no final COMMAND_ACK arrives.
-        """
+        """Send a command up to `attempts` times; return its final MAV_RESULT, or raise CheckFailed."""
         command = message.command
         for attempt in range(attempts):
             if message.get_type() == "COMMAND_LONG":

@@ -66,8 +66,6 @@ BeginFault = Callable[[FaultTarget, Any, float], EndFault]  # target, parameters
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One kind of fault."""
-
     name: str
     summary: str  # one line
     params: type[FaultParams]

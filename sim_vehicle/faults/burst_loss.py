@@ -64,7 +64,6 @@ class BurstLoss:
 
     def __init__(self, params: Params, rng: np.random.Generator) -> None:
         self._rng = rng
-        # index 0: between bad spells, index 1: in a bad spell
         self._loss_share = (params.good_loss, params.bad_loss)
         self._switch_probability = (params.begin_probability, params.end_probability)
         self._in_bad_spell = bool(rng.random() < params.bad_share)

@@ -1,4 +1,4 @@
-"""Frames arrive twice."""
+"""A share of the frames arrives twice."""
 
 from typing import Annotated
 

@@ -11,8 +11,6 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect, MissionRefusal
 
 
 class Result(Enum):
-    """Result of a refused upload (MAV_MISSION_RESULT)."""
-
     ERROR = "error"
     UNSUPPORTED_FRAME = "unsupported_frame"
     UNSUPPORTED = "unsupported"

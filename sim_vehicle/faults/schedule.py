@@ -86,7 +86,7 @@ class Schedule:
         return self._events[0][0] if self._events else math.inf
 
     def tick(self, now: float) -> None:
-        """Begin and end the faults due by `now` [s], earliest first; then call the callbacks of ticks."""
+        """Begin and end the faults due by `now` [s], earliest first; then call the registered callbacks."""
         while self._events and self._events[0][0] <= now + EPSILON_S:
             due_s, _, action = heapq.heappop(self._events)
             action(due_s)

@@ -10,8 +10,6 @@ from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Sensor(Enum):
-    """Sensors with a health bit in SYS_STATUS."""
-
     GYRO = "gyro"
     ACCEL = "accel"
     MAG = "mag"

@@ -106,8 +106,6 @@ class ParameterHelp:
 
 @dataclass(frozen=True, slots=True)
 class FaultHelp:
-    """The help of one fault."""
-
     name: str
     summary: str
     parameters: tuple[ParameterHelp, ...]

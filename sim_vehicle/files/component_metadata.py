@@ -92,10 +92,10 @@ class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 
 @dataclass(frozen=True, slots=True)
 class ParameterMeta:
-    """The metadata of one parameter; an empty group is the part of the name before the first `_`."""
+    """The metadata of one parameter; without a group, its group is the name up to the first `_`."""
 
     name: str
-    default: float | int  # an int means an integer parameter; an infinite default or NaN is left out
+    default: float | int  # an int means an integer parameter; inf or NaN: no default
     short: str = ""  # short description
     units: str = ""
     group: str = ""
@@ -114,7 +114,7 @@ class Component:
 
 
 class ComponentMetadata:
-    """The metadata files (by path, without a leading `/`) and messages that similar vehicles share."""
+    """The metadata files (by path, without a leading `/`) and messages of all vehicles of one kind."""
 
     def __init__(
         self, component: Component, parameters: Iterable[ParameterMeta], *, directory: str = "/etc/extras"

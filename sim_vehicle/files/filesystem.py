@@ -157,7 +157,7 @@ class FileSystem:
         del content[size:]
 
     def remove(self, path: str) -> None:
-        """Remove a written or generated file; raise FileError if this is impossible."""
+        """Remove a written or generated file; raise FileError if it is missing, read-only or a directory."""
         path = normal(path)
         source = self._sources().get(path)
         if source is not None and source.remove is not None and path not in self._files:

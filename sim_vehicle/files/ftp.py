@@ -174,10 +174,7 @@ class FtpServer:
     # -- sessions ----------------------------------------------------------------------------------------
 
     def _check_session(self, request: _Request, now: float) -> None:
-        """Raise _Nak for a request outside of the open session; PX4 checks only READ_FILE.
-
-        ArduPilot closes the file instead if the open session is idle.
-        """
+        """Raise _Nak if the rules refuse a request outside of the open session; close an idle session."""
         opened, opcode = self._open, request.opcode
         if not self._rules.client_names_session:
             if opcode == Opcode.READ_FILE and request.session != 0:

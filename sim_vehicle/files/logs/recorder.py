@@ -18,8 +18,6 @@ RESERVED_SHARE = 0.05  # share of a log reserved for events after the last sampl
 
 @dataclass(frozen=True, slots=True)
 class LogLimits:
-    """The limits of one vehicle's logs."""
-
     rate_hz: float = FULL_RATE_HZ  # sampling rate
     log_bytes: int = MAX_LOG_BYTES  # largest size of one log
     logs: int = MAX_LOGS  # largest number of logs
@@ -37,8 +35,6 @@ def limits_for(fleet_size: int) -> LogLimits:
 
 @dataclass(slots=True, eq=False)
 class StoredLog:
-    """One log file."""
-
     number: int  # from 1, since the last erasure of all logs
     begun_utc_s: float  # UNIX time of the first write
     utc_s: float  # UNIX time of the last write

@@ -45,7 +45,5 @@ def samples(v: View) -> list[Sample]:
         gps.position_m[i, 2],
     )
     rows = np.clip(np.column_stack(floats), -FLOAT32_MAX, FLOAT32_MAX).tolist()
-    return [
-        Sample(*row, *integers)
-        for *integers, row in zip(fix_type.tolist(), satellites.tolist(), rows, strict=True)
-    ]
+    integers = np.column_stack((fix_type, satellites)).tolist()
+    return [Sample(*row, *pair) for row, pair in zip(rows, integers, strict=True)]
