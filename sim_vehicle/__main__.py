@@ -21,9 +21,9 @@ COMMANDS = {
 DEFAULT_URL = "udpout:127.0.0.1:14550"
 HELP_FAULTS = "help"
 DISTRIBUTION = "mavlink-swarmctl"
-HELP = {"help_option_names": ["--help", "-h"]}
-# The base class of command-line errors; its name differs between typer versions.
-UsageError: type[Any] = typer.BadParameter.__mro__[2]
+CONTEXT = {"help_option_names": ["--help", "-h"]}
+# ClickException, the base class of command-line errors; the module differs between typer versions.
+CommandLineError: type[Any] = typer.BadParameter.__mro__[2]
 
 
 def fleet(
@@ -38,8 +38,8 @@ def fleet(
             "-l",
             "--custom-location",
             metavar="LAT,LON,ALT[,HDG]",
-            help="Position of the first vehicle [deg, deg, m above sea level]; further vehicles stand 5 m "
-            "apart to the east. Default: Ljubljana, Slovenia.",
+            help="Position of the first vehicle [deg, deg, m above sea level, deg]; further vehicles stand "
+            "5 m apart to the east. Default: Ljubljana, Slovenia.",
         ),
     ] = None,
     personality: Annotated[
@@ -81,7 +81,7 @@ def fleet(
             min=0,
             max=3600,
             help="Simulated seconds from boot to a position estimate; 0: at once. "
-            "Default: as on the real autopilots.",
+            "Default: as in the scenario, else as on the real autopilots.",
         ),
     ] = None,
     wind: Annotated[
@@ -89,9 +89,7 @@ def fleet(
     ] = None,
     param: Annotated[
         list[str] | None,
-        typer.Option(
-            "--param", "-P", metavar="NAME=VALUE", help="A parameter of all vehicles that have the name."
-        ),
+        typer.Option("--param", "-P", metavar="NAME=VALUE", help="A parameter of all vehicles that have it."),
     ] = None,
     param_file: Annotated[
         list[Path] | None,
@@ -128,7 +126,7 @@ def fleet(
     """Run simulated vehicles that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops the fleet.
 
     `python -m sim_vehicle run` flies and checks scenarios; `python -m sim_vehicle conformance` tests any
-    autopilot. Exit codes: 0 normal end, 2 invalid option.
+    autopilot. Exit codes: 0 normal end, 2 invalid option or unusable link.
     """  # fmt: skip
     # These imports are slow, and --help does not need them.
     from sim_vehicle.faults.spec import help_text  # noqa: PLC0415
@@ -210,19 +208,19 @@ def main() -> None:
     name, arguments = "sim_vehicle", sys.argv[1:]
     command = COMMANDS.get(arguments[0]) if arguments else None
     tolerate_lost_output()
-    # Before the imports. A fleet exits at once; a command with a vehicle in the air shuts down in order.
+    # A signal during the imports ends a fleet at once. In a command every signal raises KeyboardInterrupt.
     _handle_signals(_exit_now if command is None else signal.default_int_handler)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     try:
         if command is None:
-            app.command(context_settings=HELP)(fleet)
+            app.command(context_settings=CONTEXT)(fleet)
         else:
-            app.command(context_settings=HELP)(getattr(importlib.import_module(command[0]), command[1]))
+            app.command(context_settings=CONTEXT)(getattr(importlib.import_module(command[0]), command[1]))
             name, arguments = f"{name} {arguments[0]}", arguments[1:]
         code = typer.main.get_command(app)(arguments, prog_name=f"python -m {name}", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
-    except UsageError as error:
+    except CommandLineError as error:
         typer.echo(f"{name}: {' '.join(error.format_message().split())} (see --help)", err=True)
         code = USAGE_ERROR
     if code == INTERRUPTED:
@@ -251,9 +249,9 @@ class _TolerantFile(io.FileIO):
 
 
 def tolerate_lost_output() -> None:
-    """Let a run and its exit code survive a closed pipe (`| head`) or a full disk.
+    """Let a run and its exit code survive lost output: a closed pipe (`| head`) or a full disk.
 
-    A full disk is reported on standard error; a closed pipe is not reported.
+    A full disk of standard output is reported on standard error; a closed pipe is not reported.
     """
     if sys.platform == "win32":  # a Windows console is not a file
         return
@@ -267,7 +265,7 @@ def _report_full_disk(error: OSError) -> None:
 
 
 def _tolerant(stream: Any, report: Callable[[OSError], None]) -> Any:
-    """Return a stream that discards failed writes; return a closed or replaced stream unchanged."""
+    """Return a stream that discards failed writes; return a missing or replaced stream unchanged."""
     if stream not in (sys.__stdout__, sys.__stderr__) or not isinstance(stream, io.TextIOWrapper):
         return stream
     return io.TextIOWrapper(

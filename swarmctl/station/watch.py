@@ -43,9 +43,7 @@ LEGEND = (
     "messages that the vehicle refused"
 )
 LATE_LEGEND = "; late: predicted flight time to the goal, outside the time bound"
-CONTRADICTED_LEGEND = (
-    "; contradicted by: vehicles with reports against this vehicle's or each other's reports"
-)
+CONTRADICTED_LEGEND = "; contradicted by: vehicles whose reports contradict this vehicle's or each other's"
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-FORCE = 21_196  # parameter 2 that arms or disarms without checks
+FORCE = 21_196  # value of parameter 2 for arming or disarming without checks
 REFUSAL_S = 2.0  # longest wait for the reason of a refusal
 IDLE_DISARM_PARAMETERS = {"ardupilot": "DISARM_DELAY", "px4": "COM_DISARM_PRFLT"}
 
@@ -70,11 +70,10 @@ def strange_parameter(vehicle: VehicleUnderTest) -> str:
     """A first parameter other than 0 and 1 is refused."""
     flying.wait_ready(vehicle)
     result = vehicle.command(ARM_COMMAND, 2)
-    armed = vehicle.armed
+    was_armed = vehicle.armed
     flying.disarm(vehicle)
-    holds(
-        result != mavlink.MAV_RESULT_ACCEPTED and not armed, f"expected a refusal, saw {result_name(result)}"
-    )
+    seen = f"{result_name(result)}, {'armed' if was_armed else 'disarmed'}"
+    holds(result != mavlink.MAV_RESULT_ACCEPTED and not was_armed, f"expected a refusal, saw {seen}")
     return result_name(result)
 
 
@@ -147,16 +146,16 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
 
 @check("arming.sets_home", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.11: home is re-set at every arming")
 def sets_home(vehicle: VehicleUnderTest) -> str:
-    """Arming sets home to the position of the vehicle."""
+    """After arming, home is within 5 m of the vehicle."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     flying.arm(vehicle)
     vehicle.wait(1.0)
     home = vehicle.request("HOME_POSITION")
     away_m = plans.distance_m((home.latitude, home.longitude), plans.current_position(vehicle))
-    height = flying.position(vehicle).relative_alt / 1000
+    height_m = flying.position(vehicle).relative_alt / 1000
     flying.disarm(vehicle)
-    holds(away_m < 5, f"home is {away_m:.1f} m away")
-    near(height, 0.0, 2.0, "relative_alt")
+    holds(away_m < 5, f"expected home within 5 m, saw {away_m:.1f} m")
+    near(height_m, 0.0, 2.0, "relative_alt [m]")
     return f"{away_m:.2f} m"
 
 
@@ -170,9 +169,10 @@ def sets_home(vehicle: VehicleUnderTest) -> str:
 )
 def idle_disarms(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground disarms after the configured delay."""
-    delay_s = parameters.value_or_none(vehicle, IDLE_DISARM_PARAMETERS[vehicle.dialect.name])
+    parameter = IDLE_DISARM_PARAMETERS[vehicle.dialect.name]
+    delay_s = parameters.value_or_none(vehicle, parameter)
     if delay_s is None or not 0 < delay_s < 60:
-        raise Skip(f"the delay is {delay_s}")
+        raise Skip(f"{parameter} is {delay_s}; the check needs a delay between 0 and 60 s")
     flying.arm(vehicle)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "an automatic disarming", delay_s + 5.0)
     near(took_s, delay_s, 3.0, "seconds until disarmed")
@@ -209,10 +209,10 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     flying.arm(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
     vehicle.wait(2.5)
-    armed = vehicle.armed
+    was_armed = vehicle.armed
     flying.disarm(vehicle)
     equal(result_name(result), expected, "PREFLIGHT_REBOOT_SHUTDOWN")
-    holds(armed, "the vehicle is no longer armed")
+    holds(was_armed, "the vehicle is no longer armed")
     return str(expected)
 
 
@@ -241,5 +241,6 @@ def takeoff_disarmed(vehicle: VehicleUnderTest) -> str:
     """NAV_TAKEOFF on a disarmed vehicle is refused."""
     flying.wait_ready(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10)
-    holds(result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed, "expected a refusal, saw ACCEPTED")
+    seen = f"{result_name(result)}, {'armed' if vehicle.armed else 'disarmed'}"
+    holds(result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed, f"expected a refusal, saw {seen}")
     return result_name(result)

@@ -19,12 +19,12 @@ SCHEME = "mftp://"
 
 def _metadata(vehicle: VehicleUnderTest) -> tuple[int, str]:
     """Return checksum and URI of the general metadata file."""
-    _, crc, uri = frames.requested(vehicle, frames.COMPONENT_METADATA, METADATA)
+    _, crc, uri = frames.request_fields(vehicle, frames.COMPONENT_METADATA, METADATA)
     return crc, uri.rstrip(b"\0").decode("ascii", "replace")
 
 
 def _path(uri: str) -> str:
-    """Return the path of an FTP URI, without its component."""
+    """Return the path in an FTP URI, without the component id; raise Skip for another URI."""
     if not uri.startswith(SCHEME):
         raise Skip(f"the file {uri} is not on the vehicle")
     path = uri.removeprefix(SCHEME)
@@ -40,7 +40,7 @@ def _fetch(vehicle: VehicleUnderTest, uri: str) -> tuple[bytes, Any]:
 
 
 @check("component.metadata_is_announced")
-def metadata_is_offered(vehicle: VehicleUnderTest) -> str:
+def metadata_is_announced(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_METADATA names a file."""
     _, uri = _metadata(vehicle)
     holds(bool(uri), "the URI is empty")
@@ -55,7 +55,7 @@ def general_file(vehicle: VehicleUnderTest) -> str:
     equal(bare_crc32(data), crc, "checksum")
     entries = content.get("metadataTypes")
     if not isinstance(entries, list) or not entries:
-        raise CheckFailed("expected a list metadataTypes")
+        raise CheckFailed(f"metadataTypes: expected a list with entries, saw {entries!r:.80}")
     types = [entry["type"] for entry in entries]
     return f"types {types}"
 
@@ -75,6 +75,6 @@ def parameter_file(vehicle: VehicleUnderTest) -> str:
     listed = set(parameters.listed(vehicle))
     holds(
         len(names & listed) >= 0.9 * len(listed),
-        f"{len(listed - names)} of {len(listed)} parameters are missing",
+        f"{len(listed - names)} of {len(listed)} parameters are missing in the file",
     )
     return f"{len(names)} parameters"

@@ -14,38 +14,38 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 CLAIMS = ("MISSION_FENCE",)
-INSIDE = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
-OUTSIDE = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
-CIRCLE_INSIDE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
-CIRCLE_OUTSIDE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+INCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+EXCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+INCLUSION_CIRCLE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+EXCLUSION_CIRCLE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
 ENABLE = mavlink.MAV_CMD_DO_FENCE_ENABLE
-SQUARE = ((-200, -200), (-200, 200), (200, 200), (200, -200))
+SQUARE = ((-200, -200), (-200, 200), (200, 200), (200, -200))  # metres north and east of the vehicle
 
 
 def polygon(
     vehicle: VehicleUnderTest,
     corners: Sequence[tuple[float, float]] = SQUARE,
     *,
-    command: int = INSIDE,
+    command: int = INCLUSION_VERTEX,
     vertex_count: int | None = None,
 ) -> list[PlanItem]:
-    """Return a polygon around the vehicle; `vertex_count` replaces the true count in its items."""
+    """Return a polygon; `corners`: metres north and east of the vehicle; `vertex_count`: a wrong count."""
     place = plans.current_position(vehicle)
     vertices = float(len(corners) if vertex_count is None else vertex_count)
     blank = PlanItem(command, frame=mavlink.MAV_FRAME_GLOBAL, params=(vertices, 0, 0, 0))
     return [replace(blank, x=x, y=y) for x, y in (plans.offset(place, n, e) for n, e in corners)]
 
 
-def circle(vehicle: VehicleUnderTest, radius_m: float, *, command: int = CIRCLE_INSIDE) -> PlanItem:
+def circle(vehicle: VehicleUnderTest, radius_m: float, *, command: int = INCLUSION_CIRCLE) -> PlanItem:
     x, y = plans.current_position(vehicle)
     return PlanItem(command, x, y, frame=mavlink.MAV_FRAME_GLOBAL, params=(radius_m, 0, 0, 0))
 
 
 @contextmanager
 def fence_in_force(vehicle: VehicleUnderTest, items: Sequence[PlanItem]) -> Iterator[None]:
-    """Upload and enable a fence, and remove it afterwards."""
+    """Upload and enable a fence; afterwards disable the fence and, unless a check failed, remove it."""
     plans.upload_or_fail(vehicle, items, FENCE)
-    with _fence_enabled(vehicle):
+    with _fence_disabled_afterwards(vehicle):
         vehicle.expect_accepted(ENABLE, 1)
         yield
     with vehicle.extra_time():
@@ -53,14 +53,14 @@ def fence_in_force(vehicle: VehicleUnderTest, items: Sequence[PlanItem]) -> Iter
 
 
 @contextmanager
-def _fence_enabled(vehicle: VehicleUnderTest) -> Iterator[float | None]:
-    """Yield the present FENCE_ENABLE, and disable the fence afterwards."""
-    parameter = parameters.value_or_none(vehicle, "FENCE_ENABLE")
-    if parameter:
-        # A fence that is enabled now is enabled again after the plans are restored.
+def _fence_disabled_afterwards(vehicle: VehicleUnderTest) -> Iterator[float | None]:
+    """Yield the present FENCE_ENABLE (None without this parameter), and disable the fence afterwards."""
+    enabled = parameters.value_or_none(vehicle, "FENCE_ENABLE")
+    if enabled:
+        # `restore_all` enables this fence again at the end of the run.
         vehicle.pending_restores.setdefault("the enabled fence", lambda: vehicle.expect_accepted(ENABLE, 1))
     with vehicle.restoring("the disabled fence", lambda: _disable(vehicle)):
-        yield parameter
+        yield enabled
 
 
 def _disable(vehicle: VehicleUnderTest) -> None:
@@ -69,14 +69,14 @@ def _disable(vehicle: VehicleUnderTest) -> None:
         equal(result_name(result), "ACCEPTED", "DO_FENCE_ENABLE 0")
 
 
-def _places(items: Sequence[Any]) -> list[tuple[int, int, int]]:
+def _coordinates(items: Sequence[Any]) -> list[tuple[int, int, int]]:
     return [(item.command, item.x, item.y) for item in items]
 
 
 def _round_trip(vehicle: VehicleUnderTest, items: list[PlanItem]) -> list[Any]:
     plans.upload_or_fail(vehicle, items, FENCE)
     back = plans.download(vehicle, FENCE)
-    equal(_places(back), _places(items), "fence")
+    equal(_coordinates(back), _coordinates(items), "fence")
     return back
 
 
@@ -86,7 +86,7 @@ def _result(vehicle: VehicleUnderTest, items: list[PlanItem]) -> str:
 
 @check("fence.polygon", claims=CLAIMS)
 def one_polygon(vehicle: VehicleUnderTest) -> str:
-    """An inclusion polygon is accepted and read back exactly."""
+    """An inclusion polygon is accepted, and its vertices are read back exactly."""
     back = _round_trip(vehicle, polygon(vehicle))
     equal({item.param1 for item in back}, {4.0}, "vertex count")
     return "4 vertices"
@@ -94,9 +94,9 @@ def one_polygon(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.exclusion_polygon", claims=CLAIMS)
 def exclusion_polygon(vehicle: VehicleUnderTest) -> str:
-    """An exclusion polygon beside an inclusion polygon is read back exactly."""
+    """An exclusion and an inclusion polygon are accepted, and their vertices are read back exactly."""
     triangle = ((100, 100), (150, 100), (150, 150))
-    _round_trip(vehicle, [*polygon(vehicle), *polygon(vehicle, triangle, command=OUTSIDE)])
+    _round_trip(vehicle, [*polygon(vehicle), *polygon(vehicle, triangle, command=EXCLUSION_VERTEX)])
     return "4 and 3 vertices"
 
 
@@ -110,9 +110,9 @@ def one_circle(vehicle: VehicleUnderTest) -> str:
 
 @check("fence.exclusion_circle", claims=CLAIMS)
 def exclusion_circle(vehicle: VehicleUnderTest) -> str:
-    """An inclusion and an exclusion circle are read back exactly."""
+    """An inclusion and an exclusion circle are accepted, and their centres are read back exactly."""
     place = plans.offset(plans.current_position(vehicle), 120, 0)
-    out = replace(circle(vehicle, 20.0, command=CIRCLE_OUTSIDE), x=place[0], y=place[1])
+    out = replace(circle(vehicle, 20.0, command=EXCLUSION_CIRCLE), x=place[0], y=place[1])
     _round_trip(vehicle, [circle(vehicle, 300.0), out])
     return "2 circles"
 
@@ -165,7 +165,7 @@ def two_vertices(vehicle: VehicleUnderTest) -> str:
 def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
     """A polygon of four vertices with a vertex count of 6 is an ERROR on ArduPilot, ACCEPTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
-    equal(_result(vehicle, polygon(vehicle, vertex_count=6)), expected, "6 for 4")
+    equal(_result(vehicle, polygon(vehicle, vertex_count=6)), expected, "vertex count 6 for 4 vertices")
     return str(expected)
 
 
@@ -177,7 +177,7 @@ def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     old = polygon(vehicle)
     plans.upload_or_fail(vehicle, old, FENCE)
     holds(_result(vehicle, polygon(vehicle, SQUARE[:2])) != "ACCEPTED", "2 vertices were accepted")
-    equal(_places(plans.download(vehicle, FENCE)), _places(old), "fence")
+    equal(_coordinates(plans.download(vehicle, FENCE)), _coordinates(old), "fence")
     return "kept"
 
 
@@ -188,7 +188,7 @@ def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: self-intersecting accepted",
 )
 def self_intersecting(vehicle: VehicleUnderTest) -> str:
-    """A self-intersecting polygon is accepted."""
+    """A self-intersecting polygon is accepted, and its vertices are read back exactly."""
     _round_trip(vehicle, polygon(vehicle, (SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3])))
     return "ACCEPTED"
 
@@ -207,7 +207,7 @@ def too_large(vehicle: VehicleUnderTest) -> str:
     corners = [(200 - i, 150.0 + i % 2) for i in range(200)]
     seen = _result(vehicle, polygon(vehicle, corners))
     equal(seen, "NO_SPACE", "200 vertices")
-    equal(_places(plans.download(vehicle, FENCE)), _places(old), "fence")
+    equal(_coordinates(plans.download(vehicle, FENCE)), _coordinates(old), "fence")
     return seen
 
 
@@ -238,7 +238,7 @@ def is_not_the_mission(vehicle: VehicleUnderTest) -> str:
     plans.upload_or_fail(vehicle, fence, FENCE)
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, mission), "mission")
     plans.clear(vehicle, MISSION)
-    equal(_places(plans.download(vehicle, FENCE)), _places(fence), "fence")
+    equal(_coordinates(plans.download(vehicle, FENCE)), _coordinates(fence), "fence")
     return "independent"
 
 
@@ -258,27 +258,27 @@ def wrong_command(vehicle: VehicleUnderTest) -> str:
 )
 def interleaved(vehicle: VehicleUnderTest) -> str:
     """A mission and a fence can be uploaded at the same time, item by item."""
-    wanted = {MISSION: plans.sample_plan(vehicle, 4), FENCE: polygon(vehicle)}
+    sent = {MISSION: plans.sample_plan(vehicle, 4), FENCE: polygon(vehicle)}
     mark = vehicle.mark()
-    for kind, items in wanted.items():
+    for kind, items in sent.items():
         vehicle.send(plans.count_message(vehicle, len(items), kind))
     results: dict[int, int] = {}
     while len(results) < 2:
-        place = vehicle.seek((*plans.REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
-        holds(place is not None, f"the uploads stopped; results so far: {results}")
-        assert place is not None
-        entry, mark = vehicle.received[place], place + 1
+        index = vehicle.seek((*plans.REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
+        holds(index is not None, f"no request or result within 3 s; results so far by type: {results}")
+        assert index is not None
+        entry, mark = vehicle.received[index], index + 1
         kind = entry.message.mission_type
         if entry.kind == "MISSION_ACK":
             results[kind] = entry.message.type
         else:
             seq = entry.message.seq
-            vehicle.send(wanted[kind][seq].message(vehicle, seq, kind))
+            vehicle.send(sent[kind][seq].message(vehicle, seq, kind))
     equal(results, {MISSION: 0, FENCE: 0}, "results by type")
-    equal(_places(plans.download(vehicle, FENCE)), _places(wanted[FENCE]), "fence")
+    equal(_coordinates(plans.download(vehicle, FENCE)), _coordinates(sent[FENCE]), "fence")
     equal(
         plans.coordinates(vehicle, plans.download(vehicle)),
-        plans.coordinates(vehicle, wanted[MISSION]),
+        plans.coordinates(vehicle, sent[MISSION]),
         "mission",
     )
     return "both ACCEPTED"
@@ -289,7 +289,7 @@ def enable_command(vehicle: VehicleUnderTest) -> str:
     """DO_FENCE_ENABLE is ACCEPTED on ArduPilot, without a change of FENCE_ENABLE, and UNSUPPORTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
     plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
-    with _fence_enabled(vehicle) as before:
+    with _fence_disabled_afterwards(vehicle) as before:
         seen = result_name(vehicle.command(ENABLE, 1))
         after = parameters.value_or_none(vehicle, "FENCE_ENABLE")
     equal(seen, expected, "DO_FENCE_ENABLE")

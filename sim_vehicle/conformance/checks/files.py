@@ -88,7 +88,7 @@ def missing_directory(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.missing_file", claims=CLAIMS)
 def missing_file(vehicle: VehicleUnderTest) -> str:
-    """A missing file is refused as not found."""
+    """A missing file is refused with FileNotFound, FailErrno or Fail."""
     with _client(vehicle) as client:
         answer = client.ask(ftp.OPEN_READ, b"/no/such/file")
     holds(not answer.ok, "expected NAK, saw ACK")
@@ -98,7 +98,7 @@ def missing_file(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.unknown_operation", claims=CLAIMS)
 def unknown_operation(vehicle: VehicleUnderTest) -> str:
-    """An unknown operation is refused with UnknownCommand; ArduPilot refuses it with Fail."""
+    """An unknown operation is refused with UnknownCommand or, as by ArduPilot, with Fail."""
     with _client(vehicle) as client:
         answer = client.ask(99)
     holds(not answer.ok, "expected NAK, saw ACK")
@@ -126,14 +126,14 @@ def reads_a_file(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.same_twice", claims=CLAIMS, limit_s=200)
 def read_again(vehicle: VehicleUnderTest) -> str:
-    """A second read of a part of a file gives the same bytes."""
+    """A second read of three parts of a file gives the same bytes; packed parameters may differ."""
     with _client(vehicle) as client:
         path, data = _some_file(client)
         session, _ = client.open(path)
         for offset in (0, len(data) // 3, max(0, len(data) - 20)):
             answer = client.ask(ftp.READ, session=session, offset=offset, size=20)
             # PX4 fills the message and ignores the requested size.
-            holds(answer.ok and len(answer.data) > 0, f"nothing at {offset}")
+            holds(answer.ok and len(answer.data) > 0, f"expected bytes at {offset}, saw none")
             if path != PACKED:
                 equal(answer.data, data[offset : offset + len(answer.data)], f"bytes at {offset}")
     return f"3 parts of {path}"
@@ -153,7 +153,7 @@ def end_of_file(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.burst_reads_the_same", claims=CLAIMS, limit_s=200)
 def burst(vehicle: VehicleUnderTest) -> str:
-    """Burst reads give the same bytes as single reads."""
+    """Burst reads give the same bytes as single reads; of packed parameters only the length is compared."""
     with _client(vehicle) as client:
         path, data = _some_file(client)
         seen = client.burst(path)
@@ -164,7 +164,7 @@ def burst(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.repeated_request", claims=CLAIMS)
 def repeated(vehicle: VehicleUnderTest) -> str:
-    """A repeated request, as after a lost answer, gets the same answer."""
+    """A repeated request to open a file, as after a lost answer, gets the same answer and session."""
     with _client(vehicle) as client:
         path, _ = _some_file(client)
         first = client.ask(ftp.OPEN_READ, path.encode())
@@ -190,7 +190,7 @@ def checksum(vehicle: VehicleUnderTest) -> str:
         if not answer.ok:
             raise Skip(f"CalcFileCRC32 is refused (error {answer.error})")
     seen = int.from_bytes(answer.data[:4], "little")
-    # The protocol's checksum is the CRC-32 of zlib without its two inversions.
+    # The protocol's checksum is zlib's CRC-32 without the two inversions; the check accepts both.
     holds(seen in (zlib.crc32(data), bare_crc32(data)), f"expected {bare_crc32(data):#x}, saw {seen:#x}")
     return f"{seen:#010x}"
 
@@ -214,11 +214,11 @@ def ends_a_session(vehicle: VehicleUnderTest) -> str:
 
 @check("ftp.packed_parameters", claims=CLAIMS, dialects=("ardupilot",), limit_s=200)
 def packed_parameters(vehicle: VehicleUnderTest) -> str:
-    """@PARAM/param.pck begins with its magic, and its parameter count agrees with the list."""
+    """@PARAM/param.pck begins with its magic, and its total agrees with the parameter list within 2."""
     with _client(vehicle) as client:
         data = client.burst(PACKED)
     magic, count, total = (int.from_bytes(data[i : i + 2], "little") for i in (0, 2, 4))
-    holds(magic in PACKED_MAGIC, f"expected a magic of {PACKED_MAGIC[0]:#x}, saw {magic:#x}")
+    holds(magic in PACKED_MAGIC, f"magic: expected {' or '.join(map(hex, PACKED_MAGIC))}, saw {magic:#x}")
     listed = len(parameters.listed(vehicle))
     if not abs(total - listed) <= 2:
         raise CheckFailed(f"expected {listed} parameters, saw {total}")

@@ -21,16 +21,16 @@ MAX_TURN_S = 20.0  # longest time for a turn of 90 degrees
 
 @check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter", limit_s=400)
 def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
-    """landed_state changes from ON_GROUND to IN_AIR, optionally with TAKEOFF in between."""
+    """In a take-off landed_state changes from ON_GROUND to IN_AIR, without LANDING in between."""
     flying.ensure_landed(vehicle)
     vehicle.set_interval("EXTENDED_SYS_STATE", 10)
     mark = vehicle.mark()
     flying.ensure_airborne(vehicle)
     states = [m.landed_state for m in vehicle.since(mark, "EXTENDED_SYS_STATE")]
     seen = [s for i, s in enumerate(states) if i == 0 or s != states[i - 1]]
-    holds(seen[0] == mavlink.MAV_LANDED_STATE_ON_GROUND, f"began with {seen[0]}")
-    holds(seen[-1] == mavlink.MAV_LANDED_STATE_IN_AIR, f"ended with {seen[-1]}")
-    holds(mavlink.MAV_LANDED_STATE_LANDING not in seen, f"saw LANDING: {seen}")
+    equal(seen[0], mavlink.MAV_LANDED_STATE_ON_GROUND, "first landed_state")
+    equal(seen[-1], mavlink.MAV_LANDED_STATE_IN_AIR, "last landed_state")
+    holds(mavlink.MAV_LANDED_STATE_LANDING not in seen, f"expected no LANDING, saw {seen}")
     return " ".join(mavlink.enums["MAV_LANDED_STATE"][s].name.removeprefix("MAV_LANDED_STATE_") for s in seen)
 
 
@@ -67,32 +67,31 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude",
 )
 def hold_keeps(vehicle: VehicleUnderTest) -> str:
-    """In the hold mode the vehicle stays within 2.5 m of its place and 1 m of its height for 10 s."""
+    """After 10 s in the hold mode, the position has changed by at most 2.5 m and the height by 1 m."""
     flying.set_mode(vehicle, "hold")
     vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.5, "a standstill", MAX_STOP_S)
-    place, height = flying.last_position(vehicle), flying.height_m(vehicle)
+    place, height_m = flying.last_position(vehicle), flying.height_m(vehicle)
     vehicle.wait(10.0)
-    holds(
-        flying.distance_to_m(vehicle, place) < 2.5, f"drift of {flying.distance_to_m(vehicle, place):.1f} m"
-    )
-    near(flying.height_m(vehicle), height, 1.0, "height")
-    return f"{flying.distance_to_m(vehicle, place):.2f} m"
+    moved_m = flying.distance_to_m(vehicle, place)
+    holds(moved_m < 2.5, f"expected less than 2.5 m of drift, saw {moved_m:.1f} m")
+    near(flying.height_m(vehicle), height_m, 1.0, "height [m]")
+    return f"{moved_m:.2f} m"
 
 
 @check("flight.hold.circles", airborne=True, kind="plane", limit_s=300)
 def hold_circles(vehicle: VehicleUnderTest) -> str:
-    """In the hold mode a plane circles near its position and keeps its height."""
+    """In the hold mode a plane moves on, stays within 600 m, and keeps its height within 15 m."""
     flying.set_mode(vehicle, "hold")
     vehicle.wait(5.0)
-    place, height = flying.last_position(vehicle), flying.height_m(vehicle)
-    farthest = 0.0
+    place, height_m = flying.last_position(vehicle), flying.height_m(vehicle)
+    farthest_m = 0.0
     for _ in range(40):
         vehicle.wait(1.0)
-        farthest = max(farthest, flying.distance_to_m(vehicle, place))
+        farthest_m = max(farthest_m, flying.distance_to_m(vehicle, place))
         holds(flying.speed_m_s(vehicle) > 3.0, f"slowed to {flying.speed_m_s(vehicle):.1f} m/s")
-    holds(20 < farthest < 600, f"expected a circle of 20 to 600 m, saw {farthest:.0f} m")
-    near(flying.height_m(vehicle), height, 15.0, "height")
-    return f"within {farthest:.0f} m"
+    holds(20 < farthest_m < 600, f"greatest distance: expected 20 to 600 m, saw {farthest_m:.0f} m")
+    near(flying.height_m(vehicle), height_m, 15.0, "height [m]")
+    return f"within {farthest_m:.0f} m"
 
 
 @check(
@@ -105,14 +104,14 @@ def hold_circles(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 1.6: LOITER descended into the ground",
 )
 def loiter_sinks(vehicle: VehicleUnderTest) -> str:
-    """LOITER without an RC throttle descends at about 2.5 m/s."""
-    height = flying.height_m(vehicle)
+    """LOITER without an RC throttle descends more than 3 m in 3 s."""
+    height_m = flying.height_m(vehicle)
     flying.set_mode(vehicle, "loiter")
     vehicle.wait(3.0)
-    sunk = height - flying.height_m(vehicle)
+    sunk_m = height_m - flying.height_m(vehicle)
     flying.set_mode(vehicle, "hold")
-    holds(sunk > 3.0, f"expected a descent of more than 3 m, saw {sunk:.1f} m in 3 s")
-    return f"{sunk:.1f} m in 3 s"
+    holds(sunk_m > 3.0, f"expected a descent of more than 3 m in 3 s, saw {sunk_m:.1f} m")
+    return f"{sunk_m:.1f} m in 3 s"
 
 
 # -- repositioning ---------------------------------------------------------------------------------------
@@ -130,15 +129,13 @@ def reposition_copter(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.reposition.circles_there", airborne=True, kind="plane", limit_s=300)
 def reposition_plane(vehicle: VehicleUnderTest) -> str:
-    """After DO_REPOSITION a plane circles around the new position."""
+    """After DO_REPOSITION a plane arrives at the new position and stays within 300 m."""
     target = plans.offset(flying.last_position(vehicle), 400.0, 0.0)
     equal(result_name(flying.reposition(vehicle, target, 60.0)), "ACCEPTED", "DO_REPOSITION")
     took_s = flying.wait_until_near(vehicle, target, 120.0, 150.0)
     vehicle.wait(20.0)
-    holds(
-        flying.distance_to_m(vehicle, target) < 300,
-        f"{flying.distance_to_m(vehicle, target):.0f} m away, 20 s after the arrival",
-    )
+    away_m = flying.distance_to_m(vehicle, target)
+    holds(away_m < 300, f"expected less than 300 m 20 s after the arrival, saw {away_m:.0f} m")
     return f"arrived after {took_s:.0f} s"
 
 
@@ -187,18 +184,18 @@ def reposition_impossible(vehicle: VehicleUnderTest) -> str:
 def speed_kept(vehicle: VehicleUnderTest) -> str:
     """After DO_CHANGE_SPEED to 4 m/s the vehicle flies at that speed."""
     target = plans.offset(flying.last_position(vehicle), -90.0, 0.0)
-    height = flying.height_m(vehicle)
-    equal(result_name(flying.reposition(vehicle, target, height)), "ACCEPTED", "DO_REPOSITION")
+    height_m = flying.height_m(vehicle)
+    equal(result_name(flying.reposition(vehicle, target, height_m)), "ACCEPTED", "DO_REPOSITION")
     vehicle.expect_accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
     vehicle.wait(6.0)
     speeds = []
     for _ in range(8):
         vehicle.wait(0.5)
         speeds.append(flying.speed_m_s(vehicle))
-    mean = sum(speeds) / len(speeds)
+    mean_m_s = sum(speeds) / len(speeds)
     vehicle.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 8.0, -1)
-    near(mean, 4.0, 0.8, "m/s")
-    return f"{mean:.2f} m/s"
+    near(mean_m_s, 4.0, 0.8, "mean speed [m/s]")
+    return f"{mean_m_s:.2f} m/s"
 
 
 @check("flight.speed.refuses_nonsense", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
@@ -212,21 +209,21 @@ def speed_nonsense(vehicle: VehicleUnderTest) -> str:
 @check("flight.yaw.turns", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
 def yaw_turns(vehicle: VehicleUnderTest) -> str:
     """CONDITION_YAW in GUIDED turns the nose to a heading."""
-    heading = vehicle.request("VFR_HUD").heading
-    target = (heading + 90) % 360
-    vehicle.expect_accepted(mavlink.MAV_CMD_CONDITION_YAW, target, 30, 1, 0)
+    heading_deg = vehicle.request("VFR_HUD").heading
+    target_deg = (heading_deg + 90) % 360
+    vehicle.expect_accepted(mavlink.MAV_CMD_CONDITION_YAW, target_deg, 30, 1, 0)
     with vehicle.streaming({"VFR_HUD": 5.0}):
         took_s = vehicle.wait_until(
-            lambda: abs((vehicle.last["VFR_HUD"].message.heading - target + 180) % 360 - 180) < 5,
-            f"a heading of {target} deg",
+            lambda: abs((vehicle.last["VFR_HUD"].message.heading - target_deg + 180) % 360 - 180) < 5,
+            f"a heading of {target_deg} deg",
             MAX_TURN_S,
         )
-    return f"{heading} to {target} deg in {took_s:.1f} s"
+    return f"{heading_deg} to {target_deg} deg in {took_s:.1f} s"
 
 
 @check("flight.pause", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 2: pause/continue (193)")
 def pause(vehicle: VehicleUnderTest) -> str:
-    """DO_PAUSE_CONTINUE stops ArduPilot in GUIDED, and is UNSUPPORTED on PX4."""
+    """After an accepted DO_PAUSE_CONTINUE ArduPilot stands still; PX4 answers UNSUPPORTED."""
     expected = known_behaviour(vehicle, ardupilot=None, px4="UNSUPPORTED")
     seen = result_name(vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0))
     if expected is not None:

@@ -11,21 +11,21 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 @check("flight.land.can_be_broken_off", airborne=True, kind="copter", limit_s=300)
 def land_broken_off(vehicle: VehicleUnderTest) -> str:
-    """A mode change ends a landing in the air."""
+    """A change to the hold mode ends a landing in the air, and the vehicle keeps its height."""
     flying.set_mode(vehicle, "land")
     vehicle.wait(3.0)
     flying.set_mode(vehicle, "hold")
     vehicle.wait(3.0)
-    height = flying.height_m(vehicle)
+    height_m = flying.height_m(vehicle)
     vehicle.wait(4.0)
-    near(flying.height_m(vehicle), height, 1.0, "height")
+    near(flying.height_m(vehicle), height_m, 1.0, "height [m]")
     holds(vehicle.armed, "the vehicle disarmed")
-    return f"at {height:.1f} m"
+    return f"at {height_m:.1f} m"
 
 
 @check("flight.return.comes_home", airborne=True, kind="copter", limit_s=400)
 def return_home(vehicle: VehicleUnderTest) -> str:
-    """RETURN_TO_LAUNCH lands the vehicle within 5 m of home and disarms it."""
+    """After RETURN_TO_LAUNCH the vehicle lands within 5 m of home and disarms."""
     home = vehicle.request("HOME_POSITION")
     target = home.latitude, home.longitude
     away = plans.offset(target, 30.0, 0.0)
@@ -35,46 +35,44 @@ def return_home(vehicle: VehicleUnderTest) -> str:
     vehicle.wait_until(flying.in_mode(vehicle, "return"), "the return mode", flying.HEARTBEAT_LAG_S)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 240)
     off_m = flying.distance_to_m(vehicle, target)
-    holds(off_m < 5, f"landed {off_m:.1f} m from home")
+    holds(off_m < 5, f"expected a landing within 5 m of home, saw {off_m:.1f} m")
     return f"{off_m:.2f} m from home after {took_s:.0f} s"
 
 
 @check("flight.return.circles_home", airborne=True, kind="plane", limit_s=400)
 def return_plane(vehicle: VehicleUnderTest) -> str:
-    """After RETURN_TO_LAUNCH a plane circles near home."""
+    """After RETURN_TO_LAUNCH a plane flies home, and is within 400 m of home 10 s later."""
     home = vehicle.request("HOME_POSITION")
     target = home.latitude, home.longitude
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     took_s = flying.wait_until_near(vehicle, target, 200.0, 250.0)
     vehicle.wait(10.0)
-    holds(
-        flying.distance_to_m(vehicle, target) < 400,
-        f"{flying.distance_to_m(vehicle, target):.0f} m from home",
-    )
+    away_m = flying.distance_to_m(vehicle, target)
+    holds(away_m < 400, f"expected less than 400 m from home, saw {away_m:.0f} m")
     return f"near home after {took_s:.0f} s"
 
 
 @check("flight.takeoff.reaches_the_height", needs=[ARM], kind="copter", limit_s=300)
 def takeoff_height(vehicle: VehicleUnderTest) -> str:
-    """NAV_TAKEOFF climbs to the given height and stays there."""
+    """After NAV_TAKEOFF the vehicle climbs to the given height and stays there."""
     flying.start_streams(vehicle)
     flying.arm(vehicle)
     equal(result_name(vehicle.result(flying.takeoff_command(vehicle, 15.0))), "ACCEPTED", "NAV_TAKEOFF")
     took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 14.0, "a height of 14 m", 60)
     vehicle.wait(5.0)
-    near(flying.height_m(vehicle), 15.0, 1.5, "height")
+    near(flying.height_m(vehicle), 15.0, 1.5, "height [m]")
     return f"{flying.height_m(vehicle):.1f} m after {took_s:.0f} s"
 
 
 @check("flight.land.comes_down", airborne=True, kind="copter", limit_s=300)
 def land_comes_down(vehicle: VehicleUnderTest) -> str:
-    """NAV_LAND lands the vehicle in place and disarms it; landed_state is ON_GROUND."""
+    """After NAV_LAND the vehicle lands within 4 m and disarms, and landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_LAND)
     took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)
     off_m = flying.distance_to_m(vehicle, place)
-    holds(off_m < 4, f"landed {off_m:.1f} m away")
-    near(flying.height_m(vehicle), 0.0, 2.0, "height")
+    holds(off_m < 4, f"expected a landing within 4 m, saw {off_m:.1f} m")
+    near(flying.height_m(vehicle), 0.0, 2.0, "height [m]")
     vehicle.wait(1.0)
     state = vehicle.request("EXTENDED_SYS_STATE").landed_state
     equal(state, mavlink.MAV_LANDED_STATE_ON_GROUND, "landed_state")

@@ -68,8 +68,8 @@ def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
     message = vehicle.last["GLOBAL_POSITION_INT"].message
     _stream_velocity(vehicle, 0.0, 3.0)
     flying.hold(vehicle)
-    near(message.vx / 100, 3.0, 0.6, "north m/s")
-    near(message.vy / 100, 0.0, 0.6, "east m/s")
+    near(message.vx / 100, 3.0, 0.6, "north [m/s]")
+    near(message.vy / 100, 0.0, 0.6, "east [m/s]")
     return f"{message.vx / 100:.2f} m/s north"
 
 
@@ -86,13 +86,13 @@ def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
     "flight.setpoint.needs_its_mode", airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300
 )
 def setpoint_needs_mode(vehicle: VehicleUnderTest) -> str:
-    """The hold mode ignores set-points."""
+    """In the hold mode the vehicle ignores velocity set-points."""
     flying.set_mode(vehicle, "hold")
     vehicle.wait(2.0)
     place = flying.last_position(vehicle)
     _stream_velocity(vehicle, 4.0, 3.0)
     away_m = flying.distance_to_m(vehicle, place)
-    holds(away_m < 2.5, f"the vehicle moved {away_m:.1f} m")
+    holds(away_m < 2.5, f"expected a movement of less than 2.5 m, saw {away_m:.1f} m")
     return f"{away_m:.2f} m"
 
 

@@ -10,7 +10,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 @check("flight.telemetry.velocity", airborne=True, kind="copter", limit_s=300)
 def velocity(vehicle: VehicleUnderTest) -> str:
-    """vx and vy [cm/s] agree with the change of the position."""
+    """The distance by vx and vy agrees with the change of the position."""
     flying.reposition(vehicle, plans.offset(flying.last_position(vehicle), 60.0, 60.0), 20.0)
     vehicle.wait(3.0)
     mark = vehicle.wait(4.0)
@@ -49,15 +49,15 @@ def local_position(vehicle: VehicleUnderTest) -> str:
 
 @check("flight.telemetry.climb", airborne=True, kind="copter", limit_s=300)
 def climb(vehicle: VehicleUnderTest) -> str:
-    """In a climb vz is negative and VFR_HUD.climb positive."""
-    place, height = flying.last_position(vehicle), flying.height_m(vehicle)
-    flying.reposition(vehicle, place, height + 15.0)
+    """In a climb vz is negative, VFR_HUD.climb is positive, and both agree within 0.6 m/s."""
+    place = flying.last_position(vehicle)
+    flying.reposition(vehicle, place, flying.height_m(vehicle) + 15.0)
     with vehicle.streaming({"VFR_HUD": 5.0}):
         vehicle.wait(4.0)
         hud, position = vehicle.last["VFR_HUD"].message, vehicle.last["GLOBAL_POSITION_INT"].message
-    holds(position.vz < -30, f"vz is {position.vz} cm/s")
-    holds(hud.climb > 0.3, f"climb is {hud.climb} m/s")
-    near(hud.climb, -position.vz / 100, 0.6, "climb")
+    holds(position.vz < -30, f"vz: expected less than -30 cm/s, saw {position.vz}")
+    holds(hud.climb > 0.3, f"climb: expected more than 0.3 m/s, saw {hud.climb:.2f}")
+    near(hud.climb, -position.vz / 100, 0.6, "climb [m/s]")
     flying.reposition(vehicle, place, 20.0)
     vehicle.wait(8.0)
     return f"{hud.climb:.2f} m/s"
@@ -67,21 +67,21 @@ def climb(vehicle: VehicleUnderTest) -> str:
 def airspeed(vehicle: VehicleUnderTest) -> str:
     """The airspeed of a plane is 5 to 60 m/s, and the throttle a percentage."""
     hud = vehicle.sample({"VFR_HUD": 5.0}, 2.0)["VFR_HUD"][-1]
-    holds(5 < hud.airspeed < 60, f"airspeed {hud.airspeed:.1f} m/s")
-    holds(0 <= hud.throttle <= 100, f"throttle {hud.throttle}")
+    holds(5 < hud.airspeed < 60, f"airspeed: expected 5 to 60 m/s, saw {hud.airspeed:.1f}")
+    holds(0 <= hud.throttle <= 100, f"throttle: expected 0 to 100 %, saw {hud.throttle}")
     return f"{hud.airspeed:.1f} m/s, {hud.throttle} %"
 
 
 @check("flight.telemetry.battery", airborne=True, limit_s=300)
 def battery(vehicle: VehicleUnderTest) -> str:
-    """In the air a current flows, the consumption grows, and the remaining charge does not grow."""
+    """In the air a current above 0.5 A flows, the consumption grows, and the remaining charge does not."""
     first = vehicle.request("BATTERY_STATUS")
     vehicle.wait(10.0)
     second = vehicle.request("BATTERY_STATUS")
     if second.current_battery < 0:
         raise Skip("the current is not measured")
-    holds(second.current_battery > 50, f"current {second.current_battery} cA")
-    holds(second.current_consumed > first.current_consumed, f"consumed {second.current_consumed} mAh")
-    holds(second.battery_remaining <= first.battery_remaining, "the remaining charge grew")
+    holds(second.current_battery > 50, f"current: expected more than 50 cA, saw {second.current_battery}")
     used_mah = second.current_consumed - first.current_consumed
+    holds(used_mah > 0, f"consumption: expected growth in 10 s, saw {used_mah} mAh")
+    holds(second.battery_remaining <= first.battery_remaining, "the remaining charge grew")
     return f"{second.current_battery / 100:.1f} A, {used_mah} mAh in 10 s"

@@ -11,7 +11,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 LISTEN_S = 8.0
-LOST_SHARE = 0.05  # share of frames that a real link may lose
+MAX_LOST_SHARE = 0.05  # share of frames that a real link may lose
 
 
 def _heartbeats(vehicle: VehicleUnderTest, seconds: float = LISTEN_S) -> list[ReceivedFrame]:
@@ -21,7 +21,7 @@ def _heartbeats(vehicle: VehicleUnderTest, seconds: float = LISTEN_S) -> list[Re
 
 
 def _require_count(seen: int, least: int) -> None:
-    """Require a number of frames, because a silent vehicle must not pass."""
+    """Raise CheckFailed for fewer than `least` frames, because a silent vehicle must not pass."""
     holds(seen >= least, f"expected at least {least} frames, saw {seen}")
 
 
@@ -37,7 +37,7 @@ def once_a_second(vehicle: VehicleUnderTest) -> str:
     """The mean rate is 1 Hz."""
     beats = _heartbeats(vehicle)
     rate_hz = (len(beats) - 1) / (beats[-1].at_s - beats[0].at_s) if len(beats) > 1 else 0.0
-    holds(0.8 <= rate_hz <= 1.25, f"expected 1 Hz within a quarter, saw {rate_hz:.2f} Hz")
+    holds(0.8 <= rate_hz <= 1.25, f"expected 0.8 to 1.25 Hz, saw {rate_hz:.2f} Hz")
     return f"{rate_hz:.2f} Hz"
 
 
@@ -68,17 +68,18 @@ def says_protocol_version(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.type_is_a_vehicle")
 def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
-    """The type is a known MAV_TYPE of a vehicle."""
+    """The type is a known MAV_TYPE, and neither GCS nor GIMBAL."""
     kind = vehicle.heartbeat.type
     entry = mavlink.enums["MAV_TYPE"].get(kind)
     holds(entry is not None, f"expected a MAV_TYPE, saw {kind}")
-    holds(kind not in (mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_GIMBAL), f"saw {entry.name}")
+    is_vehicle = kind not in (mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_GIMBAL)
+    holds(is_vehicle, f"expected the type of a vehicle, saw {entry.name}")
     return str(entry.name)
 
 
 @check("heartbeat.autopilot_is_known")
 def autopilot_is_known(vehicle: VehicleUnderTest) -> str:
-    """The autopilot is a known MAV_AUTOPILOT, and not INVALID."""
+    """The autopilot is a known MAV_AUTOPILOT."""
     entry = mavlink.enums["MAV_AUTOPILOT"].get(vehicle.heartbeat.autopilot)
     holds(entry is not None, f"expected a MAV_AUTOPILOT, saw {vehicle.heartbeat.autopilot}")
     return str(entry.name)
@@ -96,7 +97,7 @@ def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.mode_is_known", pins="AUTOPILOTS 1.5")
 def mode_is_known(vehicle: VehicleUnderTest) -> str:
-    """custom_mode is a mode number of this autopilot."""
+    """custom_mode is in the range of this autopilot's mode numbers."""
     number = vehicle.mode
     if not vehicle.dialect.modes:
         raise Skip("the modes of this autopilot are not known")
@@ -104,7 +105,7 @@ def mode_is_known(vehicle: VehicleUnderTest) -> str:
         equal(number & 0xFFFF, 0, "the low half of custom_mode")
         holds(1 <= (number >> 16 & 0xFF) <= 10, f"expected a main mode of 1 to 10, saw {number >> 16 & 0xFF}")
     else:
-        holds(0 <= number <= 40, f"expected a mode number, saw {number}")
+        holds(0 <= number <= 40, f"expected a mode number of 0 to 40, saw {number}")
     return mode_name(vehicle, number)
 
 
@@ -117,7 +118,7 @@ def disarmed_on_the_ground(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.system_status", pins="AUTOPILOTS 1.13")
 def system_status(vehicle: VehicleUnderTest) -> str:
-    """system_status is a MAV_STATE of a vehicle on the ground."""
+    """Before arming, system_status is a known MAV_STATE, and not ACTIVE."""
     status = vehicle.heartbeat.system_status
     entry = mavlink.enums["MAV_STATE"].get(status)
     holds(entry is not None, f"expected a MAV_STATE, saw {status}")
@@ -136,7 +137,7 @@ def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.frames_are_mavlink2")
 def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
-    """The vehicle answers MAVLink 2 with MAVLink 2."""
+    """The vehicle sends only MAVLink 2 frames to a station that sends MAVLink 2."""
     mark = vehicle.wait(3.0)
     _require_count(len(vehicle.received) - mark, 2)
     old = [e.kind for e in vehicle.received[mark:] if e.raw[0] != 0xFD]
@@ -146,14 +147,14 @@ def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
 
 @check("heartbeat.sequence_numbers_count")
 def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
-    """Sequence numbers of the autopilot increase by one; at most 5 % of the frames are lost."""
+    """Sequence numbers of the autopilot increase by one; at most 5 % of the numbers are missing."""
     with vehicle.streaming({"ATTITUDE": 10.0}):
         mark = vehicle.wait(4.0)
     frames = [e for e in vehicle.received[mark:] if e.component == vehicle.identity.component]
     _require_count(len(frames), 20)
     missing = sum((b.seq - a.seq - 1) % 256 for a, b in pairwise(frames))
     holds(
-        missing <= LOST_SHARE * (len(frames) + missing),
+        missing <= MAX_LOST_SHARE * (len(frames) + missing),
         f"{missing} of {len(frames) + missing} sequence numbers are missing",
     )
     return f"{len(frames)} frames, {missing} missing"

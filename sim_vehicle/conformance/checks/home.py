@@ -11,7 +11,7 @@ from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-AWAY_M = 40.0  # distance north, and east, of a new home
+AWAY_M = 40.0  # offset of a new home, both to the north and to the east
 SET_HOME = mavlink.MAV_CMD_DO_SET_HOME
 
 
@@ -52,14 +52,14 @@ def by_get_home_position(vehicle: VehicleUnderTest) -> str:
     mark = vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_GET_HOME_POSITION)
     if result != mavlink.MAV_RESULT_ACCEPTED:
-        raise Skip(f"deprecated, answered {result_name(result)}")
+        raise Skip(f"the vehicle answers this deprecated command with {result_name(result)}")
     vehicle.expect("HOME_POSITION", mark=mark)
     return "HOME_POSITION"
 
 
 @check("home.is_near_the_vehicle")
 def is_near(vehicle: VehicleUnderTest) -> str:
-    """Before a flight, home is near the vehicle."""
+    """Before a flight, home is within 100 m of the vehicle."""
     home, place = _home(vehicle), plans.current_position(vehicle)
     away_m = plans.distance_m((home.latitude, home.longitude), place)
     holds(away_m < 100, f"expected less than 100 m, saw {away_m:.0f} m")
@@ -68,7 +68,7 @@ def is_near(vehicle: VehicleUnderTest) -> str:
 
 @check("home.set_to_here")
 def set_to_here(vehicle: VehicleUnderTest) -> str:
-    """DO_SET_HOME with parameter 1 sets home to the vehicle's position."""
+    """DO_SET_HOME with 1 as parameter 1 sets home to the vehicle's position, within 5 m."""
     with _home_restored(vehicle):
         mark = vehicle.mark()
         vehicle.expect_accepted(SET_HOME, 1)
@@ -95,7 +95,7 @@ def set_to_a_place(vehicle: VehicleUnderTest) -> str:
 
 @check("home.relative_altitude_follows")
 def relative_follows(vehicle: VehicleUnderTest) -> str:
-    """relative_alt counts from the new home."""
+    """After DO_SET_HOME, relative_alt is the height above the new home."""
     with _home_restored(vehicle) as before:
         z = before.altitude / 1000 - 5.0
         command = vehicle.command_int(
@@ -110,7 +110,7 @@ def relative_follows(vehicle: VehicleUnderTest) -> str:
 
 @check("home.impossible_place", dialects=("ardupilot", "mavlink"))
 def impossible_place(vehicle: VehicleUnderTest) -> str:
-    """A latitude of 95 degrees is refused."""
+    """DO_SET_HOME to a latitude of 95 degrees is refused."""
     with _home_restored(vehicle) as before:
         command = vehicle.command_int(
             SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=950_000_000, y=before.longitude
@@ -122,7 +122,7 @@ def impossible_place(vehicle: VehicleUnderTest) -> str:
 
 @check("home.global_origin")
 def global_origin(vehicle: VehicleUnderTest) -> str:
-    """GPS_GLOBAL_ORIGIN, the origin of the local frame, is near the vehicle."""
+    """GPS_GLOBAL_ORIGIN, the origin of the local frame, is within 1 km of the vehicle."""
     _home(vehicle)
     origin = vehicle.request("GPS_GLOBAL_ORIGIN")
     away_m = plans.distance_m((origin.latitude, origin.longitude), plans.current_position(vehicle))

@@ -8,14 +8,14 @@ from sim_vehicle.conformance.guard import ALTER
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-PART_BYTES = 900
+PART_BYTES = 900  # size of the part of a log that is read twice
 BYTES_IN_FLIGHT = 100_000  # more bytes than a vehicle sends before it receives the end request
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 
 
 @check("logs.list")
 def log_list(vehicle: VehicleUnderTest) -> str:
-    """LOG_REQUEST_LIST brings one LOG_ENTRY per log; without logs it brings one empty LOG_ENTRY."""
+    """LOG_REQUEST_LIST brings a LOG_ENTRY for each log; without logs, a LOG_ENTRY with num_logs 0."""
     found = logclient.entries(vehicle)
     logclient.end_transfer(vehicle)
     return f"{len(found)} logs"
@@ -23,15 +23,15 @@ def log_list(vehicle: VehicleUnderTest) -> str:
 
 @check("logs.list_is_consistent")
 def consistent(vehicle: VehicleUnderTest) -> str:
-    """All entries have the same num_logs and last_log_num, and no id exceeds last_log_num."""
+    """num_logs is the number of entries; last_log_num is the same in all, and no id exceeds it."""
     found = logclient.entries(vehicle)
     logclient.end_transfer(vehicle)
     if not found:
         raise Skip("the vehicle holds no logs")
     equal({entry.num_logs for entry in found.values()}, {len(found)}, "num_logs")
-    equal(len({entry.last_log_num for entry in found.values()}), 1, "different last_log_num")
-    last = next(iter(found.values())).last_log_num
-    holds(max(found) <= last, f"id {max(found)} above last_log_num {last}")
+    equal(len({entry.last_log_num for entry in found.values()}), 1, "number of different last_log_num")
+    last_id = next(iter(found.values())).last_log_num
+    holds(max(found) <= last_id, f"id {max(found)} exceeds last_log_num {last_id}")
     return f"ids {min(found)} to {max(found)}"
 
 
@@ -47,21 +47,21 @@ def begins(vehicle: VehicleUnderTest) -> str:
 
 
 @check("logs.reads_same_twice", limit_s=120)
-def same_twice(vehicle: VehicleUnderTest) -> str:
+def same_in_one_or_two_reads(vehicle: VehicleUnderTest) -> str:
     """A part of a log has the same bytes in one read as in two reads."""
     entry = logclient.newest(vehicle)
     size = min(PART_BYTES, entry.size)
-    whole = logclient.data(vehicle, entry.id, 0, size)
-    halves = logclient.data(vehicle, entry.id, 0, 90) + logclient.data(vehicle, entry.id, 90, size - 90)
+    one_read = logclient.data(vehicle, entry.id, 0, size)
+    two_reads = logclient.data(vehicle, entry.id, 0, 90) + logclient.data(vehicle, entry.id, 90, size - 90)
     logclient.end_transfer(vehicle)
-    equal(len(whole), size, "bytes")
-    holds(whole == halves, "the parts differ from the whole")
+    equal(len(one_read), size, "bytes")
+    holds(one_read == two_reads, "the bytes of two reads differ from the bytes of one read")
     return f"{size} bytes of log {entry.id}"
 
 
 @check("logs.end_of_log", limit_s=120)
 def end_of_log(vehicle: VehicleUnderTest) -> str:
-    """A log ends at its size, with a short LOG_DATA."""
+    """A read beyond the end of a log brings only the bytes up to the size in LOG_ENTRY."""
     entry = logclient.newest(vehicle)
     seen = logclient.data(vehicle, entry.id, max(0, entry.size - 40), 200)
     logclient.end_transfer(vehicle)
@@ -79,7 +79,7 @@ def unknown_id(vehicle: VehicleUnderTest) -> str:
     logclient.end_transfer(vehicle)
     received = [m for m in vehicle.since(mark, "LOG_DATA") if m.count]
     equal(len(received), 0, "LOG_DATA with bytes")
-    return "none"
+    return "no LOG_DATA with bytes"
 
 
 @check("logs.download_can_be_ended", limit_s=120)
@@ -107,7 +107,7 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
 
 @check("logs.erase", needs=[ALTER], limit_s=90)
 def erase(vehicle: VehicleUnderTest) -> str:
-    """LOG_ERASE removes all logs except the log in progress."""
+    """After LOG_ERASE the vehicle has at most one log, the log in progress."""
     before = len(logclient.entries(vehicle))
     logclient.end_transfer(vehicle)
     vehicle.send(mavlink.MAVLink_log_erase_message(*vehicle.target))

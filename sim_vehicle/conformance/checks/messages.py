@@ -20,7 +20,7 @@ def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
         try:
             vehicle.request(kind)
         except Skip as refusal:
-            # The known autopilots send all messages of `REQUESTED`.
+            # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
             if not vehicle.dialect.known or kind == "HOME_POSITION":
                 raise
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
@@ -110,7 +110,7 @@ def interval_reported(vehicle: VehicleUnderTest) -> str:
         mark = vehicle.mark()
         result = vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
         if result != mavlink.MAV_RESULT_ACCEPTED:
-            raise Skip(f"GET_MESSAGE_INTERVAL is {result_name(result)}")
+            raise Skip(f"the vehicle answers GET_MESSAGE_INTERVAL with {result_name(result)}")
         answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
         near(answer.interval_us, 250_000, 25_000, "interval_us")
     return f"{answer.interval_us} us"
@@ -126,7 +126,7 @@ def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
             vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
             != mavlink.MAV_RESULT_ACCEPTED
         ):
-            raise Skip("GET_MESSAGE_INTERVAL is not served")
+            raise Skip("the vehicle does not accept GET_MESSAGE_INTERVAL")
         answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
         holds(answer.interval_us <= 0, f"expected -1 or 0, saw {answer.interval_us}")
     return f"{answer.interval_us}"
@@ -142,7 +142,7 @@ def unknown_interval(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.interval.other_rates_are_kept")
 def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
-    """The interval of one message does not change the interval of another message."""
+    """Two messages with different intervals keep their rates."""
     with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
         vehicle.wait(1.0)
         mark = vehicle.wait(5.0)
@@ -174,7 +174,7 @@ def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int, start
 
 @check("messages.streams.position", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
 def stream_position(vehicle: VehicleUnderTest) -> str:
-    """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the requested rate."""
+    """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the rate, within 25 %."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
     vehicle.wait(1.0)
     mark = vehicle.wait(4.0)
@@ -186,7 +186,7 @@ def stream_position(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.streams.all", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: id 0, 4 Hz")
 def stream_all(vehicle: VehicleUnderTest) -> str:
-    """Stream id 0 at 4 Hz brings all usual messages."""
+    """Stream id 0 at 4 Hz brings position, attitude, SYS_STATUS, VFR_HUD and GPS_RAW_INT."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
     mark = vehicle.wait(3.0)
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0, 0)
@@ -198,7 +198,7 @@ def stream_all(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.streams.stop", dialects=("ardupilot",))
 def stream_stop(vehicle: VehicleUnderTest) -> str:
-    """start_stop 0 ends a stream."""
+    """REQUEST_DATA_STREAM with start_stop 0 ends a stream."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5, 1)
     vehicle.expect("ATTITUDE")
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
@@ -213,7 +213,7 @@ def stream_stop(vehicle: VehicleUnderTest) -> str:
     pins="AUTOPILOTS 2: streams flow without a request",
 )
 def default_streams(vehicle: VehicleUnderTest) -> str:
-    """PX4 streams attitude and position without a request."""
+    """PX4 streams attitude, position and SYS_STATUS without a request."""
     mark = vehicle.wait(4.0)
     seen = {entry.kind for entry in vehicle.received[mark:]}
     missing = {"ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS"} - seen

@@ -19,7 +19,7 @@ N_MANY_ITEMS = 100
 def is_accepted(vehicle: VehicleUnderTest) -> str:
     """A small mission is accepted."""
     done = plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    return f"{len(done.requests)} items in {done.took_s:.2f} s"
+    return f"{len(done.requests)} requests in {done.took_s:.2f} s"
 
 
 @check("mission.upload.asks_in_order")
@@ -45,7 +45,7 @@ def kind_of_request(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.upload.ack_is_addressed")
 def ack_is_addressed(vehicle: VehicleUnderTest) -> str:
-    """The acknowledgement names the station and the type."""
+    """The acknowledgement has the station's system id and the mission type."""
     ack = plans.upload_or_fail(vehicle, plans.sample_plan(vehicle)).ack
     equal((ack.target_system, ack.mission_type), (STATION[0], MISSION), "target and mission_type")
     return f"to {ack.target_system}"
@@ -53,18 +53,19 @@ def ack_is_addressed(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.upload.legacy_items", pins="AUTOPILOTS 2: legacy float items also taken")
 def legacy_items(vehicle: VehicleUnderTest) -> str:
-    """MISSION_ITEM with floats is accepted after MISSION_REQUEST, exact to 3 m."""
+    """An upload with MISSION_ITEM (floats) is accepted, and read back within 3 m."""
     items = plans.sample_plan(vehicle)
     done = plans.upload(vehicle, items, as_float=True)
     equal(mission_result_name(done.result), "ACCEPTED", "upload")
     for seen, sent in zip(plans.download(vehicle)[1:], items[1:], strict=True):
-        holds(plans.distance_m((seen.x, seen.y), (sent.x, sent.y)) < 3, f"item {seen.seq} is elsewhere")
+        off_m = plans.distance_m((seen.x, seen.y), (sent.x, sent.y))
+        holds(off_m < 3, f"item {seen.seq}: expected less than 3 m off, saw {off_m:.1f} m")
     return "ACCEPTED"
 
 
 @check("mission.upload.one_item")
 def one_item(vehicle: VehicleUnderTest) -> str:
-    """A mission of one take-off is accepted and read back."""
+    """A mission of one take-off is accepted, and the vehicle reports its item count."""
     items = plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)))
     plans.upload_or_fail(vehicle, items)
     equal(plans.count(vehicle), len(items), "items")
@@ -73,11 +74,11 @@ def one_item(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.upload.many_items", limit_s=180)
 def many_items(vehicle: VehicleUnderTest) -> str:
-    """A mission of 100 items is uploaded and read back unchanged."""
+    """A mission of 100 items is accepted, and its commands and positions are read back exactly."""
     items = plans.sample_plan(vehicle, N_MANY_ITEMS, 30.0)
     done = plans.upload_or_fail(vehicle, items)
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
-    return f"{len(items)} up in {done.took_s:.2f} s"
+    return f"{len(items)} items in {done.took_s:.2f} s"
 
 
 @check("mission.upload.replaces")
@@ -87,22 +88,23 @@ def replaces(vehicle: VehicleUnderTest) -> str:
     items = plans.sample_plan(vehicle, 3)
     plans.upload_or_fail(vehicle, items)
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
-    return f"{len(items)} items left"
+    return f"{len(items)} items"
 
 
 @check("mission.upload.no_items")
 def zero_items(vehicle: VehicleUnderTest) -> str:
-    """MISSION_COUNT 0 is accepted and empties the mission."""
+    """MISSION_COUNT 0 is accepted and leaves at most home."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     done = plans.upload_or_fail(vehicle, [])
     equal(done.requests, (), "requests")
-    holds(plans.count(vehicle) <= int(vehicle.dialect.home_item), "items are left")
+    n_items = plans.count(vehicle)
+    holds(n_items <= int(vehicle.dialect.home_item), f"{n_items} items are stored")
     return "ACCEPTED"
 
 
 @check("mission.upload.is_announced_twice")
 def announced_twice(vehicle: VehicleUnderTest) -> str:
-    """A repeated announcement, as after a lost request, does not disturb the upload."""
+    """A repeated MISSION_COUNT, as after a lost request, does not disturb the upload."""
     items = plans.sample_plan(vehicle)
     vehicle.send(plans.count_message(vehicle, len(items)))
     vehicle.wait(0.1)
@@ -137,7 +139,7 @@ def places_are_exact(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.download.is_numbered")
 def is_numbered(vehicle: VehicleUnderTest) -> str:
-    """Each item carries its number, the type and the station's address."""
+    """Each item has its sequence number, the mission type and the station's system id."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     back = plans.download(vehicle)
     equal([item.seq for item in back], list(range(len(back))), "seq")
@@ -149,19 +151,19 @@ def is_numbered(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.download.legacy_request")
 def legacy_request(vehicle: VehicleUnderTest) -> str:
-    """MISSION_REQUEST is answered by MISSION_ITEM with floats."""
+    """MISSION_REQUEST is answered by MISSION_ITEM (floats), within 3 m of the uploaded position."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     for seen, sent in zip(plans.download(vehicle, as_float=True)[1:], items[1:], strict=True):
         away_m = plans.distance_m((round(seen.x * 1e7), round(seen.y * 1e7)), (sent.x, sent.y))
-        holds(away_m < 3, f"item {seen.seq} is {away_m:.1f} m off")
+        holds(away_m < 3, f"item {seen.seq}: expected less than 3 m off, saw {away_m:.1f} m")
     return "MISSION_ITEM"
 
 
 @check("mission.download.same_twice")
 def same_twice(vehicle: VehicleUnderTest) -> str:
-    """Two downloads give the same items, apart from home."""
+    """Two downloads give the same items, apart from item 0."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     first, second = ([item.to_dict() for item in plans.download(vehicle)[1:]] for _ in range(2))
     equal(second, first, "items")
@@ -202,7 +204,7 @@ def item_zero(vehicle: VehicleUnderTest) -> str:
     if is_home:
         home = vehicle.request("HOME_POSITION")
         away_m = plans.distance_m((first.x, first.y), (home.latitude, home.longitude))
-        holds(away_m < 1, f"expected home, saw a place {away_m:.0f} m from home")
+        holds(away_m < 1, f"expected home, saw a position {away_m:.0f} m from home")
     else:
         equal((first.x, first.y), (sent.x, sent.y), "item 0")
     return "home" if is_home else "as sent"
@@ -244,9 +246,9 @@ def empties(vehicle: VehicleUnderTest) -> str:
     """MISSION_CLEAR_ALL is accepted and leaves at most home."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     equal(mission_result_name(plans.clear(vehicle)), "ACCEPTED", "MISSION_CLEAR_ALL")
-    left = plans.count(vehicle)
-    holds(left <= int(vehicle.dialect.home_item), f"{left} items are left")
-    return f"{left} items left"
+    n_items = plans.count(vehicle)
+    holds(n_items <= int(vehicle.dialect.home_item), f"{n_items} items are stored")
+    return f"{n_items} items stored"
 
 
 @check("mission.clear.when_empty")
@@ -259,14 +261,14 @@ def when_empty(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.clear.all_types", pins="AUTOPILOTS 2: types 2 / 3 / 255")
 def clear_all_types(vehicle: VehicleUnderTest) -> str:
-    """Type 255 clears all plans on PX4; ArduPilot answers UNSUPPORTED and clears nothing."""
+    """MISSION_CLEAR_ALL of type 255 clears the mission on PX4, and is UNSUPPORTED on ArduPilot."""
     clears = known_behaviour(vehicle, ardupilot=False, px4=True)
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     message = plans.clear_message(vehicle, mavlink.MAV_MISSION_TYPE_ALL)
     ack = vehicle.ask(message, "MISSION_ACK")
     equal(mission_result_name(ack.type), "ACCEPTED" if clears else "UNSUPPORTED", "MISSION_CLEAR_ALL of 255")
-    equal(plans.count(vehicle), 0 if clears else len(items), "items left")
+    equal(plans.count(vehicle), 0 if clears else len(items), "stored items")
     return mission_result_name(ack.type)
 
 

@@ -24,7 +24,7 @@ def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
 
 @check("mission.current.total", pins="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
 def current_total(vehicle: VehicleUnderTest) -> str:
-    """MISSION_CURRENT.total is the number of items without home."""
+    """MISSION_CURRENT.total is the number of items without home; an unknown autopilot may report 0."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     total = _current(vehicle).total
@@ -47,7 +47,7 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.current.state", pins="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def current_state(vehicle: VehicleUnderTest) -> str:
-    """An upload changes mission_state from NO_MISSION to NOT_STARTED; PX4 always reports 0."""
+    """An upload changes mission_state from NO_MISSION to NOT_STARTED or COMPLETE; PX4 always reports 0."""
     empty, waiting = known_behaviour(vehicle, ardupilot=(1, 2), px4=(0, 0))
     plans.clear(vehicle)
     vehicle.wait(0.5)
@@ -55,10 +55,8 @@ def current_state(vehicle: VehicleUnderTest) -> str:
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     vehicle.wait(0.5)
     state = _current(vehicle).mission_state
-    holds(
-        state == waiting or (vehicle.dialect.name == "ardupilot" and state == 5),
-        f"expected {waiting}, saw {state}",
-    )
+    allowed = (waiting, mavlink.MISSION_STATE_COMPLETE) if vehicle.dialect.name == "ardupilot" else (waiting,)
+    holds(state in allowed, f"mission_state: expected one of {allowed}, saw {state}")
     return f"{empty}, {state}"
 
 
@@ -75,13 +73,13 @@ def set_by_message(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.current.beyond_the_end")
 def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
-    """MISSION_SET_CURRENT of a missing item changes nothing."""
+    """MISSION_SET_CURRENT of a missing item does not make it current."""
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, len(items) + 10))
     vehicle.wait(1.5)
     seq = _current(vehicle).seq
-    holds(seq < len(items), f"expected an item below {len(items)}, saw {seq}")
+    holds(seq < len(items), f"current item: expected less than {len(items)}, saw {seq}")
     return f"seq {seq}"
 
 
@@ -116,10 +114,10 @@ def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     "mission.current.command_restart", dialects=("ardupilot",), pins="AUTOPILOTS 2: 0 = restart (goes to 1)"
 )
 def command_restart(vehicle: VehicleUnderTest) -> str:
-    """DO_SET_MISSION_CURRENT 0 is accepted."""
+    """DO_SET_MISSION_CURRENT 0 is accepted, and item 0 or 1 becomes current."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     equal(result_name(vehicle.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0)), "ACCEPTED", "index 0")
     seq = _current(vehicle).seq
     if seq > 1:
-        raise CheckFailed(f"expected 0 or 1, saw {seq}")
+        raise CheckFailed(f"current item: expected 0 or 1, saw {seq}")
     return f"seq {seq}"

@@ -1,4 +1,4 @@
-"""Refused missions, and the error codes of the refusals."""
+"""Results of uploads with invalid or unusual items."""
 
 import math
 from collections.abc import Callable
@@ -12,29 +12,29 @@ from sim_vehicle.conformance.plans import MISSION, PlanItem
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
-NO_SUCH_ITEM = 31_900
+NO_SUCH_COMMAND = 31_900
 
 
-def _outcome(vehicle: VehicleUnderTest, bad: PlanItem) -> str:
+def _outcome(vehicle: VehicleUnderTest, item: PlanItem) -> str:
     """Return the result of an upload of a take-off and this item."""
-    done = plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)), bad))
+    done = plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)), item))
     return mission_result_name(done.result)
 
 
-def _refused(
-    change: Callable[[PlanItem], PlanItem], about: str, **outcomes: str | None
+def _outcome_check(
+    change: Callable[[PlanItem], PlanItem], content: str, **outcomes: str | None
 ) -> Callable[[VehicleUnderTest], str]:
     def run(vehicle: VehicleUnderTest) -> str:
         expected = known_behaviour(vehicle, **outcomes)
         seen = _outcome(vehicle, change(plans.waypoint(plans.current_position(vehicle), 30, 0)))
-        equal(seen, expected, about)
+        equal(seen, expected, content)
         return seen
 
-    run.__doc__ = f"A mission with {about}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}."
+    run.__doc__ = f"A mission with {content}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}."
     return run
 
 
-_ERRORS: tuple[tuple[str, str, Callable[[PlanItem], PlanItem], dict[str, str]], ...] = (
+_CASES: tuple[tuple[str, str, Callable[[PlanItem], PlanItem], dict[str, str]], ...] = (
     ("nan_param1", "NaN as parameter 1", lambda i: replace(i, params=(math.nan, 0, 0, 0)),
      {"ardupilot": "INVALID_PARAM1"}),
     ("nan_param2", "NaN as parameter 2", lambda i: replace(i, params=(0, math.nan, 0, 0)),
@@ -59,9 +59,9 @@ _ERRORS: tuple[tuple[str, str, Callable[[PlanItem], PlanItem], dict[str, str]], 
 )  # fmt: skip
 
 
-for _name, _about, _change, _outcomes in _ERRORS:
+for _name, _content, _change, _outcomes in _CASES:
     check(f"mission.error.{_name}", dialects=tuple(_outcomes), pins="AUTOPILOTS 2: error codes")(
-        _refused(_change, _about, **_outcomes)
+        _outcome_check(_change, _content, **_outcomes)
     )
 
 
@@ -70,7 +70,7 @@ def unknown_command(vehicle: VehicleUnderTest) -> str:
     """An item with an unknown command is UNSUPPORTED."""
     equal(
         _outcome(
-            vehicle, replace(plans.waypoint(plans.current_position(vehicle), 30, 0), command=NO_SUCH_ITEM)
+            vehicle, replace(plans.waypoint(plans.current_position(vehicle), 30, 0), command=NO_SUCH_COMMAND)
         ),
         "UNSUPPORTED",
         "item",
@@ -80,15 +80,15 @@ def unknown_command(vehicle: VehicleUnderTest) -> str:
 
 @check("mission.error.unknown_frame", pins="AUTOPILOTS 2: frame UNSUPPORTED_FRAME(2)")
 def unknown_frame(vehicle: VehicleUnderTest) -> str:
-    """A waypoint in an unsupported frame is UNSUPPORTED_FRAME."""
-    bad = plans.waypoint(plans.current_position(vehicle), 30, 0, frame=mavlink.MAV_FRAME_BODY_NED)
-    equal(_outcome(vehicle, bad), "UNSUPPORTED_FRAME", "item")
+    """A waypoint in MAV_FRAME_BODY_NED is UNSUPPORTED_FRAME."""
+    item = plans.waypoint(plans.current_position(vehicle), 30, 0, frame=mavlink.MAV_FRAME_BODY_NED)
+    equal(_outcome(vehicle, item), "UNSUPPORTED_FRAME", "item")
     return "UNSUPPORTED_FRAME"
 
 
 @check("mission.error.too_many", pins="AUTOPILOTS 2: too many NO_SPACE(4)", limit_s=40)
 def too_many(vehicle: VehicleUnderTest) -> str:
-    """A mission of 3000 items is NO_SPACE on ArduPilot; PX4 requests the first item."""
+    """MISSION_COUNT 3000 is refused with NO_SPACE by ArduPilot; PX4 requests the first item."""
     refuses = known_behaviour(vehicle, ardupilot=True, px4=False)
     mark = vehicle.mark()
     vehicle.send(plans.count_message(vehicle, 3000))
