@@ -1,4 +1,4 @@
-"""The links of a fleet, with a module for each transport; links do not decode MAVLink."""
+"""The links of a fleet. Each transport has a module; links do not decode MAVLink."""
 
 from collections.abc import Collection
 
@@ -11,12 +11,12 @@ __all__ = ["Batch", "Link", "LinkCallbacks", "LinkError", "make_link"]
 
 
 def make_link(url: Url, callbacks: LinkCallbacks, *, vehicles: Collection[int]) -> Link:
-    """Return the unopened link of a URL for these vehicle indices."""
-    if url.serial:
+    """Return the unopened link of a URL that carries the vehicles with these indices."""
+    if url.is_serial:
         from sim_vehicle.links.serial import SerialLink  # noqa: PLC0415 - pyserial is rarely needed
 
         return SerialLink(url, callbacks)
-    if url.udp:
+    if url.is_udp:
         return UdpIn(url, callbacks) if url.listens else UdpOut(url, callbacks, vehicles)
     single_vehicle = len(vehicles) == 1
     return (

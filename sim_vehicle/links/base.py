@@ -1,7 +1,4 @@
-"""The protocol of transports, their errors and addresses.
-
-The links' only clock is the clock of their event loop.
-"""
+"""The protocol of links, their errors and addresses. Links read the time only from their event loop."""
 
 import errno
 import socket
@@ -11,11 +8,11 @@ from typing import Any, Protocol
 
 from sim_vehicle.links.url import Url
 
-ACTIVE_S = 10.0  # silence after which a ground station is not counted
+ACTIVE_S = 10.0  # silence after which a ground station on UDP is not counted
 RECEIVE_BYTES = 8192  # bytes read at once; the rest of a longer datagram is lost
-DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # limits of one read, so that other sockets are served
-RETRY_S = 1.0  # time between two attempts to restore a link
-SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # temporary shortages
+DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # limits of one UDP callback, so that other sockets get time
+RETRY_S = 1.0  # time between two attempts to restore a link (TCP client: `RECONNECT_S`)
+SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # descriptors or memory
 Address = tuple[Any, ...]  # in the form of the socket module
 Batch = Sequence[tuple[int, bytes]]  # (index of the vehicle, whole frames)
 
@@ -29,9 +26,9 @@ class LinkCallbacks:
     """The functions that a link calls."""
 
     received: Callable[[bytes, Hashable, Collection[int] | None], None]
-    """receiver of bytes, their sender, and the addressed vehicles (None: all vehicles of the link)"""
+    """receiver of bytes, their peer, and the addressed vehicles (None: all vehicles of the link)"""
     ended: Callable[[Hashable], None]
-    """receiver of a sender whose stream has ended"""
+    """receiver of a peer that the link has closed or removed"""
     warn: Callable[[str], None]
     """receiver of a line for the operator"""
 
@@ -53,13 +50,13 @@ class Link(Protocol):
         """React to the end of a vehicle's reboot."""
 
     def stations(self) -> int:
-        """Return the number of ground stations."""
+        """Return the number of ground stations (UDP: of peers that sent data within `ACTIVE_S`)."""
 
     def close(self) -> None: ...
 
 
 def resolve(url: Url, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Address]:
-    """Return family and address of a URL's host. Raises LinkError for an unknown host."""
+    """Return the socket family and address of a URL. Raises LinkError for an unknown host."""
     flags = socket.AI_PASSIVE if url.listens else 0
     try:
         found = socket.getaddrinfo(url.host, url.port, type=kind, flags=flags)

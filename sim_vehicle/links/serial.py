@@ -10,12 +10,12 @@ from sim_vehicle.links.base import RETRY_S, Batch, LinkCallbacks, LinkError
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.url import Url
 
-BACKLOG_S = 0.5  # transmission time of the longest backlog; a longer backlog only delays telemetry
+BACKLOG_S = 0.5  # transmission time of the longest backlog above 4096 bytes; more only delays telemetry
 BITS_PER_BYTE = 10  # on the line, with start and stop bit
 
 
 class SerialLink:
-    """A serial device, reopened after a disconnection; frames beyond the backlog are dropped."""
+    """A serial device, reopened after a disconnection; frames beyond the backlog limit are dropped."""
 
     def __init__(self, url: Url, callbacks: LinkCallbacks) -> None:
         self._url, self._callbacks = url, callbacks

@@ -1,4 +1,4 @@
-"""A connected byte stream on the event loop, with whole frames and a limited backlog."""
+"""A connected byte stream on the event loop, with a limited backlog of whole frames."""
 
 import asyncio
 from collections.abc import Callable
@@ -46,16 +46,16 @@ class Stream:
             self._end("closed by the other end")
 
     def send(self, batch: Batch) -> None:
-        """Send a batch in order; drop frames beyond the backlog limit."""
+        """Send a batch in order; drop chunks beyond the backlog limit."""
         if not self._open:
             return
-        waiting = bool(self._backlog)
+        had_backlog = bool(self._backlog)
         for _, data in batch:
             if len(self._backlog) + len(data) > self._limit:
                 self.dropped += 1
             else:
                 self._backlog += data
-        if not waiting:
+        if not had_backlog:
             self._progress_s = self._loop.time()
             self._flush()
         elif self._loop.time() - self._progress_s > STALLED_S:

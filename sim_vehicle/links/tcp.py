@@ -21,15 +21,15 @@ class _Connections:
 
     def __init__(self, url: Url, callbacks: LinkCallbacks) -> None:
         self._url, self._callbacks = url, callbacks
-        self._open: dict[Stream, tuple[socket.socket, Hashable]] = {}
+        self._streams: dict[Stream, tuple[socket.socket, Hashable]] = {}
         self._dropped = 0  # chunks dropped on ended connections
 
     @property
     def dropped(self) -> int:
-        return self._dropped + sum(stream.dropped for stream in self._open)
+        return self._dropped + sum(stream.dropped for stream in self._streams)
 
     def stations(self) -> int:
-        return len(self._open)
+        return len(self._streams)
 
     def _add(self, connected: socket.socket, peer: Hashable) -> None:
         connected.setblocking(False)
@@ -48,27 +48,27 @@ class _Connections:
             received=lambda data: self._received(data, peer),
             ended=ended,
         )
-        self._open[stream] = connected, peer
+        self._streams[stream] = connected, peer
 
     def _received(self, data: bytes, peer: Hashable) -> None:
         self._callbacks.received(data, peer, None)
 
     def _ended(self) -> None:
-        """React to the end of a connection."""
+        """React to a connection that has ended, but not to a connection that this link closes."""
 
     def _remove(self, stream: Stream) -> None:
         self._dropped += stream.dropped
         stream.detach()
-        connected, peer = self._open.pop(stream)
+        connected, peer = self._streams.pop(stream)
         connected.close()
         self._callbacks.ended(peer)
 
     def send(self, batch: Batch) -> None:
-        for stream in list(self._open):
+        for stream in list(self._streams):
             stream.send(batch)
 
     def _close_connections(self) -> None:
-        for stream in list(self._open):
+        for stream in list(self._streams):
             self._remove(stream)
 
 
@@ -103,13 +103,14 @@ class TcpIn(_Connections):
     def _accept(self, server: socket.socket) -> None:
         try:
             connected, address = server.accept()
-        except OSError as error:  # the client has disconnected
+        except OSError as error:  # the client has disconnected, or a shortage
             if error.errno in SHORTAGES:
                 self._pause(server, error)
             return
-        if len(self._open) >= MAX_CLIENTS:
+        if len(self._streams) >= MAX_CLIENTS:
             self._callbacks.warn(
-                f"{self._url}: {MAX_CLIENTS} clients are connected; the link refused another client [refused]"
+                f"{self._url}: the link refused a client, because {MAX_CLIENTS} clients are connected; "
+                "disconnect another client first [refused]"
             )
             connected.close()
         else:
@@ -142,7 +143,7 @@ class TcpIn(_Connections):
 
 
 class TcpOut(_Connections):
-    """A client that reconnects, and warns once of an absent server until the server has sent data."""
+    """A client that reconnects. After a warning, failures are silent until the server has sent data."""
 
     def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
         super().__init__(url, callbacks)
@@ -176,15 +177,15 @@ class TcpOut(_Connections):
 
     def _finish_connecting(self, connecting: socket.socket) -> None:
         asyncio.get_running_loop().remove_writer(connecting)
-        number = connecting.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        error_number = connecting.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         try:
             # On loopback a client can connect to itself.
-            if not number and connecting.getsockname() == connecting.getpeername():
-                number = errno.ECONNREFUSED
+            if not error_number and connecting.getsockname() == connecting.getpeername():
+                error_number = errno.ECONNREFUSED
         except OSError as error:  # the connection has ended
-            number = error.errno or errno.ENOTCONN
-        if number:
-            self._failed(os.strerror(number))
+            error_number = error.errno or errno.ENOTCONN
+        if error_number:
+            self._failed(os.strerror(error_number))
         else:
             self._connecting = None
             self._add(connecting, self._url)
@@ -200,7 +201,7 @@ class TcpOut(_Connections):
         if not self._warned:
             self._warned = True
             self._callbacks.warn(
-                f"{self._url}: no server ({reason}); the link retries every {RECONNECT_S:g} s [no-server]"
+                f"{self._url}: no connection ({reason}); the link retries every {RECONNECT_S:g} s [no-server]"
             )
         self._schedule_retry()
 
@@ -211,7 +212,7 @@ class TcpOut(_Connections):
         self._retry_timer = asyncio.get_running_loop().call_later(RECONNECT_S, self._connect)
 
     def rebooted(self, index: int) -> None:
-        if self._single_vehicle and self._open:
+        if self._single_vehicle and self._streams:
             self._close_connections()
             self._schedule_retry()
 

@@ -1,7 +1,7 @@
-"""UDP to one address or to every known sender; one datagram has whole frames of one vehicle.
+"""UDP to one address or to every recent sender; each sent datagram has whole frames of one vehicle.
 
 Sockets are used directly, because a transport of the event loop costs more time. A datagram that does not fit
-into the kernel's buffer is dropped and counted.
+into the kernel's send buffer is dropped and counted.
 """
 
 import asyncio
@@ -41,17 +41,17 @@ class UdpOut:
         self._vehicles = frozenset(vehicles)
         self._address: Address = ()
         self._family = socket.AF_INET
-        self._shared: socket.socket | None = None
-        self._sharing: frozenset[int] | None = None  # vehicles that use `_shared`; None: all vehicles
-        # Sockets of rebooted vehicles; None: no socket is available yet, so the vehicle is silent.
-        self._own: dict[int, socket.socket | None] = {}
+        self._shared_socket: socket.socket | None = None
+        self._sharing_vehicles: frozenset[int] | None = None  # None: all vehicles
+        # By rebooted vehicle; None: no socket is available yet, so the vehicle is silent.
+        self._vehicle_sockets: dict[int, socket.socket | None] = {}
         self._retry_timer: asyncio.TimerHandle | None = None
         self._received_s: float | None = None
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_DGRAM)
         try:
-            self._shared = self._open_socket(None)
+            self._shared_socket = self._open_socket(None)
         except OSError as error:
             raise cannot_open(self._url, error) from error
 
@@ -76,39 +76,39 @@ class UdpOut:
             except OSError:  # the other end has no listener yet
                 continue
             self._received_s = asyncio.get_running_loop().time()
-            # A message sent to all known addresses reaches each vehicle once.
-            self._callbacks.received(data, (self._url, index), self._sharing if index is None else (index,))
+            reach = self._sharing_vehicles if index is None else (index,)  # each vehicle has one socket
+            self._callbacks.received(data, (self._url, index), reach)
             remaining_bytes -= len(data)
-            if opened.fileno() < 0 or remaining_bytes <= 0:  # closed by the message, or a flood
+            if opened.fileno() < 0 or remaining_bytes <= 0:  # closed by the callback, or a flood
                 return
 
     def send(self, batch: Batch) -> None:
         for index, data in batch:
-            to = self._own.get(index, self._shared)
-            if to is None:
+            opened = self._vehicle_sockets.get(index, self._shared_socket)
+            if opened is None:
                 continue
             try:
-                to.send(data)
+                opened.send(data)
             except BlockingIOError:
                 self.dropped += 1
             except OSError:  # the error of an earlier datagram
-                self._send_again(to, data)
+                self._send_again(opened, data)
 
-    def _send_again(self, to: socket.socket, data: bytes) -> None:
+    def _send_again(self, opened: socket.socket, data: bytes) -> None:
         try:
-            to.send(data)
+            opened.send(data)
         except BlockingIOError:
             self.dropped += 1
         except OSError:  # unreachable: lost, as on a real vehicle
             pass
 
     def rebooted(self, index: int) -> None:
-        _close_socket(self._own.get(index))
-        self._own[index] = None
-        self._sharing = self._vehicles - self._own.keys()
-        if not self._sharing:
-            _close_socket(self._shared)
-            self._shared = None
+        _close_socket(self._vehicle_sockets.get(index))
+        self._vehicle_sockets[index] = None
+        self._sharing_vehicles = self._vehicles - self._vehicle_sockets.keys()
+        if not self._sharing_vehicles:
+            _close_socket(self._shared_socket)
+            self._shared_socket = None
         if self._retry_timer is None:
             self._open_missing_sockets()
 
@@ -116,15 +116,15 @@ class UdpOut:
         """Open the missing sockets; after a failure, retry in `RETRY_S`."""
         tried_before, self._retry_timer = self._retry_timer is not None, None
         try:
-            for index in [index for index, opened in self._own.items() if opened is None]:
-                self._own[index] = self._open_socket(index)
+            for index in [index for index, opened in self._vehicle_sockets.items() if opened is None]:
+                self._vehicle_sockets[index] = self._open_socket(index)
         except OSError as error:
             self._retry_timer = asyncio.get_running_loop().call_later(RETRY_S, self._open_missing_sockets)
             if not tried_before:
                 reason = error.strerror or error
                 self._callbacks.warn(
-                    f"{self._url}: no socket for a rebooted vehicle ({reason}); "
-                    f"the link retries every {RETRY_S:g} s [no-socket]"
+                    f"{self._url}: no socket for a rebooted vehicle ({reason}); the vehicle is silent, "
+                    f"and the link retries every {RETRY_S:g} s [no-socket]"
                 )
 
     def stations(self) -> int:
@@ -135,10 +135,10 @@ class UdpOut:
     def close(self) -> None:
         if self._retry_timer is not None:
             self._retry_timer.cancel()
-        for opened in (self._shared, *self._own.values()):
+        for opened in (self._shared_socket, *self._vehicle_sockets.values()):
             _close_socket(opened)
-        self._shared = None
-        self._own.clear()
+        self._shared_socket = None
+        self._vehicle_sockets.clear()
 
 
 class UdpIn:

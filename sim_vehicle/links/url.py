@@ -1,11 +1,11 @@
-"""URLs of links, such as `udpout:127.0.0.1:14550` or `serial:/dev/ttyUSB0:57600`; // is optional."""
+"""URLs of links, such as `udpout:127.0.0.1:14550`, `tcpin://0.0.0.0:5760`, `serial:/dev/ttyUSB0:57600`."""
 
 import re
 from dataclasses import dataclass, replace
 
 FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD"
-KINDS = ("udpout", "udpin", "tcpin", "tcpout")
-_ALIASES = {"tcp": "tcpout", "tcpclient": "tcpout", "tcpserver": "tcpin", "": "udpout"}  # of other tools
+NETWORK_KINDS = ("udpout", "udpin", "tcpin", "tcpout")
+_ALIASES = {"tcp": "tcpout", "tcpclient": "tcpout", "tcpserver": "tcpin", "": "udpout"}
 _AMBIGUOUS = {"udp": "use udpout:HOST:PORT to send, or udpin:HOST:PORT to listen"}
 _NETWORK = re.compile(r"(?:(?P<kind>[a-z]+):(?://)?)?(?P<host>\[[^\]\s]*\]|[^:/\[\]\s]*):(?P<port>\d+)/?")
 _SERIAL = re.compile(r"serial:(?://(?=/))?(?P<device>[^:\s]+):(?P<baud>\d+)")
@@ -14,12 +14,12 @@ MAX_BAUD = 12_500_000
 
 
 class UrlError(ValueError):
-    """An unusable URL; the text has the expected form."""
+    """An unusable URL; the text has the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Url:
-    """The URL of a link; of a serial line `host` is the device and `port` the baud rate."""
+    """The URL of a link; for a serial line `host` is the device and `port` the baud rate."""
 
     kind: str
     host: str
@@ -29,11 +29,11 @@ class Url:
         return f"{self.kind} {f'[{self.host}]' if ':' in self.host else self.host}:{self.port}"
 
     @property
-    def udp(self) -> bool:
+    def is_udp(self) -> bool:
         return self.kind.startswith("udp")
 
     @property
-    def serial(self) -> bool:
+    def is_serial(self) -> bool:
         return self.kind == "serial"
 
     @property
@@ -55,7 +55,7 @@ def parse_url(text: str) -> Url:
     if kind in _AMBIGUOUS:
         raise UrlError(f"--url {text!r}: {kind} is ambiguous; {_AMBIGUOUS[kind]}")
     kind = _ALIASES.get(kind, kind)
-    if match is None or kind not in KINDS or not (match["kind"] or match["host"]):
+    if match is None or kind not in NETWORK_KINDS or not (match["kind"] or match["host"]):
         raise UrlError(f"--url {text!r}: unknown form; expected {FORMS}")
     port = int(match["port"])
     if not 0 < port <= MAX_PORT:

@@ -1,6 +1,6 @@
 """`Personality`: the differences between autopilots; `Vehicle`: the vehicle as its parts use it.
 
-Only personalities know parameter names: each converts its own parameters to `FlightParameters` in SI units.
+Each personality converts its own parameters to `FlightParameters` in SI units.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -169,14 +169,14 @@ class Personality:
     # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
     acknowledges_set_mode: bool  # the SET_MODE message
-    home_item: bool  # item 0 of a mission is home
+    home_item: bool  # item 0 of a mission is home; a mission on the ground must begin with a take-off
     empty_mission_total: int  # MISSION_CURRENT.total with no mission
-    reports_mission_state: bool  # False: mission_state is always 0
+    reports_mission_state: bool  # False: mission_state and mission_mode are always 0
     texts: Mapping[str, tuple[int, str]]  # event -> (MAV_SEVERITY, template); other events have no text
     streams: Mapping[int, tuple[int, ...]]  # MAV_DATA_STREAM -> message ids
     default_rates_hz: Mapping[int, float]  # message id -> default rate
     unsupported_messages: frozenset[int]  # messages of telemetry.STREAMS that this autopilot does not send
-    one_shot_messages: Mapping[int, OneShotMessage]  # additional messages on request
+    one_shot_messages: Mapping[int, OneShotMessage]  # replace or extend the common messages on request
     store_item: Callable[[Item], Item | int]  # stored item, or MAV_MISSION_RESULT
     max_mission_items: int
     transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol
@@ -187,36 +187,36 @@ class Personality:
     # (global target, local target) reported in the present mode
     targets: Callable[[Vehicle], tuple[bool, bool]]
     # features of one autopilot only
-    parameter_bits: Mapping[str, int] = field(default_factory=dict)  # of integers other than 32 bits
+    parameter_bits: Mapping[str, int] = field(default_factory=dict)  # width of integers; default 32
     mission: Callable[[Vehicle], Mission] | None = None  # None: a mission with home as item 0
-    mission_ends_in: Behaviour | None = None  # mode after a mission in the air
-    rereads_mode_switch: bool = True  # reads the mode switch after a boot, which undoes a mode change
-    active_when_armed: bool = False  # MAV_STATE_ACTIVE already when armed on the ground
-    fence_limits_latch: bool = False  # enabling the fence fixes its limits
+    mission_ends_in: Behaviour | None = None  # behaviour after a mission that ends in the air
+    rereads_mode_switch: bool = True  # after a boot, the mode switch undoes mode changes while disarmed
+    active_when_armed: bool = False  # MAV_STATE_ACTIVE when armed on the ground, CRITICAL only if armed
+    fence_limits_latch: bool = False  # only limits that were set when the fence was enabled are enforced
     force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
     # reasons against a forced arming
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
     landing_disarms: bool = True  # disarms at touchdown; False: after FlightParameters.disarm_landed_s
     stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
-    disarm_restores_mode: bool = False  # disarming restores the last armable mode
+    disarm_restores_mode: bool = False  # disarming restores the last armable mode, except after a termination
     answers_ping: bool = False  # answers PING without a target
     home_is_local: bool = False  # HOME_POSITION also has local coordinates
     home_with_position: bool = False  # home is set with the position estimate, not before
     origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; False: only sets a missing origin
     flight_counter: str | None = None  # name of the parameter that counts flights
-    failsafe_disarms: bool = False  # a failsafe stops the motors on the ground
+    failsafe_disarms: bool = False  # a failsafe on the ground stops the motors (FailsafeAction.WARN does not)
     # custom_mode of the actions without a Behaviour
     failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)
-    # starts the landing of the mission, returns False if impossible; None: a landing mode exists
+    # starts the landing of the mission, returns False if impossible; None: the autopilot has a mode for it
     start_landing: Callable[[Vehicle, float], bool] | None = None
-    # returns the mission items of a return, and the initial altitude [m above mean sea level];
-    # returns None for a return to home or a rally point
+    # returns the mission items that a return flies, and the altitude of the climb before them [m above mean
+    # sea level]; returns None for a return to home or a rally point
     return_by_mission: Callable[[Vehicle], tuple[Sequence[Item], float] | None] = lambda _vehicle: None
     battery_latches: bool = False  # checks the battery only while armed; a failsafe lasts until a reboot
     body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
-    gps_present_in_use: bool = False  # SYS_STATUS reports GPS only while the estimator uses GPS
+    gps_present_with_fix: bool = False  # SYS_STATUS lists GPS as present only with a fix
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
         """Return the mode for an automatic change to a behaviour; raise KeyError if no mode fits."""

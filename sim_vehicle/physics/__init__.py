@@ -1,1 +1,1 @@
-"""Physics of the fleet as arrays over all vehicles, and `Body`, one vehicle's access to them. Pure."""
+"""Physics of the fleet as arrays over all vehicles. `Body` is one vehicle's access to these arrays."""

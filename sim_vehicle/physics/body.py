@@ -77,7 +77,7 @@ class Body:
 
     @property
     def reached(self) -> bool:
-        """True once the present target has been reached."""
+        """True once the vehicle has reached the present target."""
         return bool(self._motion.reached[self._index])
 
     @property
@@ -222,8 +222,8 @@ class Body:
         speed = math.hypot(east, north)
         if not _finite(speed, up):
             return
-        within = min(1.0, float(motion.speed_m_s[i]) / max(speed, 1e-9))
-        motion.wanted_velocity[:, i] = (east * within, north * within)
+        scale = min(1.0, float(motion.speed_m_s[i]) / max(speed, 1e-9))
+        motion.wanted_velocity[:, i] = (east * scale, north * scale)
         motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(up, float(motion.climb_m_s[i])))
         here = self.position_m
         motion.target[:, i] = here
@@ -241,7 +241,7 @@ class Body:
         yaw_rad: float | None = None,
         yaw_rate_rad_s: float | None = None,
     ) -> None:
-        """Tilt a copter so that its thrust accelerates it east, north [m/s2]; drag is not compensated."""
+        """Tilt a copter to an acceleration by thrust east, north [m/s2]; drag is not compensated."""
         i, motion = self._index, self._motion
         if not _finite(*acceleration_m_s2, climb_m_s):
             return
@@ -259,7 +259,7 @@ class Body:
             self._motion.rate_m_s[self._index] = rate_m_s
 
     def face(self, heading_rad: float | None, rate_rad_s: float | None = None) -> None:
-        """Turn a copter to a heading, at most at a rate; heading None: along its legs."""
+        """Turn a copter to a heading, not faster than `rate_rad_s`; heading None: along its legs."""
         i, motion = self._index, self._motion
         motion.wanted_yaw_rate_rad_s[i] = 0.0
         motion.yaw_rate_limit_rad_s[i] = math.inf
@@ -269,7 +269,7 @@ class Body:
             if rate_rad_s is not None and rate_rad_s > 0:
                 motion.yaw_rate_limit_rad_s[i] = rate_rad_s
         elif motion.order[i] == MotionOrder.POSITION and not motion.reached[i]:
-            self._face_along()
+            self._face_along_leg()
 
     def limit(
         self,
@@ -279,7 +279,7 @@ class Body:
         descent_m_s: float | None = None,
         acceleration_m_s2: float | None = None,
         vertical_acceleration_m_s2: float | None = None,
-        radius_m: float | None = None,
+        acceptance_radius_m: float | None = None,
         yaw_rate_deg_s: float | None = None,
         airspeed_min_m_s: float | None = None,
         airspeed_max_m_s: float | None = None,
@@ -297,7 +297,7 @@ class Body:
             (motion.descent_m_s, descent_m_s, SPEED_RANGE_M_S),
             (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATION_RANGE_M_S2),
             (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATION_RANGE_M_S2),
-            (motion.acceptance_radius_m, radius_m, RADIUS_RANGE_M),
+            (motion.acceptance_radius_m, acceptance_radius_m, RADIUS_RANGE_M),
             (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATE_RANGE_RAD_S),
             (motion.airspeed_min_m_s, airspeed_min_m_s, SPEED_RANGE_M_S),
             (motion.airspeed_max_m_s, airspeed_max_m_s, SPEED_RANGE_M_S),
@@ -309,7 +309,7 @@ class Body:
                 array[i] = max(lowest, min(value, highest))
 
     def corner_speed_m_s(self, turn_rad: float) -> float:
-        """Return the highest speed at which a corner stays within the waypoint radius [m/s]."""
+        """Return the highest speed at which a corner stays within the acceptance radius [m/s]."""
         i, motion = self._index, self._motion
         speed = float(motion.speed_m_s[i])
         widening = 1.0 / max(math.cos(min(turn_rad, math.pi - 1e-6) / 2), 1e-6) - 1.0
@@ -319,14 +319,14 @@ class Body:
         return min(speed, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * turn_radius_m))
 
     def set_gps_fix(self, fix_type: int) -> None:
-        """Set the best GPS_FIX_TYPE of the receiver."""
+        """Set the best and the present GPS_FIX_TYPE of the receiver."""
         gps = self._world.gps
         gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
 
     def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
         """Set capacity and full resting voltage of the battery within the supported range.
 
-        A capacity of 0 means unknown and leaves the capacity unchanged.
+        A capacity of 0 or less leaves the capacity unchanged.
         """
         i, batteries = self._index, self._world.batteries
         if capacity_mah > 0:
@@ -336,7 +336,7 @@ class Body:
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
         """Set the steady wind at this vehicle, at most MAX_WIND_M_S; speed None: the scenario's wind.
 
-        from_deg: direction of the wind's origin.
+        from_deg: direction from which the wind blows.
         """
         if speed_m_s is not None:
             speed_m_s = min(speed_m_s, MAX_WIND_M_S)
@@ -348,7 +348,7 @@ class Body:
         self._motion.order[self._index] = order
         self._motion.reached[self._index] = False
         if order == MotionOrder.POSITION and not self._motion.heading_is_commanded[self._index]:
-            self._face_along()
+            self._face_along_leg()
 
     def _set_leg(self, start_east_m: float, start_north_m: float, east_m: float, north_m: float) -> None:
         i, motion = self._index, self._motion
@@ -372,7 +372,7 @@ class Body:
             limit = float(motion.yaw_rate_max_rad_s[i])
             motion.wanted_yaw_rate_rad_s[i] = max(-limit, min(yaw_rate_rad_s, limit))
 
-    def _face_along(self) -> None:
+    def _face_along_leg(self) -> None:
         i, motion = self._index, self._motion
         if motion.leg_length_m[i] > MIN_LEG_M:
             motion.wanted_heading_rad[i] = motion.leg_heading_rad[i]

@@ -22,20 +22,20 @@ from sim_vehicle.physics.motion import (
 
 TERMINAL_FALL_M_S = 15.0
 BRAKING_SHARE = 0.7  # share of the acceleration limit planned for braking; the rest corrects the path
-POSITION_GAIN_HZ = 2.0  # speed per metre near a stopping point; the square root would oscillate there
+POSITION_GAIN_HZ = 2.0  # speed per distance near a stopping point; the braking speed would oscillate there
 DRAG_PER_M = 0.016  # deceleration by drag [m/s2] per square of the airspeed [m2/s2]
 TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
 TILT_TIME_S = 0.15  # time constant of the attitude
 SPIN_RAD_S = FULL_TURN_RAD  # yaw rate with a lost motor
 SPINNING_LIMIT_M_S2 = 0.5  # horizontal acceleration limit with a lost motor
-MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # weight minus the lift of two motors of four
+MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # vertical acceleration limit with one lost motor
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
 HOVER_THROTTLE = 0.35
 IDLE_W = 16.0
 
 
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
-    """Advance velocities and attitudes of the copters `i` by `dt_s` [s]."""
+    """Advance the velocities and attitudes of the copters `i` by `dt_s` [s]."""
     order = m.effective_order[i]
     has_thrust = m.airborne[i] & (order != MotionOrder.FALL)
     climb_error_m = m.target[2][i] - m.estimate[2][i]
@@ -93,7 +93,7 @@ def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Flo
     braking = np.sqrt(passing**2 + (2 * BRAKING_SHARE) * m.acceleration_limit_m_s2[i] * distance)
     stopping = np.where(passing > 0, np.inf, POSITION_GAIN_HZ * distance)
     speed = np.minimum(np.minimum(m.speed_m_s[i], braking), stopping)
-    # Both axes arrive together, so that a leg is a straight line in space.
+    # Horizontal and vertical motion end together, so that a leg is a straight line in space.
     climb_limit = np.where(climb_error_m > 0, m.climb_m_s[i], m.descent_m_s[i])
     climb_time = np.abs(climb_error_m) / np.maximum(climb_limit, 0.1)
     coupled = (order == MotionOrder.POSITION) & (climb_time > 1.0)
@@ -121,7 +121,7 @@ def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -
 
 
 def _turn(m: Motion, i: Selection, tilt: Floats, lift: Floats, dt_s: float) -> None:
-    """Set the rates of yaw toward the wanted heading and of roll and pitch toward the wanted thrust."""
+    """Turn yaw toward the commanded heading, and roll and pitch toward the direction of the thrust."""
     yaw = m.attitude[2][i]
     airborne = m.airborne[i]
     if np.count_nonzero(m.wanted_yaw_rate_rad_s):

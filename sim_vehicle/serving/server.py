@@ -1,4 +1,4 @@
-"""The server of a fleet, which connects the pure fleet to sockets and clocks."""
+"""The server of a fleet, which connects the fleet to sockets, serial lines and the clock."""
 
 import asyncio
 import itertools
@@ -16,7 +16,7 @@ from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 
 BIN_S = 0.0005  # width of a bin of the histogram
-BINS = 4000  # number of bins; the last bin has all delays above 2 s
+BINS = 4000  # number of bins; the last bin has all delays from 1.9995 s
 
 MAX_DATAGRAM_BYTES = 1200  # longest datagram of several frames
 HEARTBEAT_ID = b"\x00\x00\x00"  # message id in a MAVLink 2 frame
@@ -40,19 +40,19 @@ class Lateness:
         self.worst_s = max(self.worst_s, late_s)
 
     def quantile_s(self, share: float) -> float:
-        """Return the quantile of lateness [s], at most 0.5 ms too high; NaN without messages."""
+        """Return the quantile of lateness [s], at most 0.5 ms too high below 2 s; NaN without messages."""
         if self.count == 0:
             return math.nan
-        left = share * self.count
+        remaining = share * self.count
         for i, count in enumerate(self._counts):
-            left -= count
-            if left <= 0:
+            remaining -= count
+            if remaining <= 0:
                 return min((i + 1) * BIN_S, max(self.worst_s, 0.0)) if i < BINS - 1 else self.worst_s
         return self.worst_s
 
 
 class Server:
-    """A running fleet; each link of the fleet has a port at each URL."""
+    """A fleet with its ports; each link of the fleet has its own port for each URL."""
 
     def __init__(
         self,
@@ -65,14 +65,14 @@ class Server:
         parent_pid: int | None = None,
         record: Callable[[Frames, float], None] | None = None,
     ) -> None:
-        """Prepare the links. Raises LinkError for URLs that cannot carry the fleet.
+        """Prepare the links without opening them. Raises LinkError for URLs that cannot carry the fleet.
 
         Parameters
         ----------
         warn: function that receives a line for the operator.
-        port_step: difference between the ports of two links.
+        port_step: difference between the ports of two consecutive links.
         parent_pid: process whose end also ends the run.
-        record: function that receives all sent frames and the simulated time [s].
+        record: function that receives all frames to send and the simulated time [s].
         """
         self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step
         self._parent_pid, self._record = parent_pid, record
@@ -86,12 +86,14 @@ class Server:
         for link in sorted(set(fleet.links)):
             vehicles = [index for index, vehicle_link in enumerate(fleet.links) if vehicle_link == link]
             callbacks = LinkCallbacks(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
-            self._links[link] = [make_link(self._at(url, link), callbacks, vehicles=vehicles) for url in urls]
+            self._links[link] = [
+                make_link(self._url_of(url, link), callbacks, vehicles=vehicles) for url in urls
+            ]
         self._refuse_shared_ports()
 
-    def _at(self, url: Url, link: int) -> Url:
-        """Return the URL of one link of the fleet; each link has its own port."""
-        if url.serial:
+    def _url_of(self, url: Url, link: int) -> Url:
+        """Return `url` with the port of one link of the fleet."""
+        if url.is_serial:
             if link > 0:
                 raise LinkError(
                     f"{url}: a serial line carries one link, but this fleet has several links; "
@@ -110,14 +112,14 @@ class Server:
         """Raise LinkError if two URLs use the same port, because a port belongs to one link."""
         for one, other in itertools.combinations(self.urls, 2):
             same_host = one.host == other.host or (one.listens and {one.host, other.host} & {*ANY_HOST})
-            if one.kind != other.kind or one.serial or not same_host:
+            if one.kind != other.kind or one.is_serial or not same_host:
                 continue
-            taken = {self._at(one, link).port for link in self._links}
-            both = [port for link in self._links if (port := self._at(other, link).port) in taken]
-            if both:
+            taken = {self._url_of(one, link).port for link in self._links}
+            shared = [port for link in self._links if (port := self._url_of(other, link).port) in taken]
+            if shared:
                 raise LinkError(
                     f"{one} and {other}: with {len(self._links)} ports each, both use port "
-                    f"{min(both)}; choose ports further apart [port-overlap]"
+                    f"{min(shared)}; choose ports further apart [port-overlap]"
                 )
 
     @property
@@ -131,12 +133,12 @@ class Server:
 
     def describe_ports(self) -> str:
         """Return the ports as text: `udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
-        most = max(self.fleet.links) * self.port_step
+        span = max(self.fleet.links) * self.port_step
         steps = f" by {self.port_step}" if self.port_step > 1 else ""
-        return " and ".join(f"{url} to {url.port + most}{steps}" if most else str(url) for url in self.urls)
+        return " and ".join(f"{url} to {url.port + span}{steps}" if span else str(url) for url in self.urls)
 
     async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
-        """Open the links; run until cancelled, or until the end of the pace or of the parent process."""
+        """Open the links; run until a cancellation, or until the end of the pace or of the parent process."""
         asyncio.get_running_loop().set_exception_handler(self._note_bug)
         try:
             for links in self._links.values():
@@ -144,7 +146,7 @@ class Server:
                     link.open()
             self.pace.start()
             on_open()
-            while not (self.pace.finished or self._orphaned()):
+            while not (self.pace.finished or self._parent_has_ended()):
                 due = await self.pace.due(self._ticks * TICK_S)
                 if self._bug is not None:
                     raise self._bug
@@ -172,7 +174,7 @@ class Server:
         else:
             loop.default_exception_handler(context)
 
-    def _orphaned(self) -> bool:
+    def _parent_has_ended(self) -> bool:
         if self._parent_pid is None:
             return False
         try:

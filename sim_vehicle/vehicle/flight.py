@@ -132,7 +132,7 @@ class Flight:
             descent_m_s=flight_parameters.descent_m_s,
             acceleration_m_s2=flight_parameters.acceleration_m_s2,
             vertical_acceleration_m_s2=flight_parameters.vertical_acceleration_m_s2,
-            radius_m=flight_parameters.waypoint_radius_m,
+            acceptance_radius_m=flight_parameters.waypoint_radius_m,
             yaw_rate_deg_s=flight_parameters.yaw_rate_deg_s,
         )
         if self.body.plane:

@@ -102,7 +102,7 @@ class MissionPilot:
             self._manoeuvre = circle_to_altitude(flight, item, following)
         else:
             self._following = following
-            flight.body.limit(radius_m=self._radius_m(item))
+            flight.body.limit(acceptance_radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
             if interrupted and self._under_way and flight.flight_parameters.begins_legs_at_rest:
                 self._after_braking_m_s = self._pass_speed_m_s(item, following)

@@ -54,7 +54,7 @@ def _heartbeat(vehicle: Vehicle) -> None:
     armed_is_active = personality.active_when_armed and vehicle.armed
     if mode.terminates:
         status.system_status[i] = mavlink.MAV_STATE_FLIGHT_TERMINATION
-    elif vehicle.failsafes.any and (armed_is_active or not personality.active_when_armed):
+    elif vehicle.failsafes.any_latched and (armed_is_active or not personality.active_when_armed):
         status.system_status[i] = mavlink.MAV_STATE_CRITICAL
     elif vehicle.body.airborne or armed_is_active:
         status.system_status[i] = mavlink.MAV_STATE_ACTIVE
@@ -77,7 +77,7 @@ def _health(vehicle: Vehicle, now: float) -> None:
     present = health = SENSORS
     if not (vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix):
         health &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
-        if vehicle.personality.gps_present_in_use:
+        if vehicle.personality.gps_present_with_fix:
             present &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
     if not vehicle.position_known(now):
         health &= ~mavlink.MAV_SYS_STATUS_AHRS

@@ -219,7 +219,7 @@ def test_any_orders_keep_the_state_finite_and_within_limits(
         elif kind == 2:
             body.face(a, b)
         elif kind == 3:
-            body.limit(speed_m_s=a, acceleration_m_s2=b, descent_m_s=c, radius_m=a, climb_m_s=b)
+            body.limit(speed_m_s=a, acceleration_m_s2=b, descent_m_s=c, acceptance_radius_m=a, climb_m_s=b)
         elif kind == 4:
             body.stop()
         else:

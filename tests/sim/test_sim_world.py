@@ -113,7 +113,9 @@ def test_limits_are_kept_where_the_equations_stand() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world, height_m=None)
     before = world.dynamics.speed_m_s[0]
-    body.limit(speed_m_s=float("nan"), bank_limit_deg=float("inf"), radius_m=-5.0, acceleration_m_s2=0.0)
+    body.limit(
+        speed_m_s=float("nan"), bank_limit_deg=float("inf"), acceptance_radius_m=-5.0, acceleration_m_s2=0.0
+    )
     assert world.dynamics.speed_m_s[0] == before
     assert np.degrees(world.dynamics.bank_limit_rad[0]) == pytest.approx(45.0)
     assert world.dynamics.acceptance_radius_m[0] > 0

@@ -61,7 +61,7 @@ def copter(world: World, index: int = 0, *, height_m: float | None = 50.0) -> Bo
         descent_m_s=1.5,
         acceleration_m_s2=2.5,
         vertical_acceleration_m_s2=1.0,
-        radius_m=2.0,
+        acceptance_radius_m=2.0,
     )
     body.arm(True)
     if height_m is not None:
@@ -80,7 +80,7 @@ def plane(world: World, index: int = 0, *, height_m: float | None = 50.0) -> Bod
         descent_m_s=4.0,
         acceleration_m_s2=3.0,
         vertical_acceleration_m_s2=3.0,
-        radius_m=30.0,
+        acceptance_radius_m=30.0,
         airspeed_min_m_s=10.0,
         airspeed_max_m_s=22.0,
         loiter_radius_m=60.0,

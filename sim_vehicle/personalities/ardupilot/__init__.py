@@ -53,7 +53,7 @@ _STREAMS = {
     ),
 }
 
-# PX4's messages that ArduPilot does not stream.
+# Messages of PX4 that ArduPilot does not stream.
 _UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
@@ -144,7 +144,7 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
 
 
 def _fly_guided(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
-    """Fly in GUIDED to a mission item with `current` 2 or 3; False in other modes or on the ground."""
+    """Fly to an item with `current` 2 or 3 (`altitude_only`); return False except in flight in GUIDED."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
         return False
     place_deg = vehicle.body.lat_lon_deg if altitude_only or item.place_deg is None else item.place_deg
@@ -193,7 +193,7 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
         return []
     unhealthy = vehicle.injected_faults.unhealthy_sensors
     reasons = [text for bit, text in _UNHEALTHY_TEXTS.items() if unhealthy & bit]
-    if vehicle.failsafes.rc:
+    if vehicle.failsafes.rc_lost:
         reasons.append("Radio failsafe on")
     if not vehicle.body.plane and vehicle.failsafes.gcs_late(now):
         reasons.append("GCS failsafe on")
@@ -203,7 +203,7 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _battery_refusals(vehicle: Vehicle) -> list[str]:
-    """Return the first violated battery limit, or the latched battery failsafe."""
+    """Return the text of the first violated limit, or of the latched failsafe; an empty list if none."""
     flight_parameters, body = vehicle.flight_parameters, vehicle.body
     limits = (
         (body.voltage_v < flight_parameters.battery_low_v, "Battery 1 low voltage failsafe"),
@@ -213,12 +213,12 @@ def _battery_refusals(vehicle: Vehicle) -> list[str]:
             body.battery_remaining < flight_parameters.battery_critical_share,
             "Battery 1 critical capacity failsafe",
         ),
-        (vehicle.failsafes.battery > 0, "Battery failsafe"),
+        (vehicle.failsafes.battery_level > 0, "Battery failsafe"),
     )
     return [text for violated, text in limits if violated][:1]
 
 
-# A plane names its mode after a failsafe action.
+# Texts of a plane; most failsafe texts have the name of the mode.
 _PLANE_TEXTS = {
     "rc_short_acted": (_WARNING, "RC Short Failsafe: switched to {mode}"),
     "rc_short_stays": (_WARNING, "RC Short Failsafe On"),
@@ -232,7 +232,7 @@ _PLANE_TEXTS = {
     "mission_ended": (_INFO, "Mission complete, changing mode to RTL"),
     "mission_reset": (_INFO, "In landing sequence: mission reset"),
 }
-_COPTER_ONLY = frozenset(
+_COPTER_EVENTS = frozenset(
     {"gcs_lost", "gcs_ignored", "gcs_ignored_in_mission", "rc_lost", "rc_ignored", "rc_ignored_in_mission"}
 )
 
@@ -319,7 +319,7 @@ _PLANE = replace(
     mandatory_refusals=lambda _vehicle, _now: [],
     mission_ends_in=Behaviour.RETURN,
     texts=MappingProxyType(
-        {event: text for event, text in _TEXTS.items() if event not in _COPTER_ONLY} | _PLANE_TEXTS
+        {event: text for event, text in _TEXTS.items() if event not in _COPTER_EVENTS} | _PLANE_TEXTS
     ),
 )
 

@@ -1,4 +1,4 @@
-"""Commands of ArduPlane only."""
+"""Command handlers of ArduPlane that replace or extend `vehicle.commands`."""
 
 from types import MappingProxyType
 
@@ -13,7 +13,7 @@ from sim_vehicle.vehicle.rally import distance_m
 
 
 def start_landing(vehicle: Vehicle, now: float) -> bool:
-    """Start AUTO at the nearest landing sequence of the mission, regardless of MIS_RESTART."""
+    """Start AUTO at the nearest landing sequence, regardless of MIS_RESTART; return False if impossible."""
 
     def distance_to_m(item: Item) -> float:
         place_deg = item.place_deg
@@ -25,10 +25,10 @@ def start_landing(vehicle: Vehicle, now: float) -> bool:
         vehicle.announce("no_landing_sequence")
         return False
     vehicle.announce("landing_sequence")
-    landing = vehicle.mission.index
+    landing_index = vehicle.mission.index
     if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
         return False
-    if vehicle.mission.index != landing:
+    if vehicle.mission.index != landing_index:
         vehicle.set_current(index)
     return True
 

@@ -12,7 +12,7 @@ MIN_RETURN_HEIGHT_M, MIN_CONE_SLOPE = 0.3, 0.5
 FENCE_GIVE_UP_M = 100.0  # distance beyond a fence limit at which a copter lands
 STALL_M_S = 8.0  # for a plane with AIRSPEED_STALL 0
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8  # bits of FENCE_TYPE
-# In all tables: no simulated vehicle has SmartRTL, so "SmartRTL or X" means X.
+# No simulated vehicle has SmartRTL, so "SmartRTL or X" means X in each table.
 _BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.LAND,
@@ -69,8 +69,8 @@ _PLANE_FENCE_ACTIONS = {
     8: FailsafeAction.RETURN,  # "AUTOLAND or RTL", here and below
 }
 _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
-EKF_LANDS_EVERYWHERE = 3  # FS_EKF_ACTION
-# Modes of a plane by number. With FS_LONG_ACTN 0, AUTO and GUIDED continue after a long link loss.
+EKF_LANDS_EVERYWHERE = 3  # value of FS_EKF_ACTION
+# Modes of a plane by number. With FS_LONG_ACTN 0, AUTO, GUIDED and RTL continue after a long link loss.
 FBWA, FBWB = 5, 6
 _PILOTED = (0, 2, FBWA, FBWB, 7)
 _CIRCLE, _RTL, _AUTO, _LOITER, _TAKEOFF, _GUIDED = 1, 11, 10, 12, 13, 15
@@ -92,13 +92,13 @@ _PLANE_SHORT_ACTIONS = {
     4: FailsafeAction.LEVEL,
 }
 # Modes of a copter, and bits of FS_OPTIONS for modes that continue without a link.
-_COPTER_PILOTED = (0, 1, 2, 5, 16, 17)
+_COPTER_PILOTED = (0, 1, 2, 5, 16, 17)  # BRAKE (17) counts as a pilot's mode
 _COPTER_AUTO, _COPTER_GUIDED = 3, 4
 RC_AUTO, GCS_AUTO, RC_GUIDED, GCS_PILOTED = 1, 2, 4, 16
 
 
 def _m_s(params: Parameters, *names: str) -> float:
-    """Return the first nonzero value [cm/s] in m/s, from MIN_SPEED_M_S to MAX_SPEED_M_S."""
+    """Return the first nonzero value [cm/s] in m/s, limited to MIN_SPEED_M_S and MAX_SPEED_M_S."""
     value = next((params[name] for name in names if params[name] != 0), 0.0)
     return min(max(value / 100, MIN_SPEED_M_S), MAX_SPEED_M_S)
 
@@ -116,17 +116,19 @@ def _logs(params: Parameters) -> LogWhen:
 def _return_height(params: Parameters) -> Callable[[float, float], float]:
     """Return the function for the height of a return (`FlightParameters.return_height_at`).
 
-    The height is RTL_ALT or RTL_CLIMB_MIN, reduced near home by RTL_CONE_SLOPE.
+    The height is RTL_ALT, limited near home by RTL_CONE_SLOPE, but at least RTL_CLIMB_MIN above the vehicle.
     """
     full_m, climb_m = params["RTL_ALT"] / 100, max(params["RTL_CLIMB_MIN"], 0.0) / 100
     slope = params["RTL_CONE_SLOPE"]
 
-    def height_m(distance_m: float, height_m: float) -> float:
+    def return_height_m(distance_m: float, height_m: float) -> float:
         minimum_m = max(MIN_RETURN_HEIGHT_M, height_m + climb_m)
-        wanted_m = max(full_m, minimum_m)
-        return wanted_m if slope < MIN_CONE_SLOPE else min(wanted_m, max(slope * distance_m, minimum_m))
+        without_cone_m = max(full_m, minimum_m)
+        if slope < MIN_CONE_SLOPE:
+            return without_cone_m
+        return min(without_cone_m, max(slope * distance_m, minimum_m))
 
-    return height_m
+    return return_height_m
 
 
 def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
@@ -140,11 +142,11 @@ def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[i
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert ArduCopter's parameters."""
     options = int(params["AUTO_OPTIONS"])
-    fence = int(params["FENCE_TYPE"])
-    delay_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
-    gcs = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
-    radio = _THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.LAND)
-    continuing, ekf = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
+    fence_bits = int(params["FENCE_TYPE"])
+    disarm_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
+    gcs_action = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
+    rc_action = _THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.LAND)
+    fs_options, ekf_action = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
     return FlightParameters(
         speed_m_s=_m_s(params, "WPNAV_SPEED"),
         climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
@@ -172,14 +174,14 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         mission_mode_armable=bool(options & 1),
         mission_takes_off=bool(options & 2),
         mission_restarts=params["MIS_RESTART"] == 1,
-        disarm_landed_s=delay_s,
-        disarm_unflown_s=delay_s,
+        disarm_landed_s=disarm_s,
+        disarm_unflown_s=disarm_s,
         gcs_sysid=int(params["SYSID_MYGCS"]),
         gcs_only=params["SYSID_ENFORCE"] == 1,
-        gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs is not FailsafeAction.NOTHING else math.inf,
-        gcs_action=gcs,
+        gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs_action is not FailsafeAction.NOTHING else math.inf,
+        gcs_action=gcs_action,
         gcs_action_in=_continuing_modes(
-            continuing, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)
+            fs_options, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)
         ),
         battery_low_v=params["BATT_LOW_VOLT"],
         battery_low_share=_share(params, "BATT_LOW_MAH"),
@@ -189,22 +191,22 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         battery_critical_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN),
         battery_delay_s=params["BATT_LOW_TIMER"],
         rc_required=params["SIM_RC_FAIL"] == 1,
-        rc_watched=radio is not FailsafeAction.NOTHING,
-        rc_action=radio,
-        rc_action_in=_continuing_modes(continuing, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
+        rc_watched=rc_action is not FailsafeAction.NOTHING,
+        rc_action=rc_action,
+        rc_action_in=_continuing_modes(fs_options, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
         rc_timeout_s=params["RC_FS_TIMEOUT"],
         setpoint_timeout_s=params["GUID_TIMEOUT"],
         setpoint_action=FailsafeAction.HOLD,
-        position_lost_action=_EKF_ACTIONS.get(ekf, FailsafeAction.LAND),
-        position_lost_everywhere=ekf == EKF_LANDS_EVERYWHERE,
+        position_lost_action=_EKF_ACTIONS.get(ekf_action, FailsafeAction.LAND),
+        position_lost_everywhere=ekf_action == EKF_LANDS_EVERYWHERE,
         position_watched=params["FS_EKF_THRESH"] > 0,
         logs=_logs(params),
         fence_enabled=params["FENCE_ENABLE"] == 1,
         fence_action=_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.RETURN),
-        fence_max_height_m=params["FENCE_ALT_MAX"] if fence & FENCE_ALT_MAX else math.inf,
-        fence_min_height_m=params["FENCE_ALT_MIN"] if fence & FENCE_ALT_MIN else -math.inf,
-        fence_radius_m=params["FENCE_RADIUS"] if fence & FENCE_CIRCLE else math.inf,
-        fence_polygons=bool(fence & FENCE_POLYGONS),
+        fence_max_height_m=params["FENCE_ALT_MAX"] if fence_bits & FENCE_ALT_MAX else math.inf,
+        fence_min_height_m=params["FENCE_ALT_MIN"] if fence_bits & FENCE_ALT_MIN else -math.inf,
+        fence_radius_m=params["FENCE_RADIUS"] if fence_bits & FENCE_CIRCLE else math.inf,
+        fence_polygons=bool(fence_bits & FENCE_POLYGONS),
         fence_margin_m=params["FENCE_MARGIN"],
         zero_keeps_altitude=True,
         rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
@@ -215,8 +217,8 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
     )
 
 
-def _fence_return_m(params: Parameters) -> float:
-    """Return the height at the return point [m]: FENCE_RET_ALT, or midway between the fence altitudes."""
+def _fence_return_height_m(params: Parameters) -> float:
+    """Return FENCE_RET_ALT, else the middle of the fence altitudes, else RTL_ALTITUDE; above home [m]."""
     if params["FENCE_RET_ALT"] > 0:
         return params["FENCE_RET_ALT"]
     lowest_m = params["FENCE_ALT_MIN"] + params["FENCE_MARGIN"]
@@ -226,9 +228,9 @@ def _fence_return_m(params: Parameters) -> float:
 
 def plane_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert ArduPlane's parameters."""
-    fence = int(params["FENCE_TYPE"])
-    watched = params["FS_GCS_ENABL"] != 0
-    delay_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
+    fence_bits = int(params["FENCE_TYPE"])
+    gcs_watched = params["FS_GCS_ENABL"] != 0
+    disarm_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
     long_action = _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.WARN)
     long_action_in = (
         dict.fromkeys(_MODES_RETURNING_AFTER_LONG_LOSS, FailsafeAction.RETURN)
@@ -263,12 +265,12 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         mission_mode_armable=True,
         mission_takes_off=True,
         mission_restarts=params["MIS_RESTART"] == 1,
-        disarm_landed_s=delay_s,
+        disarm_landed_s=disarm_s,
         disarm_unflown_s=math.inf,
         gcs_sysid=int(params["SYSID_MYGCS"]),
         gcs_only=params["SYSID_ENFORCE"] == 1,
-        gcs_timeout_s=params["FS_LONG_TIMEOUT"] if watched else math.inf,
-        gcs_action=long_action if watched else FailsafeAction.NOTHING,
+        gcs_timeout_s=params["FS_LONG_TIMEOUT"] if gcs_watched else math.inf,
+        gcs_action=long_action if gcs_watched else FailsafeAction.NOTHING,
         gcs_action_in=long_action_in,
         battery_low_v=params["BATT_LOW_VOLT"],
         battery_low_share=_share(params, "BATT_LOW_MAH"),
@@ -293,10 +295,10 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         logs=_logs(params),
         fence_enabled=params["FENCE_ENABLE"] == 1,
         fence_action=_PLANE_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.WARN),
-        fence_max_height_m=params["FENCE_ALT_MAX"] if fence & FENCE_ALT_MAX else math.inf,
-        fence_min_height_m=params["FENCE_ALT_MIN"] if fence & FENCE_ALT_MIN else -math.inf,
-        fence_radius_m=params["FENCE_RADIUS"] if fence & FENCE_CIRCLE else math.inf,
-        fence_polygons=bool(fence & FENCE_POLYGONS),
+        fence_max_height_m=params["FENCE_ALT_MAX"] if fence_bits & FENCE_ALT_MAX else math.inf,
+        fence_min_height_m=params["FENCE_ALT_MIN"] if fence_bits & FENCE_ALT_MIN else -math.inf,
+        fence_radius_m=params["FENCE_RADIUS"] if fence_bits & FENCE_CIRCLE else math.inf,
+        fence_polygons=bool(fence_bits & FENCE_POLYGONS),
         fence_margin_m=params["FENCE_MARGIN"],
         rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
         rally_altitude=RallyAltitude.EXACT,
@@ -307,7 +309,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         return_loiter_radius_m=params["RTL_RADIUS"],
         bank_limit_deg=params["ROLL_LIMIT_DEG"],
         stall_m_s=params["AIRSPEED_STALL"] if params["AIRSPEED_STALL"] > 0 else STALL_M_S,
-        fence_return_height_m=_fence_return_m(params),
+        fence_return_height_m=_fence_return_height_m(params),
         wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
         wind_from_deg=params["SIM_WIND_DIR"],
     )

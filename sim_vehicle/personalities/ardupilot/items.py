@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import as_float32
 
-MAX_ALTITUDE_M = 83_000.0  # largest altitude in the storage
+MAX_ALTITUDE_M = 83_000.0  # the storage has only altitudes between -MAX_ALTITUDE_M and MAX_ALTITUDE_M
 
 _STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
@@ -23,7 +23,7 @@ _STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
 }
 
-Parameters = tuple[float, float, float, float]
+ItemParameters = tuple[float, float, float, float]
 Rounding = Callable[[float], float]
 """value received -> value stored"""
 Roundings = tuple[Rounding, Rounding, Rounding, Rounding]
@@ -131,7 +131,7 @@ _WITH_OTHER_XYZ = frozenset(
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
     }
 )
-# Indices of parameters that can be NaN; infinity is always refused.
+# Numbers of the parameters (1 to 4) that can be NaN; infinity is always refused.
 _MAY_BE_NAN = {
     mavlink.MAV_CMD_NAV_WAYPOINT: {4},
     mavlink.MAV_CMD_NAV_LAND: {4},
@@ -151,7 +151,7 @@ def store_item(item: Item) -> Item | int:
 def store_plane_item(item: Item) -> Item | int:
     """Return ArduPlane's stored form of an item, or the MAV_MISSION_RESULT of a refusal.
 
-    A stored waypoint has radii but no delay.
+    A waypoint keeps the acceptance radius and the pass-by distance, but no delay.
     """
     return _store(item, _PLANE_WITH_POSITION)
 
@@ -185,9 +185,9 @@ def _refused_parameter(item: Item) -> int | None:
     if item.command in (0, 1):  # reserved by the storage
         return int(mavlink.MAV_MISSION_INVALID)
     may_be_nan = _MAY_BE_NAN.get(item.command, set())
-    for index, value in enumerate((item.param1, item.param2, item.param3, item.param4), start=1):
-        if math.isinf(value) or (math.isnan(value) and index not in may_be_nan):
-            return int(mavlink.MAV_MISSION_INVALID_PARAM1) + index - 1
+    for number, value in enumerate((item.param1, item.param2, item.param3, item.param4), start=1):
+        if math.isinf(value) or (math.isnan(value) and number not in may_be_nan):
+            return int(mavlink.MAV_MISSION_INVALID_PARAM1) + number - 1
     return None
 
 
@@ -201,7 +201,7 @@ def _refused_position(item: Item) -> int | None:
     return None if item.frame in _STORED_FRAME else int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
 
 
-def _rounded(item: Item, roundings: Roundings) -> Parameters:
+def _rounded(item: Item, roundings: Roundings) -> ItemParameters:
     values = (item.param1, item.param2, item.param3, item.param4)
     first, second, third, fourth = (
         rounding(0.0 if math.isnan(value) else value)
@@ -210,7 +210,7 @@ def _rounded(item: Item, roundings: Roundings) -> Parameters:
     return first, second, third, fourth
 
 
-def _item_without_position(item: Item, parameters: Parameters) -> Item:
+def _item_without_position(item: Item, parameters: ItemParameters) -> Item:
     if item.command not in _WITH_OTHER_XYZ:
         return Item(item.command, 0, *parameters)
     z = as_float32(item.z) if math.isfinite(item.z) else 0.0

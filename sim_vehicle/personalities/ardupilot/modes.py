@@ -45,7 +45,7 @@ PLANE_MODES = _table(
 
 
 def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """Return the reported targets (global, local): global in navigating modes, local in GUIDED."""
+    """Return the reported targets (global, local): global during a flight to a position, local in GUIDED."""
     flight, behaviour = vehicle.flight, vehicle.mode.behaviour
     if behaviour is Behaviour.GUIDED:
         place_m = None if flight.taking_off else flight.guided_target_m

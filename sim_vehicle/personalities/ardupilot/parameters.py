@@ -38,8 +38,8 @@ _COMMON: dict[str, float | int] = {
     "SIM_GPS_GLITCH_Y": 0.0,  # deg of longitude
     "SIM_GPS_GLITCH_Z": 0.0,  # m
     "SIM_RC_FAIL": 0,  # 1: no pulses
-    "SIM_WIND_DIR": 180.0,  # deg, origin direction of the wind
-    "SIM_WIND_SPD": 0.0,  # m/s
+    "SIM_WIND_DIR": 180.0,  # deg from which the wind blows
+    "SIM_WIND_SPD": 0.0,  # m/s, 0: the scenario's wind
     "SYSID_ENFORCE": 0,  # 1: only messages of SYSID_MYGCS are processed
     "SYSID_MYGCS": 255,
     "SYSID_THISMAV": 1,
@@ -92,10 +92,11 @@ PLANE: dict[str, float | int] = _COMMON | {
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
     "FENCE_TYPE": 4,  # bits as for the copter
     "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
-    # 0 AUTO and GUIDED continue, other modes RTL; 1 RTL, 2 glide, 4 AUTO, 5 AUTOLAND or RTL
+    # 0 AUTO and GUIDED continue, other modes RTL; 1 RTL, 2 glide, 3 report, 4 AUTO, 5 AUTOLAND or RTL
     "FS_LONG_ACTN": 0,
     "FS_LONG_TIMEOUT": 5.0,  # s
-    # 0 AUTO, GUIDED and LOITER continue, other modes CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB
+    # 0 AUTO, GUIDED and LOITER continue, other modes CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB.
+    # CIRCLE, RTL and TAKEOFF always continue.
     "FS_SHORT_ACTN": 0,
     "LAND_FLARE_SEC": 2.0,  # s, no effect
     "LAND_DISARMDELAY": 20,  # s, 0 never
@@ -115,7 +116,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "WP_RADIUS": 90,  # m
 }
 
-# Width of each integer parameter; every integer parameter needs an entry.
+# Width of the integer parameters [bits].
 _INT8 = (
     "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FENCE_ACTION FENCE_ENABLE"
     " FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE FS_LONG_ACTN"

@@ -39,9 +39,9 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
     def set_items(kind: int, upload: UploadedMission) -> bool:
         if vehicle.injected_faults.mission_refusal is not None:
             return False
-        stored = _write(stores[kind], upload, may_update=kind == MISSION)
+        accepted = _write(stores[kind], upload, may_update=kind == MISSION)
         params.set_internal(TOTALS[kind], stores[kind].total)
-        return stored
+        return accepted
 
     return Storage(
         vehicle,
@@ -76,7 +76,7 @@ def _items(store: Store, kind: int) -> Iterator[Any]:
 def _write(store: Store, upload: UploadedMission, *, may_update: bool) -> bool:
     """Write an uploaded file to a store; return False on an error.
 
-    A mission is written item by item, so an error leaves a mixture of old and new items.
+    A mission is written item by item, so an error can leave a mixture of old and new items.
     """
     last = upload.start + len(upload.items) - 1
     if last >= store.max_items or not (upload.clear or may_update):

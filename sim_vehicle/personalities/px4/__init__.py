@@ -72,15 +72,15 @@ def _check_fence(vehicle: Vehicle) -> None:
         vehicle.announce("fence_without_vehicle")
 
 
-# Each receiver in PX4 has its own rule for the target of a message.
+# Rules for the target of a message, by message type.
 _COMPONENTS = frozenset({int(mavlink.MAV_COMP_ID_ALL), int(mavlink.MAV_COMP_ID_AUTOPILOT1)})
 # Commands accepted with any target: programs send these commands before they know the vehicle's ids.
 _TO_ANY_TARGET = frozenset(
     {mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION}
 )
 _COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
-_TO_SYSTEM = frozenset({"COMMAND_CANCEL", "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
-_TO_ALL_SYSTEMS = frozenset(
+_TO_OWN_SYSTEM = frozenset({"COMMAND_CANCEL", "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
+_TO_ANY_SYSTEM = frozenset(
     {
         "SET_POSITION_TARGET_LOCAL_NED",
         "SET_POSITION_TARGET_GLOBAL_INT",
@@ -91,16 +91,16 @@ _TO_ALL_SYSTEMS = frozenset(
 
 
 def _is_addressed(sysid: int, message: Any) -> bool:
-    """Return True if a vehicle processes a message with this target.
+    """Return True if the vehicle `sysid` processes a message with this target.
 
-    Messages of other types are always processed. `Px4Transfer` checks the targets of the mission protocol.
+    A message without a rule is always processed. `Px4Transfer` checks the targets of the mission protocol.
     """
     kind = message.get_type()
     if kind in _COMMANDS and message.command in _TO_ANY_TARGET:
         return True
-    if kind in _TO_ALL_SYSTEMS:
+    if kind in _TO_ANY_SYSTEM:
         return message.target_component in _COMPONENTS
-    if kind in _COMMANDS or kind in _TO_SYSTEM:
+    if kind in _COMMANDS or kind in _TO_OWN_SYSTEM:
         return message.target_system == sysid and message.target_component in _COMPONENTS
     return True
 
@@ -158,7 +158,7 @@ _TEXTS: dict[str, tuple[int, str]] = {
     "fence_without_vehicle": (_CRITICAL, "Geofence invalid, doesn't contain current vehicle position"),
     "terminated": (_CRITICAL, "Failsafe activated: Terminate"),
 }
-# ArduPilot's messages, which PX4 does not stream.
+# Messages of ArduPilot that PX4 does not stream.
 _UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
@@ -231,7 +231,7 @@ _COPTER = Personality(
     origin_moves=True,
     flight_counter="COM_FLIGHT_UUID",
     gps_fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,
-    gps_present_in_use=True,
+    gps_present_with_fix=True,
 )
 
 _PLANE = replace(

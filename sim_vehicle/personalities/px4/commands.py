@@ -31,23 +31,23 @@ CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # sensors of param1 to pa
 NEED_ROTATION = frozenset({"mag", "accel"})
 
 
-def _change(vehicle: Vehicle, number: int, now: float) -> int:
+def _change_mode(vehicle: Vehicle, number: int, now: float) -> int:
     return ACCEPTED if vehicle.modes.set(number, now) else TEMPORARILY_REJECTED
 
 
 def set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
     """Set the mode: param1 base_mode, param2 main mode, param3 sub mode.
 
-    An unknown mode is accepted without a change.
+    An unknown main mode is accepted without a change, an unknown sub mode of Auto is rejected.
     """
     base_mode, main, sub = (whole(value) & 0xFF for value in (command.param1, command.param2, command.param3))
-    number = _wanted_mode(base_mode, main, sub)
+    number = _custom_mode(base_mode, main, sub)
     if number is None:
         return ACCEPTED
-    return _change(vehicle, number, now)
+    return _change_mode(vehicle, number, now)
 
 
-def _wanted_mode(base_mode: int, main: int, sub: int) -> int | None:
+def _custom_mode(base_mode: int, main: int, sub: int) -> int | None:
     if base_mode & CUSTOM:
         if main == modes.MAIN_AUTO:
             return modes.number(main, sub) if sub else modes.MISSION
@@ -68,12 +68,12 @@ def set_standard_mode(vehicle: Vehicle, command: Command, now: float) -> int:
     standard = whole(command.param1)
     for mode in modes.MODES.values():
         if mode.standard == standard > 0 and mode.selectable:
-            return _change(vehicle, mode.number, now)
+            return _change_mode(vehicle, mode.number, now)
     return FAILED
 
 
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Arm or disarm; `force` skips only the check before disarming."""
+    """Arm or disarm; a forced disarming (param2) also stops the motors in the air."""
     action = round(command.param1) if math.isfinite(command.param1) else -1
     if action == 1:
         return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
@@ -142,8 +142,8 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     here = vehicle.here()
-    placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
-    lat_deg, lon_deg = (command.lat_deg, command.lon_deg) if placed else (here.lat_deg, here.lon_deg)
+    has_position = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
+    lat_deg, lon_deg = (command.lat_deg, command.lon_deg) if has_position else (here.lat_deg, here.lon_deg)
     if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= MAX_ALTITUDE_M:
         return ACCEPTED  # the commander answers before the navigator checks the numbers
     up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
@@ -156,6 +156,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def _go(vehicle: Vehicle, place: GeodeticPosition) -> None:
+    """Fly to a place; refuse a place outside the fence with a text."""
     height_m = place.alt_amsl_m - vehicle.flight.home().alt_amsl_m
     if vehicle.fence_watch.enabled and vehicle.fence_watch.find(place.lat_deg, place.lon_deg, height_m):
         vehicle.announce("reposition_outside_fence")
@@ -183,23 +184,23 @@ def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
 def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
     """Circle around a point: a multicopter in mode Orbit, a plane in mode Hold.
 
-    param1: radius [m], counter-clockwise if negative; param2: speed [m/s].
+    param1: radius [m], counter-clockwise if negative; param2: speed [m/s], multicopter only.
     """
     if not vehicle.flight.flying or not vehicle.position_known(now):
         vehicle.announce("orbit_refused")
         return TEMPORARILY_REJECTED
     here = vehicle.here()
-    placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
-    centre = (command.lat_deg, command.lon_deg) if placed else (here.lat_deg, here.lon_deg)
+    has_centre = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
+    centre_deg = (command.lat_deg, command.lon_deg) if has_centre else (here.lat_deg, here.lon_deg)
     radius_m = command.param1 if math.isfinite(command.param1) and command.param1 else ORBIT_RADIUS_M
     up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
     if vehicle.body.plane:
         vehicle.modes.enter(modes.HOLD)
-        vehicle.body.loiter(*vehicle.body.locate(*centre), up_m, radius_m)
+        vehicle.body.loiter(*vehicle.body.locate(*centre_deg), up_m, radius_m)
         return ACCEPTED
     vehicle.modes.enter(modes.ORBIT)
     speed_m_s = abs(command.param2) if math.isfinite(command.param2) and command.param2 else ORBIT_SPEED_M_S
-    vehicle.flight.fly(Orbit(vehicle.body, vehicle.body.locate(*centre), up_m, radius_m, speed_m_s))
+    vehicle.flight.fly(Orbit(vehicle.body, vehicle.body.locate(*centre_deg), up_m, radius_m, speed_m_s))
     return ACCEPTED
 
 
@@ -231,7 +232,7 @@ def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Reboot for param1 1 or 3 (bootloader), do nothing for 0; refuse while armed."""
+    """Reboot for param1 1 or 3 (bootloader) unless armed; 0 has no effect."""
     if command.param1 == 0:
         return ACCEPTED
     if command.param1 not in (1, 3) or vehicle.armed:
@@ -241,14 +242,14 @@ def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Report a calibration in texts; calibrations that require turning by hand fail."""
+    """Report the first requested calibration in texts; a calibration that requires turning by hand fails."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
-    wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
-    chosen = [name for name, value in zip(CALIBRATIONS, wanted, strict=True) if whole(value) == 1]
+    params = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
+    requested = [name for name, value in zip(CALIBRATIONS, params, strict=True) if whole(value) == 1]
     if whole(command.lat_deg) == 2:
-        chosen.append("level")
-    for name in chosen[:1]:
+        requested.append("level")
+    for name in requested[:1]:
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
         outcome = "failed: timeout" if name in NEED_ROTATION else f"done: {name}"
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {outcome}")
@@ -300,7 +301,7 @@ def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def actuator_test(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept an actuator test without effect while disarmed and with COM_MOT_TEST_EN 1."""
+    """Accept a test of a known output, without effect; require COM_MOT_TEST_EN 1 and a disarmed vehicle."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
     output = whole(command.lat_deg)

@@ -11,8 +11,8 @@ from sim_vehicle.vehicle.params import Parameters
 
 MIN_SPEED_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0
-STICKS_DISABLED = 4  # COM_RC_IN_MODE
-MIN_DELAY_S = 0.1  # a shorter COM_FAIL_ACT_T counts as 0
+STICKS_DISABLED = 4  # value of COM_RC_IN_MODE
+MAX_IGNORED_DELAY_S = 0.1  # COM_FAIL_ACT_T up to this value counts as 0
 
 # NAV_DLL_ACT and NAV_RCL_ACT
 _LINK_ACTIONS = {
@@ -50,13 +50,13 @@ _OFFBOARD_ACTIONS = {
     6: FailsafeAction.TERMINATE,
     7: FailsafeAction.DISARM,
 }
-# COM_RCL_EXCEPT: bit -> modes that continue without a remote control
+# COM_RCL_EXCEPT: bit mask -> modes that continue without a remote control
 _RC_EXCEPTIONS = {1: (modes.MISSION,), 2: (modes.HOLD, modes.TAKEOFF), 4: (modes.OFFBOARD,)}
 _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.ALWAYS}
 
 
-def _offboard_lost(params: Parameters) -> FailsafeAction:
-    """Return the action after a lost offboard link; pilot modes become hold, or return without a pilot."""
+def _offboard_lost_action(params: Parameters) -> FailsafeAction:
+    """Return the action after a lost offboard link. For a pilot's mode: HOLD, or RETURN without a pilot."""
     without_pilot = FailsafeAction.RETURN if _pilot_missing(params) else FailsafeAction.HOLD
     return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
 
@@ -80,12 +80,12 @@ def _positive(value: float) -> float:
 
 
 def _common(params: Parameters) -> dict[str, object]:
-    """Return the flight parameters independent of the airframe."""
+    """Return the flight parameters that do not depend on the airframe."""
     capacity_mah = params["BAT1_CAPACITY"]
     cells = max(int(params["BAT1_N_CELLS"]), 1)
     low_battery_action = int(params["COM_LOW_BAT_ACT"])
-    gcs = _LINK_ACTIONS.get(int(params["NAV_DLL_ACT"]), FailsafeAction.NOTHING)
-    fence = _FENCE_ACTIONS.get(int(params["GF_ACTION"]), FailsafeAction.WARN)
+    gcs_action = _LINK_ACTIONS.get(int(params["NAV_DLL_ACT"]), FailsafeAction.NOTHING)
+    fence_action = _FENCE_ACTIONS.get(int(params["GF_ACTION"]), FailsafeAction.WARN)
     delay_s = params["COM_FAIL_ACT_T"]
     wait_s = params["RTL_LAND_DELAY"]
     return {
@@ -104,8 +104,8 @@ def _common(params: Parameters) -> dict[str, object]:
         "disarm_landed_s": _positive_or_inf(params["COM_DISARM_LAND"]),
         "disarm_unflown_s": _positive_or_inf(params["COM_DISARM_PRFLT"]),
         "gcs_sysid": None,
-        "gcs_timeout_s": math.inf if gcs is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
-        "gcs_action": gcs,
+        "gcs_timeout_s": math.inf if gcs_action is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
+        "gcs_action": gcs_action,
         "gcs_missing_is_lost": True,
         "battery_warning_share": params["BAT_LOW_THR"],
         "battery_low_v": 0.0,
@@ -122,12 +122,12 @@ def _common(params: Parameters) -> dict[str, object]:
         "rc_timeout_s": params["COM_RC_LOSS_T"],
         "pilot_missing": _pilot_missing(params),
         "setpoint_timeout_s": params["COM_OF_LOSS_T"],
-        "setpoint_action": _offboard_lost(params),
+        "setpoint_action": _offboard_lost_action(params),
         "position_lost_action": FailsafeAction.LAND,
-        "failsafe_delay_s": delay_s if delay_s > MIN_DELAY_S else 0.0,
+        "failsafe_delay_s": delay_s if delay_s > MAX_IGNORED_DELAY_S else 0.0,
         "logs": _LOGS.get(int(params["SDLOG_MODE"]), LogWhen.ARMED),
-        "fence_enabled": fence is not FailsafeAction.NOTHING,
-        "fence_action": fence,
+        "fence_enabled": fence_action is not FailsafeAction.NOTHING,
+        "fence_action": fence_action,
         "fence_max_height_m": _positive_or_inf(params["GF_MAX_VER_DIST"]),
         "fence_min_height_m": -math.inf,
         "fence_radius_m": _positive_or_inf(params["GF_MAX_HOR_DIST"]),
@@ -139,21 +139,21 @@ def _common(params: Parameters) -> dict[str, object]:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float] | None:
-    """Return the height function of a return (`FlightParameters.return_height_at`), or None without a cone.
+    """Return the function for the height of a return (`FlightParameters.return_height_at`); None: no cone.
 
-    The height is RTL_RETURN_ALT. Near home a cone limits the height, and at home the vehicle does not climb.
-    Outside the acceptance radius the height is at least twice that radius, which keeps the vehicle airborne.
+    The height is RTL_RETURN_ALT. Within RTL_MIN_DIST a cone limits the height, but not below twice the
+    acceptance radius. Within that radius the height is twice the distance, so 0 at home.
     """
     full_m, cone_deg, radius_m = params["RTL_RETURN_ALT"], params["RTL_CONE_ANG"], params["NAV_ACC_RAD"]
-    near_m = params["RTL_MIN_DIST"]
+    cone_within_m = params["RTL_MIN_DIST"]
     slope = 1 / math.tan(math.radians(min(max(cone_deg, 1.0), 89.0)))
 
-    def height_m(distance_m: float, _height_m: float) -> float:
+    def return_height_m(distance_m: float, _height_m: float) -> float:
         if distance_m <= radius_m:
             return 2 * distance_m
-        return max(min(full_m, slope * distance_m) if distance_m <= near_m else full_m, 2 * radius_m)
+        return max(min(full_m, slope * distance_m) if distance_m <= cone_within_m else full_m, 2 * radius_m)
 
-    return height_m if cone_deg > 0 else None
+    return return_height_m if cone_deg > 0 else None
 
 
 def copter_flight_parameters(params: Parameters) -> FlightParameters:

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.mission import Item
 
-# Frames with a position, and the frame of the read-back.
+# Accepted frame of an item with a position -> frame of this item in a download.
 READ_BACK_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL_INT,
@@ -37,11 +37,14 @@ _WITH_POSITION = frozenset(
         mavlink.MAV_CMD_NAV_RALLY_POINT,
     }
 )
-_ROI = frozenset({mavlink.MAV_CMD_NAV_ROI, mavlink.MAV_CMD_DO_SET_ROI})
-_ROI_WITH_POSITION = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
-_ROI_WITHOUT_POSITION = frozenset({mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX})
+# These commands are accepted with and without a position; param1 is the ROI mode.
+_ROI_COMMANDS = frozenset({mavlink.MAV_CMD_NAV_ROI, mavlink.MAV_CMD_DO_SET_ROI})
+_ROI_MODES_WITH_POSITION = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
+_ROI_MODES_WITHOUT_POSITION = frozenset(
+    {mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX}
+)
 
-# Commands without a position; accepted in frame MISSION only.
+# Commands accepted in frame MISSION.
 _WITHOUT_POSITION = frozenset(
     {
         mavlink.MAV_CMD_DO_JUMP,
@@ -84,17 +87,17 @@ _WITHOUT_POSITION = frozenset(
 def store_item(item: Item) -> Item | int:
     """Return PX4's stored form of an item, or the MAV_MISSION_RESULT of a refusal.
 
-    PX4 does not check the values of parameters: a NaN altitude, a latitude of 100 degrees and a jump to a
-    missing item are stored and read back.
+    PX4 checks no other value than the ROI mode. A NaN altitude, a latitude of 100 degrees and a jump to a
+    missing item are stored and sent back.
     """
     if item.frame in READ_BACK_FRAME:
-        commands, regions, frame = _WITH_POSITION, _ROI_WITH_POSITION, READ_BACK_FRAME[item.frame]
+        commands, roi_modes, frame = _WITH_POSITION, _ROI_MODES_WITH_POSITION, READ_BACK_FRAME[item.frame]
     elif item.frame == mavlink.MAV_FRAME_MISSION:
-        commands, regions, frame = _WITHOUT_POSITION, _ROI_WITHOUT_POSITION, item.frame
+        commands, roi_modes, frame = _WITHOUT_POSITION, _ROI_MODES_WITHOUT_POSITION, item.frame
     else:
         return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
     if item.command not in commands:
         return int(mavlink.MAV_MISSION_UNSUPPORTED)
-    if item.command in _ROI and not (math.isfinite(item.param1) and int(item.param1) in regions):
+    if item.command in _ROI_COMMANDS and not (math.isfinite(item.param1) and int(item.param1) in roi_modes):
         return int(mavlink.MAV_MISSION_INVALID_PARAM1)
     return replace(item, frame=frame)

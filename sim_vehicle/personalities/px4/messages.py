@@ -11,7 +11,8 @@ from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.wire.encode import DefinedMessage, Layout
 
-AVAILABLE_MODES, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE, CURRENT_MODE = 435, 380, 411, 436
+AVAILABLE_MODES_ID, CURRENT_MODE_ID = 435, 436
+TIME_ESTIMATE_TO_TARGET_ID, CURRENT_EVENT_SEQUENCE_ID = 380, 411
 ADVANCED, NOT_SELECTABLE = 1, 2  # MAV_MODE_PROPERTY
 _ADVANCED_MODES = frozenset({modes.ACRO, modes.STABILIZED, modes.OFFBOARD, modes.PRECISION_LAND})
 
@@ -21,8 +22,8 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 15.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 10.0,
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
-    CURRENT_EVENT_SEQUENCE: 0.33,
-    CURRENT_MODE: 0.5,
+    CURRENT_EVENT_SEQUENCE_ID: 0.33,
+    CURRENT_MODE_ID: 0.5,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
@@ -39,16 +40,16 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 1.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
-    TIME_ESTIMATE_TO_TARGET: 1.0,
+    TIME_ESTIMATE_TO_TARGET_ID: 1.0,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
     mavlink.MAVLINK_MSG_ID_VIBRATION: 0.1,
     mavlink.MAVLINK_MSG_ID_WIND_COV: 0.5,
-    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: 1.0,  # strikes, with hostiles
+    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: 1.0,  # strikes; only in a scenario with hostiles
 }
 
 # Messages missing in pymavlink's ArduPilot dialect.
 _AVAILABLE_MODES = Layout(
-    AVAILABLE_MODES,
+    AVAILABLE_MODES_ID,
     "AVAILABLE_MODES",
     bytes([134]),
     np.dtype(
@@ -79,10 +80,10 @@ PROTOCOL_VERSION = Layout(
 
 
 def targets(vehicle: Vehicle) -> tuple[bool, bool]:
-    """Return the reported targets (global, local): both in navigator modes, local in offboard mode."""
+    """Return the reported targets (global, local): both in Auto modes, only local in Offboard and Orbit."""
     mode = vehicle.mode
-    controlled = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
-    return controlled and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, controlled
+    has_target = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
+    return has_target and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, has_target
 
 
 def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
@@ -101,7 +102,7 @@ def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
 
 
 def available_modes(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
-    """Return AVAILABLE_MODES of every mode (parameter 0), or of the mode with this index (from 1)."""
+    """Return AVAILABLE_MODES of every mode (parameter 0), or of the mode with this index (from 1), if any."""
     all_modes = list(vehicle.personality.modes.values())
     messages = [_available_mode(index, len(all_modes), mode) for index, mode in enumerate(all_modes, start=1)]
     if parameter == 0:
@@ -115,6 +116,6 @@ def protocol_version(_vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
 
 
 ONE_SHOT_MESSAGES = {
-    AVAILABLE_MODES: available_modes,
+    AVAILABLE_MODES_ID: available_modes,
     PROTOCOL_VERSION.message_id: protocol_version,
 }

@@ -17,7 +17,7 @@ from sim_vehicle.vehicle.rally import distance_m
 
 LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 HOME_OR_RALLY, LANDING_OR_RALLY, BY_MISSION, CLOSEST = 0, 1, 2, 3  # RTL_TYPE
-MIN_DISTANCE_THRESHOLD_M = 2.0  # MIN_DIST_THRESHOLD
+MIN_DISTANCE_THRESHOLD_M = 2.0  # MIN_DIST_THRESHOLD in the source
 
 
 def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
@@ -30,46 +30,49 @@ def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
 
 
 def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
-    """Return the mission items of a return and the altitude to climb to first [m above mean sea level].
+    """Return the mission items that a return flies, and the altitude of the climb before these items.
 
-    Return None if the return does not use the mission.
+    The altitude is above mean sea level [m]; -inf: no climb. Return None for a return without the mission.
     """
-    mission, kind = vehicle.mission, int(vehicle.params["RTL_TYPE"])
+    mission, rtl_type = vehicle.mission, int(vehicle.params["RTL_TYPE"])
     landing = mission_landing(mission.items) if mission.flyable else None
-    if landing is None or kind not in (LANDING_OR_RALLY, BY_MISSION, CLOSEST):
+    if landing is None or rtl_type not in (LANDING_OR_RALLY, BY_MISSION, CLOSEST):
         return None
     first, last = landing
     minimum_amsl_m = -math.inf
-    if _is_landing(vehicle, first, last) or (kind == BY_MISSION and _flies_mission(vehicle)):
+    if _is_landing(vehicle, first, last) or (rtl_type == BY_MISSION and _flies_mission(vehicle)):
         first = mission.index
-    elif kind != BY_MISSION:
-        if _other_place_is_nearer(vehicle, mission.items[last], kind):
+    elif rtl_type != BY_MISSION:
+        if _other_place_is_preferred(vehicle, mission.items[last], rtl_type):
             return None
         ground_m = vehicle.flight.altitude_amsl_m(mission.items[last].frame, mission.items[last].z)
         minimum_amsl_m = ground_m + vehicle.flight_parameters.return_height_m
-    flown = [item for item in mission.items[first : last + 1] if item.place_deg is not None]
-    return (flown, minimum_amsl_m) if flown and flown[-1] is mission.items[last] else None
+    placed = [item for item in mission.items[first : last + 1] if item.place_deg is not None]
+    return (placed, minimum_amsl_m) if placed and placed[-1] is mission.items[last] else None
 
 
 def _flies_mission(vehicle: Vehicle) -> bool:
     return vehicle.flight.behaviour is Behaviour.MISSION
 
 
-def _other_place_is_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
-    """Return True if a rally point (with CLOSEST also home) is nearer than the landing of the mission."""
+def _other_place_is_preferred(vehicle: Vehicle, land: Item, rtl_type: int) -> bool:
+    """Return True if a rally point is not farther away than the landing of the mission.
+
+    With CLOSEST, home counts too, and a place can be 2 m farther away.
+    """
     here_deg = vehicle.body.lat_lon_deg
     places = [point.place_deg for point in vehicle.home_and_rally.rally.items]
-    if kind == CLOSEST:
+    if rtl_type == CLOSEST:
         places.append(vehicle.home_and_rally.home_deg)
     distances_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
     landing_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
-    return landing_m + (MIN_DISTANCE_THRESHOLD_M if kind == CLOSEST else 0.0) >= min(
+    return landing_m + (MIN_DISTANCE_THRESHOLD_M if rtl_type == CLOSEST else 0.0) >= min(
         distances_m, default=math.inf
     )
 
 
 def _is_landing(vehicle: Vehicle, first: int, last: int) -> bool:
-    """Return True during the mission landing: past its first position, or on a circle at that position."""
+    """Return True in the landing sequence: past its first position, or in the LOITER_TO_ALT circle there."""
     mission = vehicle.mission
     if not _flies_mission(vehicle) or not first < mission.index <= last:
         return False

@@ -1,8 +1,8 @@
 """Flight modes of PX4 1.15: numbers, and behaviour without stick input.
 
 custom_mode on the wire is sub mode << 24 | main mode << 16. A disarmed vehicle accepts a pilot's mode
-(`needs_pilot`). Without manual control, the vehicle does not arm in a pilot's mode. An armed vehicle does not
-change to a pilot's mode.
+(`needs_pilot`). Without manual control, a vehicle does not arm in a pilot's mode, and an armed vehicle does
+not change to such a mode.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -51,7 +51,7 @@ def _pilot_mode(
     behaviour: Behaviour,
     base_mode: int,
     *,
-    position: bool = False,
+    needs_position: bool = False,
     standard: int = 0,
 ) -> Mode:
     return Mode(
@@ -59,7 +59,7 @@ def _pilot_mode(
         name,
         behaviour,
         armable=True,
-        needs_position=position,
+        needs_position=needs_position,
         base_mode=base_mode,
         standard=standard,
         needs_pilot=True,
@@ -82,10 +82,10 @@ _MODES = (
         "Position",
         Behaviour.HOLD,
         _PILOT,
-        position=True,
+        needs_position=True,
         standard=mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
     ),
-    _pilot_mode(POSITION_SLOW, "Position Slow", Behaviour.HOLD, _PILOT, position=True),
+    _pilot_mode(POSITION_SLOW, "Position Slow", Behaviour.HOLD, _PILOT, needs_position=True),
     _auto_mode(MISSION, "Mission", Behaviour.MISSION, mavlink.MAV_STANDARD_MODE_MISSION, armable=True),
     _auto_mode(HOLD, "Hold", Behaviour.HOLD, armable=True),
     _auto_mode(RETURN, "Return", Behaviour.RETURN, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY),

@@ -4,7 +4,7 @@ import math
 
 from sim_vehicle.physics.body import Body
 
-CORRECTION_PER_S = 0.5  # correction speed per distance from the circle
+CORRECTION_PER_S = 0.5  # correction speed per distance from the circle, or from its altitude
 CENTRIPETAL_M_S2 = 2.0  # largest centripetal acceleration, which limits the speed on a narrow circle
 MIN_RADIUS_M, MAX_RADIUS_M = 1.0, 1000.0
 
@@ -14,7 +14,7 @@ class Orbit:
 
     centre_m: east and north [m].
     up_m: altitude [m above mean sea level].
-    radius_m: radius [m], counter-clockwise if negative.
+    radius_m: radius from 1 m to 1000 m, counter-clockwise if negative.
     """
 
     def __init__(

@@ -3,7 +3,7 @@
 An int is an INT32 and a float a REAL32 on the wire. `flight_parameters` converts them.
 """
 
-# Parameters without an effect here; ground stations read them before a flight.
+# Parameters without an effect; ground stations read them before a flight.
 _NO_EFFECT: dict[str, float | int] = {
     # battery, arming, modes
     "BAT1_V_EMPTY": 3.6,  # V a cell
@@ -103,12 +103,12 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "BAT_CRIT_THR": 0.07,
     "BAT_EMERGEN_THR": 0.05,
     "COM_ARM_BAT_MIN": -1.0,  # lowest share for arming; less than 0: BAT_CRIT_THR
-    "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
+    "COM_LOW_BAT_ACT": 0,  # 0 warn, 1 return, 2 land, 3 return at critical and land at emergency level
     # arming, home, modes
     "COM_ARM_MIS_REQ": 0,  # 1: a valid mission is required to arm
     "COM_ARM_WO_GPS": 1,  # 0: arming requires a GPS fix in every mode
     "COM_DISARM_LAND": 2.0,  # s after a landing, 0 or less never
-    "COM_DISARM_PRFLT": 10.0,  # s after arming without a take-off, less than 0 never
+    "COM_DISARM_PRFLT": 10.0,  # s after arming without a take-off, 0 or less never
     "COM_FLIGHT_UUID": 0,
     "COM_HOME_EN": 1,  # 0: commands to set home are denied
     "COM_MOT_TEST_EN": 1,
@@ -131,7 +131,8 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "MIS_DIST_1WP": 10_000.0,  # m
     "MIS_TKO_LAND_REQ": 0,  # 0 nothing, 1 take-off, 2 landing, 3 both, 4 both or neither
     "NAV_LOITER_RAD": 80.0,  # m
-    "RTL_CONE_ANG": 45,  # deg, half angle, within RTL_MIN_DIST of home; 0: always RTL_RETURN_ALT
+    # multicopter: half angle of the cone [deg] within RTL_MIN_DIST of home; 0: always RTL_RETURN_ALT
+    "RTL_CONE_ANG": 45,
     "RTL_MIN_DIST": 10.0,  # m
     # MAVLink and the system
     "MAV_COMP_ID": 1,
@@ -139,7 +140,7 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "SDLOG_MODE": 1,
     "SYS_FAILURE_EN": 0,  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     # environment of the simulation
-    "SIM_WIND_DIR": 180.0,  # deg, origin direction of the wind; not a parameter of PX4
+    "SIM_WIND_DIR": 180.0,  # deg from which the wind blows; not a parameter of PX4
     "SIM_WIND_SPD": 0.0,  # m/s, 0: the scenario's wind; not a parameter of PX4
 }
 

@@ -66,7 +66,7 @@ def _mode_refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 
 def _battery_refusals(vehicle: Vehicle) -> list[str]:
-    """Return the refusal of a charge below COM_ARM_BAT_MIN (if negative: BAT_CRIT_THR)."""
+    """Return the refusal of a charge below COM_ARM_BAT_MIN (if negative: below BAT_CRIT_THR)."""
     share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
     minimum_share = vehicle.params["COM_ARM_BAT_MIN"]
     if share >= (minimum_share if minimum_share >= 0 else flight_parameters.battery_low_share):
@@ -88,7 +88,7 @@ def _system_refusals(vehicle: Vehicle) -> list[str]:
 
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
-    """Return True if PX4 accepts the mission; send the reason for a refusal as a text."""
+    """Return True if PX4 can fly the mission; send the reason for a refusal (unless empty) as a text."""
     refusal = _distance_refusal(vehicle, items)
     if refusal is None and vehicle.body.plane:
         refusal = _fence_refusal(vehicle, items)
