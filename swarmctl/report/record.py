@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import msgspec
-from mcap.exceptions import EndOfFile, McapError
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
@@ -275,19 +275,18 @@ def _read(path: Path) -> _Content:
             end, is_cut = _complete_part(file)
             file.seek(0)
             metadata, rows = _parsed(BytesIO(file.read(end)))
-        if metadata.get("format") not in READABLE:
-            raise RecordError(
-                f"{path}: swarmctl {__version__} cannot read this record; use the version that wrote it "
-                "[other-format]"
-            )
-        return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
+        if metadata.get("format") in READABLE:
+            return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
     except FileNotFoundError:
         raise RecordError(
             f"{path}: not found; give the folder of a run, which holds run.mcap [no-record]"
         ) from None
-    except (OSError, McapError, ValueError, struct.error, msgspec.DecodeError) as error:
+    except Exception as error:  # a damaged record fails in many ways: JSON, compression, unknown channels
         reason = str(error) or f"ends early or is damaged ({type(error).__name__})"
         raise RecordError(f"{path}: cannot be read as a record: {reason} [damaged]") from error
+    raise RecordError(
+        f"{path}: swarmctl {__version__} cannot read this record; use the version that wrote it [other-format]"
+    )
 
 
 def _complete_part(file: BinaryIO) -> tuple[int, bool]:

@@ -11,6 +11,7 @@ from cli_flight import CliFlight
 from cli_runner import SHIPPED, swarmctl
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from profiles import examples
 
 REAL = """\
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 8, cols: 8, cell_size_m: 50}
@@ -124,6 +125,18 @@ def test_the_record_of_a_process_that_died_replays_up_to_its_cut(
         assert "[record-cut]" in result.output
         n_whole.append(int(result.output.split("are the same: ")[1].split()[0]))
     assert 0 < n_whole[0] < n_whole[1] <= n_whole[2] <= n_events
+
+
+def test_a_record_with_a_changed_byte_replays_or_is_called_damaged(
+    small_flight: CliFlight, tmp_path: Path
+) -> None:
+    content = (small_flight.run / "run.mcap").read_bytes()
+    changed = tmp_path / "changed.mcap"
+    for at in range(20, len(content), len(content) // examples(100)):
+        changed.write_bytes(content[:at] + bytes([content[at] ^ 0x55]) + content[at + 1 :])
+        result = swarmctl("replay", changed)
+        assert result.exit_code in (0, 1, 2), (at, result.exception)
+        assert isinstance(result.exception, SystemExit | None), (at, result.exception)
 
 
 def forget(record: Path, copy: Path, *, vehicle: str, event: str) -> None:
