@@ -284,9 +284,8 @@ def _read(path: Path) -> _Content:
     except Exception as error:  # a damaged record fails in many ways: JSON, compression, unknown channels
         reason = str(error) or f"ends early or is damaged ({type(error).__name__})"
         raise RecordError(f"{path}: cannot be read as a record: {reason} [damaged]") from error
-    raise RecordError(
-        f"{path}: swarmctl {__version__} cannot read this record; use the version that wrote it [other-format]"
-    )
+    text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
+    raise RecordError(f"{path}: {text} [other-format]")
 
 
 def _complete_part(file: BinaryIO) -> tuple[int, bool]:
