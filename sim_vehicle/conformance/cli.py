@@ -9,7 +9,7 @@ from rich.console import Console
 
 from sim_vehicle.conformance.guard import ALTER, ARM, REBOOT
 from sim_vehicle.conformance.registry import select
-from sim_vehicle.conformance.report import as_json, catalogue, describe_vehicle, matrix, print_result
+from sim_vehicle.conformance.report import as_json, describe_vehicle, list_checks, matrix, print_result
 from sim_vehicle.conformance.runner import RunReport, granted_permissions, run
 from sim_vehicle.conformance.sockets import open_wire
 from sim_vehicle.conformance.traffic import WireError
@@ -26,9 +26,9 @@ def conformance(
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(help="Checks by category, name or pattern ('mission', 'mission.*'); repeatable."),
+        typer.Option(help="Run only this category, name or pattern ('mission', 'mission.*'); repeatable."),
     ] = None,
-    list_checks: Annotated[bool, typer.Option("--list", help="Show the checks and exit.")] = False,
+    list_only: Annotated[bool, typer.Option("--list", help="Show the checks and exit.")] = False,
     sysid: Annotated[
         int | None, typer.Option(min=1, max=254, help="System id; default: the first vehicle.")
     ] = None,
@@ -58,16 +58,16 @@ def conformance(
     """Check one vehicle at a URL against MAVLink and the known behaviour of its autopilot.
 
     A real vehicle is armed, rebooted or altered only if an option allows it. At the end, also after Ctrl-C,
-    the mission, fence and rally points are restored. A plan without a saved copy is not overwritten. Other
-    vehicles on the link receive only messages without an effect.
+    the plans and parameters are restored; a note lists each failure. A plan without a saved copy is not
+    overwritten. Other vehicles on the link receive only messages without an effect.
 
-    Exit codes: 0 no check failed; 1 a check failed; 2 a bad argument; 130 interrupted.
+    Exit codes: 0 no check failed; 1 a check failed; 2 a bad argument, link or file; 130 interrupted.
     """
     console = Console()
     try:
         checks = select(only or [])
-        if list_checks:
-            console.print(catalogue(checks))
+        if list_only:
+            console.print(list_checks(checks))
             return
         if url is None:
             raise typer.BadParameter("a URL is needed, for example udpin:0.0.0.0:14550", param_hint="URL")

@@ -1,7 +1,7 @@
 """The behaviour of known autopilots where the MAVLink specification allows a choice.
 
-Observed on ArduCopter 4.6.2 and PX4 1.15 in software-in-the-loop. For any other autopilot only the
-specification counts: a check that needs more is skipped.
+`ARDUCOPTER` and `PX4` were observed on ArduCopter 4.6.2 and PX4 1.15 in software-in-the-loop. Other
+autopilots are tested only against the specification; checks that need more are skipped.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ PLANE_TYPES = frozenset({mavlink.MAV_TYPE_FIXED_WING})
 
 
 def px4_mode(main: int, sub: int = 0) -> int:
-    """Return PX4's custom_mode of a main and a sub mode."""
+    """Return PX4's custom_mode for a main mode and a sub mode."""
     return sub << 24 | main << 16
 
 
@@ -25,18 +25,18 @@ class Dialect:
     name: str
     modes: Mapping[str, int]  # role of a mode, such as "hold" -> custom_mode
     ready_mode: str | None = None  # role of the mode for arming and for commands
-    hold_mode: str | None = None  # role of a mode that stays in place without stick input
-    byte_wise: bool | None = None  # integer parameters are sent as their bytes
+    hold_mode: str | None = None  # role of a mode that holds the position without stick input
+    byte_wise: bool | None = None  # True: integer parameters are sent as their bytes
     sysid_parameters: tuple[str, ...] = ()  # possible names of the parameter with the system id
     # (name, value) of parameters that are safe to write, in the order of preference
     whole_parameters: tuple[tuple[str, int], ...] = ()
     real_parameters: tuple[tuple[str, float], ...] = ()
     arm_refused: int | None = None  # MAV_RESULT of a refused arming
     disarm_refused: int | None = None  # MAV_RESULT of a refused disarming in flight
-    home_item: bool = False  # item 0 of a mission is home
-    streams_unrequested: bool | None = None  # telemetry flows without a request
-    logs: bool = False  # flight logs can be downloaded
-    battery_parameter: str | None = None  # name of the parameter with the battery's capacity
+    home_item: bool = False  # True: item 0 of a mission is home
+    streams_unrequested: bool | None = None  # True: telemetry flows without a request
+    logs: bool = False  # True: flight logs can be downloaded
+    battery_parameter: str | None = None  # name of the parameter with the battery's capacity [mAh]
 
     @property
     def known(self) -> bool:

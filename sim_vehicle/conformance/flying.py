@@ -10,8 +10,8 @@ from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, result_name
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0  # height above home after the take-off
-READY_S, CLIMB_S, DOWN_S = 150.0, 90.0, 240.0  # longest times until ready, at height, landed
+HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0  # height of the take-off above home
+READY_S, CLIMB_S, LAND_S = 150.0, 90.0, 240.0  # longest times until ready, at height, landed
 PREARM_BIT = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 HEARTBEAT_LAG_S = 2.5  # longest time until a heartbeat shows a change
 REPOSITION_CHANGES_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
@@ -19,7 +19,7 @@ FLIGHT_RATES_HZ = {"GLOBAL_POSITION_INT": 5.0, "EXTENDED_SYS_STATE": 5.0, "MISSI
 
 
 def mode_number(vehicle: VehicleUnderTest, role: str) -> int:
-    """Return the autopilot's mode number for a role, such as "hold"; raise Skip for an unknown role."""
+    """Return the custom_mode for a role, such as "hold"; raise Skip for an unknown role."""
     if role not in vehicle.dialect.modes:
         raise Skip(f"this autopilot has no known mode for {role!r}")
     return vehicle.dialect.modes[role]
@@ -38,7 +38,7 @@ def mode_command(vehicle: VehicleUnderTest, number: int) -> Any:
 
 
 def try_mode(vehicle: VehicleUnderTest, role: str) -> int:
-    """Command a mode and return the MAV_RESULT."""
+    """Command a mode; return the MAV_RESULT."""
     return vehicle.result(mode_command(vehicle, mode_number(vehicle, role)))
 
 
@@ -69,7 +69,7 @@ def set_ready_mode(vehicle: VehicleUnderTest) -> None:
 
 
 def is_ready(vehicle: VehicleUnderTest) -> bool:
-    """Return True if the pre-arm checks pass and, on ArduPilot, a position estimate exists."""
+    """Return True if the pre-arm checks pass (ArduPilot: with a position estimate) or are not reported."""
     status = vehicle.request("SYS_STATUS")
     if status.onboard_control_sensors_present & PREARM_BIT:
         if not status.onboard_control_sensors_health & PREARM_BIT:
@@ -81,7 +81,7 @@ def is_ready(vehicle: VehicleUnderTest) -> bool:
 
 
 def wait_ready(vehicle: VehicleUnderTest) -> float:
-    """Wait until the vehicle can be armed; return the time taken [s]."""
+    """Set the mode for arming and wait until the vehicle can be armed; return the waiting time [s]."""
     set_ready_mode(vehicle)
     began_s = vehicle.now
     while not is_ready(vehicle):
@@ -100,7 +100,7 @@ def last_texts(vehicle: VehicleUnderTest, count: int = 3) -> str:
 
 
 def arm(vehicle: VehicleUnderTest) -> None:
-    """Wait until the vehicle is ready, arm it, and wait until its heartbeat shows it armed."""
+    """Wait until the vehicle is ready, arm the vehicle, and wait for the armed state in the heartbeat."""
     wait_ready(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     if result != mavlink.MAV_RESULT_ACCEPTED:
@@ -109,14 +109,14 @@ def arm(vehicle: VehicleUnderTest) -> None:
 
 
 def disarm(vehicle: VehicleUnderTest) -> None:
-    """Disarm the vehicle on the ground, and wait until its heartbeat shows it disarmed."""
+    """Disarm the vehicle on the ground, and wait for the disarmed state in the heartbeat."""
     if vehicle.armed:
         vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
         vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
 
 
 def position(vehicle: VehicleUnderTest) -> Any:
-    """Request GLOBAL_POSITION_INT."""
+    """Request and return GLOBAL_POSITION_INT."""
     return vehicle.request("GLOBAL_POSITION_INT")
 
 
@@ -143,13 +143,13 @@ def distance_to_m(vehicle: VehicleUnderTest, target: tuple[int, int]) -> float:
 
 
 def start_streams(vehicle: VehicleUnderTest) -> None:
-    """Start the streams that flight checks need."""
+    """Start the streams of `FLIGHT_RATES_HZ` and wait for a position."""
     for kind, rate_hz in FLIGHT_RATES_HZ.items():
         vehicle.set_interval(kind, rate_hz)
     vehicle.wait_until(lambda: "GLOBAL_POSITION_INT" in vehicle.last, "GLOBAL_POSITION_INT", 5.0)
 
 
-def airborne(vehicle: VehicleUnderTest) -> bool:
+def is_airborne(vehicle: VehicleUnderTest) -> bool:
     return vehicle.armed and height_m(vehicle) > 3.0
 
 
@@ -167,40 +167,37 @@ def takeoff_command(vehicle: VehicleUnderTest, height: float) -> Any:
 
 
 def ensure_airborne(vehicle: VehicleUnderTest) -> None:
-    """Start the streams, take off unless airborne, and hold position (a plane circles)."""
+    """Start the streams, take off unless airborne, and hold the position (a plane circles)."""
     start_streams(vehicle)
-    if not airborne(vehicle):
+    if not is_airborne(vehicle):
         if vehicle.identity.kind == "plane":
             _launch_plane(vehicle)
         else:
             arm(vehicle)
             equal(result_name(vehicle.result(takeoff_command(vehicle, HEIGHT_M))), "ACCEPTED", "NAV_TAKEOFF")
             vehicle.wait_until(
-                lambda: height_m(vehicle) > HEIGHT_M - 1.0, f"a height of {HEIGHT_M:g} m", CLIMB_S
+                lambda: height_m(vehicle) > HEIGHT_M - 1.0, f"a height above {HEIGHT_M - 1:g} m", CLIMB_S
             )
             vehicle.wait(3.0)
     hold(vehicle)
 
 
 def _launch_plane(vehicle: VehicleUnderTest) -> None:
-    arm_role = "takeoff" if vehicle.dialect.name == "ardupilot" else None
-    if arm_role is None:
-        arm(vehicle)
-        equal(
-            result_name(vehicle.result(takeoff_command(vehicle, PLANE_HEIGHT_M))), "ACCEPTED", "NAV_TAKEOFF"
-        )
-    else:
+    if vehicle.dialect.name == "ardupilot":
         wait_ready(vehicle)
-        set_mode(vehicle, arm_role)
+        set_mode(vehicle, "takeoff")
         vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    vehicle.wait_until(
-        lambda: height_m(vehicle) > PLANE_HEIGHT_M * 0.8, f"{PLANE_HEIGHT_M * 0.8:g} m up", CLIMB_S
-    )
+    else:
+        arm(vehicle)
+        result = vehicle.result(takeoff_command(vehicle, PLANE_HEIGHT_M))
+        equal(result_name(result), "ACCEPTED", "NAV_TAKEOFF")
+    enough_m = PLANE_HEIGHT_M * 0.8
+    vehicle.wait_until(lambda: height_m(vehicle) > enough_m, f"a height above {enough_m:g} m", CLIMB_S)
     vehicle.wait(5.0)
 
 
 def hold(vehicle: VehicleUnderTest) -> None:
-    """Stop the vehicle in its hold mode, then set the mode that accepts position commands."""
+    """Set the hold mode, wait until a copter stands still, then set the mode for commands."""
     if vehicle.dialect.hold_mode is not None and vehicle.mode != mode_number(
         vehicle, vehicle.dialect.hold_mode
     ):
@@ -211,7 +208,7 @@ def hold(vehicle: VehicleUnderTest) -> None:
 
 
 def ensure_landed(vehicle: VehicleUnderTest) -> None:
-    """Land if necessary and wait until disarmed."""
+    """Land an armed vehicle and wait until the vehicle is disarmed."""
     if not vehicle.armed:
         return
     start_streams(vehicle)
@@ -225,22 +222,15 @@ def ensure_landed(vehicle: VehicleUnderTest) -> None:
         _land_by_mission(vehicle)
     else:
         set_mode(vehicle, "land")
-    vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", DOWN_S)
+    vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", LAND_S)
 
 
 def _land_by_mission(vehicle: VehicleUnderTest) -> None:
-    """Land a plane by mission, with an approach of half a kilometre."""
+    """Land a plane at home by mission, with an approach from 600 m south."""
     home = vehicle.request("HOME_POSITION")
-    base = home.latitude, home.longitude
-    plans.upload_or_fail(
-        vehicle,
-        plans.plan(
-            vehicle,
-            plans.waypoint(base, -600, 0, 40),
-            plans.waypoint(base, -350, 0, 25),
-            plans.land(base),
-        ),
-    )
+    place = home.latitude, home.longitude
+    approach = plans.waypoint(place, -600, 0, 40), plans.waypoint(place, -350, 0, 25)
+    plans.upload_or_fail(vehicle, plans.plan(vehicle, *approach, plans.land(place)))
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, 1))
     set_mode(vehicle, "mission")
 
@@ -257,9 +247,9 @@ def home_amsl_m(vehicle: VehicleUnderTest) -> float:
 def reposition(
     vehicle: VehicleUnderTest, target: tuple[int, int], height: float, *, speed: float = -1.0
 ) -> int:
-    """Send DO_REPOSITION as COMMAND_INT: height above home [m], speed [m/s]; return the MAV_RESULT."""
+    """Send DO_REPOSITION: height above home [m], speed [m/s] (-1: default); return the MAV_RESULT."""
     x, y = target
-    amsl_m = home_amsl_m(vehicle) + height  # both autopilots read z above sea level in this frame
+    amsl_m = home_amsl_m(vehicle) + height  # z is above sea level in MAV_FRAME_GLOBAL
     command = vehicle.command_int(
         mavlink.MAV_CMD_DO_REPOSITION, speed, REPOSITION_CHANGES_MODE, 0, math.nan, x=x, y=y, z=amsl_m
     )

@@ -27,7 +27,7 @@ def frame(
     compatible: int = 0,
     source: tuple[int, int] = STATION,
 ) -> bytes:
-    """Return a MAVLink 2 frame with any payload."""
+    """Return an unsigned MAVLink 2 frame with any payload and flags."""
     codec = vehicle.codec(source)
     head = struct.pack(
         "<BBBBBB", len(payload), incompatible, compatible, codec.seq, source[0], source[1]
@@ -49,13 +49,13 @@ def with_bad_crc(vehicle: VehicleUnderTest, message: Any) -> bytes:
 
 
 def untrimmed(vehicle: VehicleUnderTest, message: Any, crc_extra: int) -> bytes:
-    """Return the message's frame with its trailing zeros, which MAVLink 2 senders omit."""
+    """Return the frame of a message with the trailing zeros that MAVLink 2 senders omit."""
     raw = vehicle.pack(message)
     payload = raw[10:-2].ljust(message.unpacker.size, b"\0")
     return frame(vehicle, message.id, payload, crc_extra)
 
 
-def requested(
+def request_fields(
     vehicle: VehicleUnderTest, message_id: int, layout: struct.Struct, *params: float
 ) -> tuple[Any, ...]:
     """Request a message unknown to the codec and return its fields; raise Skip if the vehicle refuses."""

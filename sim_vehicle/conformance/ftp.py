@@ -15,7 +15,7 @@ FAIL, FAIL_ERRNO, EOF, UNKNOWN_COMMAND, NOT_FOUND = 1, 2, 6, 7, 10
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request opcode, burst complete, offset
 CHUNK = 239  # bytes of data in a full payload
 REPLY_S, ATTEMPTS = 1.5, 4
-MAX_BYTES = 4_000_000  # a longer file is not read to its end
+MAX_BYTES = 4_000_000  # `read` stops after these bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Reply:
     session: int
     opcode: int
     request: int  # opcode of the request
-    complete: bool  # last packet of a burst
+    complete: bool  # True in the last packet of a burst
     offset: int  # of the data in the file [bytes]
     data: bytes
 
@@ -36,7 +36,7 @@ class Reply:
 
     @property
     def error(self) -> int:
-        """Return the error code of a NAK."""
+        """Return the error code of a NAK; FAIL for a NAK without a code."""
         return self.data[0] if self.data else FAIL
 
 
@@ -50,7 +50,7 @@ class FtpClient:
     def send(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
     ) -> int:
-        """Send a request and return its sequence number; `size` overrides the length of the data."""
+        """Send a request; return its sequence number. `size` replaces the data's length in the header."""
         self.seq = (self.seq + 1) % 65_536
         self.resend(opcode, data, session=session, offset=offset, size=size)
         return self.seq
@@ -68,12 +68,10 @@ class FtpClient:
 
     def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
         """Return the first reply after a mark, and the mark after the reply; None after `within_s`."""
-        place = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
-        return (
-            None
-            if place is None
-            else (_reply(bytes(self.vehicle.received[place].message.payload)), place + 1)
-        )
+        index = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
+        if index is None:
+            return None
+        return _reply(bytes(self.vehicle.received[index].message.payload)), index + 1
 
     def ask(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
@@ -86,13 +84,13 @@ class FtpClient:
             if found is not None:
                 return found[0]
             self.resend(opcode, data, session=session, offset=offset, size=size)
-        raise CheckFailed(f"expected an answer to operation {opcode}, saw none")
+        raise CheckFailed(f"expected an answer to FTP operation {opcode}, saw none")
 
     def reset(self) -> None:
         self.ask(RESET)
 
     def open(self, path: str) -> tuple[int, int]:
-        """Open a file for reading; return session and size, or raise CheckFailed."""
+        """Open a file for reading; return session and size [bytes], or raise CheckFailed."""
         answer = self.ask(OPEN_READ, path.encode())
         if not answer.ok:
             raise CheckFailed(f"opening {path}: expected ACK, saw error {answer.error}")
@@ -100,7 +98,7 @@ class FtpClient:
         return answer.session, size
 
     def read(self, path: str, limit: int = MAX_BYTES) -> bytes:
-        """Return the content of a file, by single reads."""
+        """Return the content of a file, up to about `limit` bytes, by single reads."""
         session, _ = self.open(path)
         found = bytearray()
         while len(found) < limit:
@@ -114,7 +112,7 @@ class FtpClient:
         return bytes(found)
 
     def burst(self, path: str) -> bytes:
-        """Return the content of a file, by burst reads."""
+        """Return the content of a file, by burst reads; lost packets are requested again."""
         session, size = self.open(path)
         parts: dict[int, bytes] = {}
         offset, rounds = 0, 0

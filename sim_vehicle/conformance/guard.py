@@ -13,12 +13,11 @@ from sim_vehicle.conformance.outgoing import OutgoingFrame
 
 ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"
-ALTER = "alter"  # a lasting change: logs, calibration, signing key
+ALTER = "alter"  # a lasting change: logs, calibration, stored parameters, signing key
 SIMULATOR = "simulator"  # only for the simulator
 PERMISSIONS = frozenset({ARM, REBOOT, ALTER, SIMULATOR})
 
-
-_COMMANDS = {
+_COMMAND_PERMISSIONS = {
     mavlink.MAV_CMD_NAV_TAKEOFF: ARM,
     mavlink.MAV_CMD_NAV_VTOL_TAKEOFF: ARM,
     mavlink.MAV_CMD_MISSION_START: ARM,  # PX4 arms for MISSION_START
@@ -27,7 +26,7 @@ _COMMANDS = {
     mavlink.MAV_CMD_PREFLIGHT_STORAGE: ALTER,
     mavlink.MAV_CMD_DO_FLIGHTTERMINATION: SIMULATOR,
 }
-_MESSAGES = {
+_MESSAGE_PERMISSIONS = {
     "RC_CHANNELS_OVERRIDE": ARM,
     "MANUAL_CONTROL": ARM,
     "LOG_ERASE": ALTER,
@@ -40,10 +39,10 @@ _READ_ONLY = frozenset(
 _READ_ONLY_COMMANDS = frozenset(
     {mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES}
 )
-_PLANS = frozenset(
+_PLAN_MESSAGES = frozenset(
     {"MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST", "MISSION_ITEM", "MISSION_ITEM_INT"}
 )
-_LEGACY_PLANS = {
+_LEGACY_PLAN_MESSAGES = {
     "FENCE_POINT": int(mavlink.MAV_MISSION_TYPE_FENCE),
     "RALLY_POINT": int(mavlink.MAV_MISSION_TYPE_RALLY),
 }
@@ -55,19 +54,19 @@ PLAN_NAMES = {
 
 
 class Forbidden(Exception):
-    """A check tried to send a frame that could change another vehicle."""
+    """A frame that could change another vehicle; it is not sent."""
 
 
 def permission_for(message: Any) -> str | None:
     """Return the permission that a message needs (`PERMISSIONS`), or None."""
     kind = message.get_type()
     if kind not in ("COMMAND_LONG", "COMMAND_INT"):
-        return _MESSAGES.get(kind)
+        return _MESSAGE_PERMISSIONS.get(kind)
     if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
         return None if message.param1 == 0 else ARM
     if message.command == mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
         return None if message.param1 == 0 and message.param2 == 0 else REBOOT
-    return _COMMANDS.get(message.command)
+    return _COMMAND_PERMISSIONS.get(message.command)
 
 
 def is_read_only(sent: OutgoingFrame) -> bool:
@@ -77,9 +76,9 @@ def is_read_only(sent: OutgoingFrame) -> bool:
     return sent.kind in _READ_ONLY
 
 
-def is_for(sent: OutgoingFrame, vehicle: int) -> bool:
-    """Return True if a frame is for this system alone. The system id is 0 before the connection."""
-    return vehicle != 0 and sent.target == vehicle
+def is_for(sent: OutgoingFrame, sysid: int) -> bool:
+    """Return True if a frame is for this system alone; `sysid` is 0 before the connection."""
+    return sysid != 0 and sent.target == sysid
 
 
 def refusal(sent: OutgoingFrame, permissions: Set[str], saved_plans: Set[int]) -> str | None:
@@ -87,10 +86,13 @@ def refusal(sent: OutgoingFrame, permissions: Set[str], saved_plans: Set[int]) -
 
     `saved_plans`: MAV_MISSION_TYPE of the plans with a copy.
     """
-    wanted = None if sent.message is None else permission_for(sent.message)
-    if wanted is not None and wanted not in permissions:
-        return f"{sent.kind} needs {'the built-in simulator' if wanted == SIMULATOR else f'--allow-{wanted}'}"
-    plan = sent.message.mission_type if sent.kind in _PLANS else _LEGACY_PLANS.get(sent.kind)
-    if plan is not None and plan not in saved_plans:
-        return f"the {PLAN_NAMES.get(plan, f'plans of type {plan}')} could not be saved [plan-unsaved]"
+    needed = None if sent.message is None else permission_for(sent.message)
+    if needed is not None and needed not in permissions:
+        return f"{sent.kind} needs {'the built-in simulator' if needed == SIMULATOR else f'--allow-{needed}'}"
+    plan_type = (
+        sent.message.mission_type if sent.kind in _PLAN_MESSAGES else _LEGACY_PLAN_MESSAGES.get(sent.kind)
+    )
+    if plan_type is not None and plan_type not in saved_plans:
+        name = PLAN_NAMES.get(plan_type, f"plans of type {plan_type}")
+        return f"{sent.kind} was not sent, because the {name} could not be saved [plan-unsaved]"
     return None

@@ -7,13 +7,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.dialects import PLANE_TYPES
 
-SIMULATOR_MARK = b"sim_vehicle"
+SIMULATOR_MARK = b"sim_vehicle"  # first bytes of the simulator's uid2
 SIGNED = 0x01  # MAVLink 2 incompatibility flag of a signed frame
 
 
 @dataclass(frozen=True, slots=True)
 class ReceivedFrame:
-    """A frame from the vehicle: arrival time [s], decoded message and header."""
+    """A received frame: arrival time [s of vehicle time], name of the message, decoded message, header."""
 
     at_s: float
     kind: str
@@ -35,14 +35,14 @@ class ReceivedFrame:
 
 @dataclass(frozen=True, slots=True)
 class VehicleIdentity:
-    """The identity of a vehicle, with its MAV_PROTOCOL_CAPABILITY bits (0 if unknown)."""
+    """The identity of a vehicle, from HEARTBEAT and, if received, AUTOPILOT_VERSION."""
 
     sysid: int
     component: int
-    autopilot: int
-    vehicle_type: int
-    capabilities: int = 0
-    software: int = 0
+    autopilot: int  # MAV_AUTOPILOT
+    vehicle_type: int  # MAV_TYPE
+    capabilities: int = 0  # MAV_PROTOCOL_CAPABILITY bits
+    software: int = 0  # flight_sw_version
     uid2: bytes = b""
 
     @property

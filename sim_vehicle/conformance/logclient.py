@@ -8,11 +8,11 @@ from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CHUNK = 90  # bytes of data in a full LOG_DATA
-LIST_S = 4.0  # longest wait for the first LOG_ENTRY
+LIST_S = 4.0  # longest wait for the first LOG_ENTRY after a request
 
 
 def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
-    """Return the LOG_ENTRY messages by id; raise Skip if an unknown autopilot does not answer."""
+    """Return LOG_ENTRY by log id; raise Skip if an autopilot with unknown support does not answer."""
     mark = vehicle.mark()
     for _ in range(3):
         vehicle.send(mavlink.MAVLink_log_request_list_message(*vehicle.target, 0, 0xFFFF))
@@ -28,19 +28,19 @@ def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
         if len(found) >= total:
             return found
         vehicle.wait(0.5)
-    raise CheckFailed(f"expected {total} LOG_ENTRY, saw {len(found)}")
+    raise CheckFailed(f"expected {total} LOG_ENTRY messages within 10 s, saw {len(found)}")
 
 
 def newest(vehicle: VehicleUnderTest) -> Any:
-    """Return the LOG_ENTRY of the latest log with content; raise Skip if all logs are empty."""
+    """Return the LOG_ENTRY of the log with content and the highest id; raise Skip if there is none."""
     found = [entry for entry in entries(vehicle).values() if entry.size > 0]
     if not found:
-        raise Skip("the vehicle holds no logs")
+        raise Skip("the vehicle has no log with content")
     return max(found, key=lambda entry: entry.id)
 
 
 def data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> bytes:
-    """Return `count` bytes of a log, fewer at the log's end; lost parts are requested again."""
+    """Return `count` bytes of a log, or fewer at its end; lost parts are requested up to seven times more."""
     parts: dict[int, bytes] = {}
     end: int | None = None
     for _ in range(8):

@@ -1,4 +1,4 @@
-"""A small mission for flight checks, started on the ground or in the air."""
+"""A small mission for flight checks, begun on the ground or in the air."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -7,26 +7,26 @@ from sim_vehicle.conformance.plans import PlanItem
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CORNERS = ((40.0, 0.0), (40.0, 40.0), (0.0, 40.0))  # metres north and east of the start
-HEIGHT_M = 12.0
+HEIGHT_M = 12.0  # above home
 
 
 def items(vehicle: VehicleUnderTest, *, landing: bool = True) -> list[PlanItem]:
-    """Return a take-off and three corners from the current position, with or without a landing."""
+    """Return a take-off here and three waypoints, with or without a landing at the last waypoint."""
     place = plans.current_position(vehicle)
-    legs = [plans.takeoff(place, HEIGHT_M), *[plans.waypoint(place, n, e, HEIGHT_M) for n, e in CORNERS]]
+    found = [plans.takeoff(place, HEIGHT_M), *[plans.waypoint(place, n, e, HEIGHT_M) for n, e in CORNERS]]
     if landing:
-        legs.append(plans.land(place, *CORNERS[-1]))
-    return plans.plan(vehicle, *legs)
+        found.append(plans.land(place, *CORNERS[-1]))
+    return plans.plan(vehicle, *found)
 
 
 def rewind(vehicle: VehicleUnderTest) -> None:
-    """Make the first item current, because the current item of an earlier mission may remain."""
+    """Make the first item after home current, because the index of an earlier mission may remain."""
     first = int(vehicle.dialect.home_item)
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, first))
 
 
 def start(vehicle: VehicleUnderTest) -> None:
-    """Start the stored mission from the ground."""
+    """Arm the vehicle and start the stored mission from the ground."""
     flying.start_streams(vehicle)
     rewind(vehicle)
     flying.arm(vehicle)
@@ -38,7 +38,7 @@ def start(vehicle: VehicleUnderTest) -> None:
 
 
 def resume(vehicle: VehicleUnderTest, seq: int) -> None:
-    """Fly the stored mission from item `seq` on, with an airborne vehicle."""
+    """Set the mission mode in flight, with item `seq` as the current item."""
     vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
     flying.set_mode(vehicle, "mission")
 
@@ -59,7 +59,7 @@ def wait_until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 12
 
 
 def under_way(vehicle: VehicleUnderTest) -> int:
-    """Fly until 10 m past the first waypoint; return the sequence number of the second waypoint."""
+    """Upload the mission and fly 10 m past the first waypoint; return seq of the second waypoint."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(vehicle, items(vehicle, landing=False))
     seq = first_waypoint(vehicle) + 1

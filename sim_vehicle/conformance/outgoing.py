@@ -1,4 +1,4 @@
-"""The frames that any receiver could find in outgoing bytes."""
+"""The frames that a receiver could find in outgoing bytes."""
 
 import struct
 from collections.abc import Iterator
@@ -18,32 +18,32 @@ _TARGETS = ("target_system", "target")
 
 @dataclass(frozen=True, slots=True)
 class OutgoingFrame:
-    """One outgoing frame; `target` is a system id, 0 for all receivers."""
+    """One outgoing frame."""
 
-    kind: str
-    message: Any
-    target: int
+    kind: str  # name of the message
+    message: Any  # None for COMMAND_CANCEL
+    target: int  # system id; 0: all receivers
 
 
 def frames_in(data: bytes, begin: int = 0) -> Iterator[OutgoingFrame]:
-    """Yield each frame that has a correct checksum and ends after the index `begin`.
+    """Yield each known message that has a correct checksum and ends after the index `begin`.
 
     A receiver may start reading at any byte. The search therefore tries every byte, and also finds a frame
-    inside another frame. It ignores signatures and flags, because some receivers ignore them.
+    inside another frame. Signatures and flags are ignored, because some receivers ignore them.
     """
-    for at, start in enumerate(data):
-        head = _HEADER_BYTES.get(start)
-        if head is None or at + head > len(data):
+    for start, byte in enumerate(data):
+        head = _HEADER_BYTES.get(byte)
+        if head is None or start + head > len(data):
             continue
-        end = at + head + data[at + 1] + 2
+        end = start + head + data[start + 1] + 2
         if begin < end <= len(data):
-            found = _frame(data[at:end], head)
+            found = _frame(data[start:end], head)
             if found is not None:
                 yield found
 
 
 def _frame(raw: bytes, head: int) -> OutgoingFrame | None:
-    """Decode a frame without its signature; None for a wrong checksum or an unknown message."""
+    """Decode a frame without a signature; return None for a wrong checksum or an unknown message."""
     number = raw[5] if head == _HEADER_BYTES[0xFE] else int.from_bytes(raw[7:10], "little")
     known = mavlink.mavlink_map.get(number)
     if known is None and number != COMMAND_CANCEL:
@@ -60,7 +60,7 @@ def _frame(raw: bytes, head: int) -> OutgoingFrame | None:
 
 
 def _decoded(number: int, payload: bytes, known: Any) -> Any:
-    """Decode the payload in a new MAVLink 2 frame, because pymavlink decodes only frames."""
+    """Return the message of a payload, decoded in a new frame because pymavlink decodes only frames."""
     fields = payload[: known.unpacker.size]
     body = bytes([len(fields), 0, 0, 0, 255, 190]) + number.to_bytes(3, "little") + fields
     crc = x25crc(body + bytes([known.crc_extra])).crc

@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-LIST_QUIET_S = 1.5  # a longer pause in a parameter list means lost entries
+LIST_QUIET_S = 1.5  # after a longer pause in a list, missing entries are requested
 LIST_S = 120.0  # longest time for a parameter list
-UNINDEXED = 65_535  # ArduPilot's index in an answer by name
+UNINDEXED = 65_535  # param_index in ArduPilot's answer by name, and of PX4's _HASH_CHECK
 _FORMATS = {
     mavlink.MAV_PARAM_TYPE_UINT8: "B",
     mavlink.MAV_PARAM_TYPE_INT8: "b",
@@ -24,7 +24,7 @@ _FORMATS = {
     mavlink.MAV_PARAM_TYPE_INT32: "i",
     mavlink.MAV_PARAM_TYPE_REAL32: "f",
 }
-WHOLE_RANGES = {
+WHOLE_RANGES = {  # of integer types
     mavlink.MAV_PARAM_TYPE_UINT8: (0, 255),
     mavlink.MAV_PARAM_TYPE_INT8: (-128, 127),
     mavlink.MAV_PARAM_TYPE_UINT16: (0, 65_535),
@@ -93,13 +93,13 @@ def read_index(vehicle: VehicleUnderTest, index: int) -> ParameterValue:
 
 
 def write(vehicle: VehicleUnderTest, name: str, value: float, kind: int) -> ParameterValue:
-    """Send PARAM_SET and return the PARAM_VALUE that acknowledges it."""
+    """Send PARAM_SET; return the acknowledged value, or raise CheckFailed if no answer arrives."""
     message = set_message(vehicle, name, value, kind)
     return decode(vehicle, vehicle.ask(message, "PARAM_VALUE", lambda m: m.param_id == name))
 
 
 def restore(vehicle: VehicleUnderTest, before: ParameterValue) -> None:
-    """Write back an earlier value; raise CheckFailed if the vehicle has another value afterwards."""
+    """Write back an earlier value; raise CheckFailed if the vehicle acknowledges another value."""
     seen = write(vehicle, before.name, before.value, before.type).value
     if seen != before.value and not math.isnan(before.value):
         raise CheckFailed(f"{before.name}: expected {before.value:g}, saw {seen:g}")
@@ -107,7 +107,7 @@ def restore(vehicle: VehicleUnderTest, before: ParameterValue) -> None:
 
 @contextmanager
 def restored(vehicle: VehicleUnderTest, name: str) -> Iterator[ParameterValue]:
-    """Yield the value of a parameter and restore this value at the end."""
+    """Yield the current value of a parameter, and restore it at the end."""
     before = read(vehicle, name)
     with vehicle.restoring(name, lambda: restore(vehicle, before)):
         yield before
@@ -121,7 +121,7 @@ def changed(vehicle: VehicleUnderTest, name: str, value: float) -> Iterator[Para
 
 
 def has(vehicle: VehicleUnderTest, name: str) -> bool:
-    """Return True if the vehicle has a parameter."""
+    """Return True if the vehicle lists a parameter or, before `fetch_all`, answers a read of it."""
     if vehicle.catalogue:
         return name in vehicle.catalogue
     return any(
@@ -144,7 +144,7 @@ def value_or_none(vehicle: VehicleUnderTest, name: str) -> float | None:
 def harmless_change(
     vehicle: VehicleUnderTest, candidates: tuple[tuple[str, float], ...]
 ) -> tuple[str, float]:
-    """Return name and new value of the vehicle's first candidate; raise Skip if no candidate exists."""
+    """Return name and new value of the first candidate on the vehicle; raise Skip if there is none."""
     for name, value in candidates:
         if has(vehicle, name):
             return name, value if read(vehicle, name).value != value else value + 1
@@ -152,17 +152,17 @@ def harmless_change(
 
 
 def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
-    """Fetch, store and return the parameter list; lost entries are requested by index."""
+    """Fetch, store and return the parameter list; missing entries are requested by index."""
     by_index: dict[int, ParameterValue] = {}
     count, mark, began_s = None, vehicle.mark(), vehicle.now
     vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
     while count is None or len(by_index) < count:
         if vehicle.now - began_s > LIST_S:
             raise CheckFailed(f"parameter list: {len(by_index)} of {count} within {LIST_S:g} s")
-        begin, before = mark, len(by_index)
-        message = vehicle.wait_for("PARAM_VALUE", within_s=LIST_QUIET_S, mark=begin)
+        previous_mark, before = mark, len(by_index)
+        message = vehicle.wait_for("PARAM_VALUE", within_s=LIST_QUIET_S, mark=previous_mark)
         mark = vehicle.mark()
-        for received in vehicle.since(begin, "PARAM_VALUE"):
+        for received in vehicle.since(previous_mark, "PARAM_VALUE"):
             if received.param_index != UNINDEXED:
                 by_index[received.param_index] = decode(vehicle, received)
                 count = received.param_count
@@ -176,5 +176,5 @@ def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
 
 
 def listed(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
-    """Return the parameter list; fetch the list only once a run."""
+    """Return the stored parameter list, fetched if necessary."""
     return vehicle.catalogue or fetch_all(vehicle)

@@ -7,7 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, mission_result_name
 from sim_vehicle.conformance.guard import PLAN_NAMES
 from sim_vehicle.conformance.traffic import STATION, Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -20,7 +20,7 @@ RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 M_PER_DEG = 111_319.5
 POSITION_S = 120.0  # longest wait for a position
 BACKUP_ATTEMPTS = 3  # in each attempt every item is requested up to three times
-TRANSFER_ENDS_S = 6.0  # PX4 ends a broken transfer after 5 s
+TRANSFER_ENDS_S = 6.0  # wait between attempts; PX4 ends a broken transfer after 5 s
 REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 
 
@@ -50,19 +50,19 @@ class PlanItem:
 
 @dataclass(frozen=True, slots=True)
 class UploadResult:
-    """The outcome of an upload: MAV_MISSION_RESULT, and (message, seq) of each request."""
+    """The outcome of an acknowledged upload."""
 
-    result: int
-    requests: tuple[tuple[str, int], ...]
-    ack: Any
+    result: int  # MAV_MISSION_RESULT
+    requests: tuple[tuple[str, int], ...]  # (name of the message, seq)
+    ack: Any  # MISSION_ACK
     took_s: float
 
 
-# -- places ----------------------------------------------------------------------------------------------
+# -- positions -------------------------------------------------------------------------------------------
 
 
 def current_position(vehicle: VehicleUnderTest) -> tuple[int, int]:
-    """Wait for a position; return latitude and longitude [1e-7 deg]."""
+    """Wait for a position other than 0, 0; return latitude and longitude [1e-7 deg]."""
     end_s = vehicle.now + POSITION_S
     while vehicle.now < end_s:
         found = vehicle.request("GLOBAL_POSITION_INT")
@@ -111,7 +111,7 @@ def plan(vehicle: VehicleUnderTest, *items: PlanItem) -> list[PlanItem]:
 
 
 def sample_plan(vehicle: VehicleUnderTest, count: int = 5, z: float = 20.0) -> list[PlanItem]:
-    """Return a take-off and waypoints: `count` items besides a home placeholder."""
+    """Return a take-off and waypoints: `count` items, not counting a home placeholder."""
     place = current_position(vehicle)
     points = [waypoint(place, 30.0 * i, 20.0 * (i % 3), z + i) for i in range(1, count)]
     return plan(vehicle, takeoff(place, z), *points)
@@ -120,8 +120,8 @@ def sample_plan(vehicle: VehicleUnderTest, count: int = 5, z: float = 20.0) -> l
 # -- messages --------------------------------------------------------------------------------------------
 
 
-def _numbered(seq: int, wanted: Condition) -> Condition:
-    return lambda m: m.seq == seq and wanted(m)
+def _numbered(seq: int, condition: Condition) -> Condition:
+    return lambda m: m.seq == seq and condition(m)
 
 
 def count_message(vehicle: VehicleUnderTest, count: int, kind: int = MISSION) -> Any:
@@ -137,7 +137,7 @@ def clear_message(vehicle: VehicleUnderTest, kind: int = MISSION) -> Any:
 
 
 def for_station(kind: int, source: tuple[int, int] = STATION) -> Condition:
-    """Return the condition for mission messages of this type to this station, or to all systems."""
+    """Return the condition for messages of this plan type to this station or to all systems."""
     return lambda m: m.mission_type == kind and m.target_system in (0, source[0])
 
 
@@ -150,10 +150,10 @@ def next_request(
     source: tuple[int, int] = STATION,
 ) -> tuple[str, int]:
     """Return name and seq of the next MISSION_REQUEST(_INT); raise CheckFailed if none arrives."""
-    place = vehicle.seek(REQUESTS, for_station(kind, source), within_s=within_s, mark=mark)
-    if place is None:
-        raise CheckFailed(f"expected a mission request within {within_s:g} s, saw none")
-    return vehicle.received[place].kind, vehicle.received[place].message.seq
+    index = vehicle.seek(REQUESTS, for_station(kind, source), within_s=within_s, mark=mark)
+    if index is None:
+        raise CheckFailed(f"expected a request for an item within {within_s:g} s, saw none")
+    return vehicle.received[index].kind, vehicle.received[index].message.seq
 
 
 # -- transfers -------------------------------------------------------------------------------------------
@@ -167,25 +167,24 @@ def upload(
     as_float: bool = False,
     source: tuple[int, int] = STATION,
 ) -> UploadResult:
-    """Upload a plan; return the outcome, even if the vehicle refuses the plan."""
+    """Upload a plan; return the outcome, even of a refusal. Raise CheckFailed without MISSION_ACK."""
     began_s, requests = vehicle.now, list[tuple[str, int]]()
     mark = vehicle.mark()
     vehicle.send(count_message(vehicle, len(items), kind), source)
-    wanted, silences, restarted = for_station(kind, source), 0, False
+    condition, timeouts = for_station(kind, source), 0
     while True:
-        place = vehicle.seek((*REQUESTS, "MISSION_ACK"), wanted, within_s=3.0, mark=mark)
-        if place is None:
-            silences += 1
-            if silences > 3:
-                raise CheckFailed(f"upload: no answer after {len(requests)} requests")
-            if not requests and not restarted:  # the announcement may be lost
-                restarted = True
+        index = vehicle.seek((*REQUESTS, "MISSION_ACK"), condition, within_s=3.0, mark=mark)
+        if index is None:
+            timeouts += 1
+            if timeouts > 3:
+                raise CheckFailed(f"upload: no further message after {len(requests)} requests")
+            if not requests and timeouts == 1:  # MISSION_COUNT may be lost
                 vehicle.send(count_message(vehicle, len(items), kind), source)
             continue
-        mark, entry = place + 1, vehicle.received[place]
+        mark, entry = index + 1, vehicle.received[index]
         if entry.kind == "MISSION_ACK":
             if entry.message.type == mavlink.MAV_MISSION_INVALID_SEQUENCE and requests:
-                continue  # answer to a duplicate; the upload continues
+                continue  # the answer to a duplicate item
             return UploadResult(entry.message.type, tuple(requests), entry.message, vehicle.now - began_s)
         seq = entry.message.seq
         requests.append((entry.kind, seq))
@@ -197,8 +196,7 @@ def upload(
 def upload_or_fail(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION) -> UploadResult:
     """Upload a plan; raise CheckFailed unless the vehicle accepts the plan."""
     done = upload(vehicle, items, kind)
-    if done.result != mavlink.MAV_MISSION_ACCEPTED:
-        raise CheckFailed(f"upload of {len(items)} items: expected ACCEPTED, saw {done.result}")
+    equal(mission_result_name(done.result), "ACCEPTED", f"upload of {len(items)} items")
     return done
 
 
@@ -209,7 +207,7 @@ def end_download(vehicle: VehicleUnderTest, kind: int = MISSION, source: tuple[i
 
 
 def open_list(vehicle: VehicleUnderTest, kind: int = MISSION, source: tuple[int, int] = STATION) -> int:
-    """Request the list and return its item count; `end_download` ends the download."""
+    """Begin a download; return the number of items. `end_download` ends the download."""
     answer = vehicle.ask(
         request_list(vehicle, kind), "MISSION_COUNT", for_station(kind, source), source=source
     )
@@ -230,19 +228,14 @@ def download(
     as_float: bool = False,
     source: tuple[int, int] = STATION,
 ) -> list[Any]:
-    """Download all stored items, acknowledge them, and return their messages."""
-    maker = (
+    """Download and acknowledge the stored items; return their messages."""
+    request = (
         mavlink.MAVLink_mission_request_message if as_float else mavlink.MAVLink_mission_request_int_message
     )
     answer = "MISSION_ITEM" if as_float else "MISSION_ITEM_INT"
-    wanted = for_station(kind, source)
+    condition = for_station(kind, source)
     items = [
-        vehicle.ask(
-            maker(*vehicle.target, seq, kind),
-            answer,
-            _numbered(seq, wanted),
-            source=source,
-        )
+        vehicle.ask(request(*vehicle.target, seq, kind), answer, _numbered(seq, condition), source=source)
         for seq in range(open_list(vehicle, kind, source))
     ]
     end_download(vehicle, kind, source)
@@ -294,7 +287,7 @@ def require_type(vehicle: VehicleUnderTest, kind: int) -> None:
 
 
 class PlanBackup:
-    """Copies of the plans on a vehicle before the checks; `Traffic` overwrites only copied plans."""
+    """Copies of the plans on a vehicle before the checks; `Traffic` lets only copied plans be overwritten."""
 
     def __init__(self, vehicle: VehicleUnderTest) -> None:
         self._vehicle = vehicle
@@ -326,15 +319,16 @@ class PlanBackup:
 
     def restore(self) -> list[str]:
         """Restore the plans; return a text for each failure."""
-        trouble = []
+        failures = []
         for kind, items in self._copies.items():
             try:
                 upload_or_fail(self._vehicle, items, kind)
             except (CheckFailed, Skip) as error:
-                trouble.append(
-                    f"the earlier {PLAN_NAMES[kind]} could not be restored: {error} [not-restored]"
+                failures.append(
+                    f"the {PLAN_NAMES[kind]} could not be restored: {error}; "
+                    "upload the plan again from a ground station [not-restored]"
                 )
-        return trouble
+        return failures
 
     def names(self) -> list[str]:
         return [PLAN_NAMES[kind] for kind in self._copies]

@@ -33,9 +33,9 @@ class Check:
     claims: tuple[str, ...]  # required MAV_PROTOCOL_CAPABILITY bits, without their prefix
     dialects: frozenset[str]  # names of the autopilots' dialects; empty: all
     kind: str | None  # copter or plane; None: both
-    airborne: bool  # the check starts in flight
-    pins: str  # the verified statement: MAVLink, or a line of notes/AUTOPILOTS.md
-    limit_s: float  # longest duration [s of vehicle time]
+    airborne: bool  # True: the check starts in flight
+    pins: str  # source of the statement: MAVLink, or a line of notes/AUTOPILOTS.md
+    limit_s: float  # time limit [s of vehicle time]
 
     @property
     def category(self) -> str:
@@ -61,24 +61,22 @@ def check(
     pins: str = "MAVLink",
     limit_s: float = 60.0,
 ) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a function under `category.name`."""
-    wanted = frozenset(needs) | ({ARM} if airborne else set())
+    """Register a function under `category.name`; raise ValueError for a bad name or permission."""
+    required = frozenset(needs) | ({ARM} if airborne else frozenset())
     if name in CHECKS:
         raise ValueError(f"two checks are named {name!r}")
     if name.partition(".")[0] not in CATEGORIES or not name.partition(".")[2]:
         raise ValueError(
             f"check {name!r}: a name is CATEGORY.NAME; the categories are {', '.join(CATEGORIES)}"
         )
-    if not wanted <= PERMISSIONS:
-        raise ValueError(
-            f"check {name!r} needs {sorted(wanted - PERMISSIONS)}; the permissions are {sorted(PERMISSIONS)}"
-        )
+    if unknown := required - PERMISSIONS:
+        raise ValueError(f"check {name!r} needs {sorted(unknown)}; the permissions are {sorted(PERMISSIONS)}")
 
     def register(function: CheckFunction) -> CheckFunction:
         CHECKS[name] = Check(
             name,
             function,
-            frozenset(wanted),
+            required,
             tuple(claims),
             frozenset(dialects),
             kind,
@@ -100,17 +98,17 @@ def all_checks() -> list[Check]:
 
 
 def select(patterns: Iterable[str]) -> list[Check]:
-    """Return the checks that match a pattern, such as `mission.*` or `fence`; no patterns: all checks."""
-    wanted = [pattern.strip() for pattern in patterns if pattern.strip()]
+    """Return the checks that match a pattern (`mission.*`, `fence`), or all; raise ValueError for none."""
+    cleaned = [pattern.strip() for pattern in patterns if pattern.strip()]
     chosen = [
         found
         for found in all_checks()
-        if not wanted
-        or any(found.name.startswith(f"{p}.") or fnmatch.fnmatchcase(found.name, p) for p in wanted)
+        if not cleaned
+        or any(found.name.startswith(f"{p}.") or fnmatch.fnmatchcase(found.name, p) for p in cleaned)
     ]
     if not chosen:
         raise ValueError(
-            f"no check matches {', '.join(wanted)!r}; expected a category ({', '.join(CATEGORIES)}), "
+            f"no check matches {', '.join(cleaned)!r}; expected a category ({', '.join(CATEGORIES)}), "
             "a name or a pattern like 'mission.*'; --list shows all checks"
         )
     return chosen

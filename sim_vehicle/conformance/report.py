@@ -1,4 +1,4 @@
-"""A run as a table for the terminal and as JSON for programs."""
+"""A run as tables for the terminal and as JSON for programs."""
 
 import json
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ def describe_vehicle(identity: VehicleIdentity) -> str:
 
 
 def describe_counts(results: Iterable[CheckResult]) -> str:
-    """Return the counts of outcomes, such as `3 passed, 1 failed`."""
+    """Return the number of each outcome, such as `3 passed, 1 failed`."""
     found = list(results)
     counts = {outcome: sum(r.outcome is outcome for r in found) for outcome in Outcome}
     return ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items() if count) or "none"
@@ -74,12 +74,12 @@ def matrix(report: RunReport) -> Group:
 
 
 def _printable(text: str) -> str:
-    """Replace unprintable characters, which would disturb a terminal."""
+    """Replace unprintable characters by blanks, because they would disturb a terminal."""
     return "".join(character if character.isprintable() else " " for character in text)
 
 
-def catalogue(checks: Iterable[Check]) -> Group:
-    """Return tables of the checks: name, statement, conditions."""
+def list_checks(checks: Iterable[Check]) -> Group:
+    """Return the checks as tables by category: name, statement, conditions."""
     parts: list[Any] = []
     total = 0
     for category, group in groupby(checks, key=lambda found: found.category):
@@ -90,20 +90,20 @@ def catalogue(checks: Iterable[Check]) -> Group:
         table.add_column("statement", ratio=1, overflow="fold")
         table.add_column("only with", width=14, overflow="fold")
         for entry in found:
-            limits = [
+            conditions = [
                 *sorted(entry.needs),
                 *entry.claims,
                 *sorted(entry.dialects),
                 *([entry.kind] if entry.kind else []),
             ]
-            table.add_row(entry.name.partition(".")[2], entry.summary, ", ".join(limits))
+            table.add_row(entry.name.partition(".")[2], entry.summary, ", ".join(conditions))
         parts += [table, Text()]
     parts.append(Text(f"{total} checks"))
     return Group(*parts)
 
 
 def as_json(report: RunReport, url: str) -> str:
-    """Return the run as JSON: vehicle, counts, one entry a check."""
+    """Return the run as JSON: vehicle, counts, notes, one entry for each check."""
     identity = report.identity
     return json.dumps(
         {
@@ -137,7 +137,7 @@ def as_json(report: RunReport, url: str) -> str:
 
 def print_result(console: Console, result: CheckResult) -> None:
     """Print one result during the run."""
-    mark = Text(f"{result.outcome.value:8}", style=STYLES[result.outcome])
+    outcome = Text(f"{result.outcome.value:8}", style=STYLES[result.outcome])
     console.print(
-        Text.assemble(mark, f"{result.check.name}  ", (_printable(result.seen), "dim")), soft_wrap=True
+        Text.assemble(outcome, f"{result.check.name}  ", (_printable(result.seen), "dim")), soft_wrap=True
     )

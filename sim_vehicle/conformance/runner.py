@@ -15,11 +15,11 @@ from sim_vehicle.conformance.registry import Check
 from sim_vehicle.conformance.traffic import is_autopilot
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-SILENCE_S = 5.0  # a check fails if no heartbeat arrives for this time
+SILENCE_S = 5.0  # longest wait for a heartbeat after a check; without a heartbeat the check fails
 HEARTBEAT_WAIT_S = 60.0  # longest wait for a heartbeat before the restoration
 RESTORE_ATTEMPTS = 3  # this number of interrupts ends the restoration
 LANDING_ATTEMPTS = 3
-# Category that overwrites plans -> types of the plans that must have a copy.
+# Category that needs a backup of the plans -> types of the plans that must be in the backup.
 WRITES_PLANS = {
     "modes": (MISSION,), "mission": (MISSION,), "fence": (FENCE,), "rally": (RALLY,), "robustness": (),
     "arming": (), "flight": (MISSION,), "mission-flight": (MISSION,), "reboot": (), "endurance": (),
@@ -27,7 +27,7 @@ WRITES_PLANS = {
 FLIES = frozenset({"flight", "mission-flight"})
 LOW_BATTERY_PERCENT = 20
 RUN_CAPACITY_MAH = 30_000.0  # more than the flights of one run use
-BOOTING_S = 5.0  # time from a boot to the first check
+BOOTING_S = 5.0  # shortest time from a boot to the first check
 PREPARATION_S = 400.0  # longest time for taking off or landing between checks
 
 
@@ -49,11 +49,11 @@ class CheckResult:
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """The results of a run, and `notes` to the operator."""
+    """The results of a run."""
 
     identity: VehicleIdentity
     results: tuple[CheckResult, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # messages to the operator
     interrupted: bool = False
 
     def count(self, outcome: Outcome) -> int:
@@ -67,7 +67,7 @@ class RunReport:
 def granted_permissions(
     identity: VehicleIdentity, allow: frozenset[str], *, ground_only: bool
 ) -> frozenset[str]:
-    """Return the permissions: all for the simulator, else those of the options. `ground_only` removes ARM."""
+    """Return all permissions for the simulator, else those of `allow`; `ground_only` removes ARM."""
     granted = allow - {SIMULATOR}
     if identity.simulator:
         granted = granted | {"arm", "reboot", "alter", SIMULATOR}
@@ -83,47 +83,47 @@ def run(
 ) -> RunReport:
     """Run the checks on a connected vehicle.
 
-    A vehicle that is armed at the start is in use, so every check is skipped. At the end of a run, also after
-    an interrupt, the vehicle is landed and restored before the report. `RESTORE_ATTEMPTS` further interrupts
-    end the restoration.
+    A vehicle that is armed at the start is in use: every check is skipped and nothing is restored. After any
+    other run, also after an interrupt, the vehicle is landed and restored before the report.
+    `RESTORE_ATTEMPTS` further interrupts end the restoration.
     """
-    running = _RunState(vehicle, on_result)
+    state = _RunState(vehicle, on_result)
     if vehicle.armed:
-        running.stop_reason = "the vehicle was armed before the run; all checks were skipped [already-armed]"
-        running.was_armed = True
+        state.stop_reason = "the vehicle was armed before the run; all checks were skipped [already-armed]"
+        state.was_armed = True
     else:
         _let_boot(vehicle)
     interrupted = False
     try:
         for check in checks:
-            running.run_check(check)
+            state.run_check(check)
     except KeyboardInterrupt:
         interrupted = True
         on_interrupt()
     except BaseException:
         # After a bug or a closed output the vehicle may still fly.
-        running.restore_vehicle()
+        state.restore_vehicle()
         raise
     notes = [
-        f"the restoration was interrupted {RESTORE_ATTEMPTS} times: the vehicle may still fly, "
-        "or keep changes [not-restored]"
+        f"the restoration was interrupted {RESTORE_ATTEMPTS} times: the vehicle may still fly or keep "
+        "changes; land the vehicle, and check plans and parameters [not-restored]"
     ]
     for _ in range(RESTORE_ATTEMPTS):
         try:
-            notes = running.restore_vehicle()
+            notes = state.restore_vehicle()
             break
         except KeyboardInterrupt:
             interrupted = True
             on_interrupt()
-    return RunReport(vehicle.identity, tuple(running.results), tuple(notes), interrupted)
+    return RunReport(vehicle.identity, tuple(state.results), tuple(notes), interrupted)
 
 
 class _RunState:
     def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
         self._vehicle, self._on_result = vehicle, on_result
         self._backup: PlanBackup | None = None
-        self._battery_seen = False
-        self._reported: set[int] = set()  # plan types without a copy for which a check has failed
+        self._battery_enlarged = False  # also True if the vehicle has no battery parameter
+        self._reported: set[int] = set()  # types of unsaved plans that already failed a check
         self.results: list[CheckResult] = []
         self.stop_reason: str | None = None  # reason to skip the remaining checks
         self.was_armed = False  # before the run
@@ -145,30 +145,31 @@ class _RunState:
         unsaved = self._unsaved(check)
         if unsaved is not None:
             return unsaved
-        if not self._battery_seen and check.category in FLIES and SIMULATOR in self._vehicle.permissions:
-            self._battery_seen = True
+        if not self._battery_enlarged and check.category in FLIES and SIMULATOR in self._vehicle.permissions:
+            self._battery_enlarged = True
             _enlarge_battery(self._vehicle)
         result = _run_check(self._vehicle, check)
         if not _alive(self._vehicle):
             self.stop_reason = (
-                f"no heartbeat after {check.name}; the remaining checks were skipped [vehicle-silent]"
+                f"the vehicle sent no heartbeat after {check.name}; "
+                "the remaining checks were skipped [vehicle-silent]"
             )
-            seen = f"no heartbeat after the check, which saw: {result.seen}"
+            seen = f"the vehicle sent no heartbeat after the check; result of the check: {result.seen}"
             return CheckResult(check, Outcome.FAILED, seen, result.took_s)
         return result
 
     def _unsaved(self, check: Check) -> CheckResult | None:
-        """Return the result of a check that would overwrite a plan without a copy, else None."""
+        """Return the result of a check that could overwrite a plan without a copy, else None."""
         unsaved = self._backup.unsaved if self._backup is not None else {}
         for kind in WRITES_PLANS.get(check.category, ()):
             if kind in unsaved:
-                # An unreadable plan is one failure, not one for each check.
+                # Only the first check of an unsaved plan fails; further checks are skipped.
                 outcome = Outcome.SKIPPED if kind in self._reported else Outcome.FAILED
                 self._reported.add(kind)
                 return CheckResult(
                     check,
                     outcome,
-                    f"the {PLAN_NAMES[kind]} could not be saved: {unsaved[kind]} [plan-unsaved]",
+                    f"not run: the {PLAN_NAMES[kind]} could not be saved: {unsaved[kind]} [plan-unsaved]",
                     0.0,
                 )
         return None
@@ -188,7 +189,7 @@ class _RunState:
 
 
 def _let_boot(vehicle: VehicleUnderTest) -> None:
-    """Wait until `BOOTING_S` after a boot, because the vehicle undoes an earlier mode change."""
+    """Wait until `BOOTING_S` after a boot, because ArduPilot undoes mode changes before that time."""
     try:
         age_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
     except (CheckFailed, Skip):
@@ -209,7 +210,8 @@ def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
     if SIMULATOR in missing:
         return "only for the simulator"
     if missing:
-        return f"not permitted: needs {' '.join(f'--allow-{name}' for name in sorted(missing))}"
+        options = " ".join(f"--allow-{name}" for name in sorted(missing))
+        return f"not permitted: needs {options}{' without --ground-only' if ARM in missing else ''}"
     return None
 
 
@@ -275,10 +277,10 @@ def _enlarge_battery(vehicle: VehicleUnderTest) -> None:
 
 def _check_battery(vehicle: VehicleUnderTest) -> None:
     """If the battery is low, land the vehicle and raise Skip."""
-    share = vehicle.request("SYS_STATUS").battery_remaining
-    if 0 <= share < LOW_BATTERY_PERCENT:
+    percent = vehicle.request("SYS_STATUS").battery_remaining
+    if 0 <= percent < LOW_BATTERY_PERCENT:
         flying.ensure_landed(vehicle)
-        raise Skip(f"the battery is at {share} % [battery-low]")
+        raise Skip(f"the battery is at {percent} % (limit {LOW_BATTERY_PERCENT} %) [battery-low]")
 
 
 def _alive(vehicle: VehicleUnderTest) -> bool:
@@ -298,7 +300,7 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
         state = "armed" if vehicle.armed else "disarmed"
         changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
         return [
-            f"no heartbeat for {HEARTBEAT_WAIT_S:g} s (last heartbeat: {state}); "
+            f"the vehicle sent no heartbeat for {HEARTBEAT_WAIT_S:g} s (last heartbeat: {state}); "
             f"these changes remain: {', '.join(changed) or 'none'} [vehicle-lost]"
         ]
     if ARM in vehicle.permissions:
@@ -317,17 +319,17 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
 
 
 def _land(vehicle: VehicleUnderTest) -> list[str]:
-    """Land and disarm over an unreliable link; return a text for each failure."""
+    """Land and disarm in up to `LANDING_ATTEMPTS` attempts; return a text for the last failure."""
     if vehicle.armed and ARM not in vehicle.permissions:
         return ["the vehicle is armed, and landing needs --allow-arm; land the vehicle with another station"]
-    trouble = ""
+    failure = ""
     for _ in range(LANDING_ATTEMPTS):
         try:
             flying.ensure_landed(vehicle)
         except (CheckFailed, Skip) as error:
-            trouble = f"the vehicle could not be landed: {error}"
+            failure = f"the vehicle could not be landed: {error}; land the vehicle with another station"
         else:
             return []
         if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):
             break
-    return [trouble]
+    return [failure]

@@ -145,7 +145,7 @@ def survives_silence(vehicle: VehicleUnderTest) -> str:
 @check("modes.current_mode_message")
 def current_mode_message(vehicle: VehicleUnderTest) -> str:
     """CURRENT_MODE, where supported, agrees with the heartbeat."""
-    custom_mode, _, _ = frames.requested(vehicle, frames.CURRENT_MODE, CURRENT)
+    custom_mode, _, _ = frames.request_fields(vehicle, frames.CURRENT_MODE, CURRENT)
     equal(custom_mode, vehicle.mode, "custom_mode")
     return flying.mode_name(vehicle, custom_mode)
 
@@ -153,7 +153,7 @@ def current_mode_message(vehicle: VehicleUnderTest) -> str:
 @check("modes.available_modes")
 def available_modes(vehicle: VehicleUnderTest) -> str:
     """AVAILABLE_MODES, where supported, are numbered without gaps and include the current mode."""
-    frames.requested(vehicle, frames.AVAILABLE_MODES, AVAILABLE, 0)
+    frames.request_fields(vehicle, frames.AVAILABLE_MODES, AVAILABLE, 0)
     vehicle.wait(3.0)
     entries = [e for e in vehicle.received if e.kind == f"UNKNOWN_{frames.AVAILABLE_MODES}"]
     modes = [frames.fields(entry, AVAILABLE) for entry in entries]

@@ -130,8 +130,8 @@ def speed_is_zero(vehicle: VehicleUnderTest) -> str:
     position, hud = _both(vehicle, "GLOBAL_POSITION_INT", "VFR_HUD")
     speed_m_s = math.hypot(position.vx, position.vy, position.vz) / 100
     holds(speed_m_s < STILL_M_S, f"GLOBAL_POSITION_INT: {speed_m_s:.2f} m/s")
-    hud_m_s = max(hud.groundspeed, abs(hud.climb))
-    holds(hud_m_s < STILL_M_S, f"VFR_HUD: {hud_m_s:.2f} m/s")
+    at_rest = hud.groundspeed < STILL_M_S and abs(hud.climb) < STILL_M_S
+    holds(at_rest, f"VFR_HUD: groundspeed {hud.groundspeed:.2f} m/s, climb {hud.climb:.2f} m/s")
     return f"{speed_m_s:.2f} m/s"
 
 

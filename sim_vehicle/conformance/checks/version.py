@@ -102,7 +102,7 @@ def claims_fence_and_rally(vehicle: VehicleUnderTest) -> str:
 @check("version.protocol_version")
 def protocol_version(vehicle: VehicleUnderTest) -> str:
     """PROTOCOL_VERSION, where supported, has version 200 (2.0) within its range."""
-    version, lowest, highest = frames.requested(vehicle, frames.PROTOCOL_VERSION, PROTOCOL)
+    version, lowest, highest = frames.request_fields(vehicle, frames.PROTOCOL_VERSION, PROTOCOL)
     equal(version, 200, "version")
     holds(lowest <= 200 <= highest, f"expected a range that includes 200, saw {lowest} to {highest}")
     return f"{lowest} to {highest}"
