@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sim_vehicle.testing.served import ServedFleet
 
 RIG = pytest.StashKey["Rig"]()
-FOLDERS = pytest.StashKey[Callable[[], Path]]()  # function that creates a folder for a failing test's tlogs
+CREATE_FOLDER = pytest.StashKey[Callable[[], Path]]()  # creates the folder of a failing test's tlogs
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -30,8 +30,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=int,
         default=None,
         metavar="N",
-        help="seed of the simulated vehicles; default: a seed from the names of each test and its file, "
-        "equal in every folder",
+        help="seed of the simulated vehicles; default: a seed from the names of each test and its file",
     )
 
 
@@ -53,7 +52,7 @@ def _sim_rig(
     from sim_vehicle.testing.rig import Rig  # noqa: PLC0415
 
     rig = Rig(sim_seed)
-    request.node.stash[FOLDERS] = lambda: tmp_path_factory.mktemp("tlogs")
+    request.node.stash[CREATE_FOLDER] = lambda: tmp_path_factory.mktemp("tlogs")
     request.node.stash[RIG] = rig
     return rig
 
@@ -80,9 +79,9 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
     params: parameters of all vehicles.
     home: latitude [deg], longitude [deg], altitude [m].
     wind: as in a scenario.
-    scenario: file or Scenario that faults, params and wind extend.
+    scenario: file or Scenario; replaces count, personality, kind and home; faults, params and wind are added.
 
-    The function raises ScenarioError if an argument is invalid.
+    The function raises ScenarioError for an invalid argument, RuntimeError if the test already has a fleet.
     """
     from sim_vehicle.scenarios import ScenarioError  # noqa: PLC0415
     from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415
@@ -129,7 +128,7 @@ def vehicle(swarm: "Callable[..., Swarm]") -> "Vehicle":
 
 @pytest.fixture
 def link(_sim_rig: "Rig") -> "Iterator[ServedFleet]":
-    """Serve the fleet over UDP in real time: `link.url`, `link.address`, `link.serve(speedup=10)`."""
+    """Serve the fleet over UDP in real time (`link.url`, `link.address`), or as `link.serve(...)` says."""
     from sim_vehicle.testing.served import ServedFleet  # noqa: PLC0415
 
     served = ServedFleet(_sim_rig)
@@ -152,9 +151,9 @@ def pytest_runtest_makereport(
 
 
 def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
-    """Write a tlog of each vehicle and return the folder; None if the disk is full."""
+    """Write a tlog of each vehicle and return the folder; None if a file cannot be written."""
     try:
-        folder = item.stash[FOLDERS]()
+        folder = item.stash[CREATE_FOLDER]()
         rig.write_tlogs(folder)
     except OSError:
         return None
@@ -162,14 +161,14 @@ def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
 
 
 def _summary(rig: "Rig") -> str:
-    """Return the seed, the number of vehicles, the simulated time and the messages to the operator."""
+    """Return the seed, the number of vehicles, the simulated time and the server's last messages."""
     count = len(rig.vehicles)
     seed = f"seed {rig.seed}, {count} vehicle{'' if count == 1 else 's'}, {rig.now:.2f} s simulated"
     return "\n".join([seed, *rig.operator_lines])
 
 
 def _command(item: pytest.Item, seed: int) -> str:
-    """Return the command that repeats a test from the folder of this run."""
+    """Return the command that repeats a test in the folder where pytest began."""
     installed = item.config.pluginmanager.list_plugin_distinfo()
     loads = "" if any(plugin is sys.modules[__name__] for plugin, _ in installed) else f"-p {__name__} "
     file = os.path.relpath(item.path, item.config.invocation_params.dir)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 
 def ranges(numbers: Iterable[int]) -> str:
-    """Return sorted numbers as text with ranges, for example 7, 3, 1, 2 as `1-3, 7`."""
+    """Return the numbers, sorted and each once, as text: 7, 3, 1, 2 become `1-3, 7`."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:

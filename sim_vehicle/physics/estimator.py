@@ -1,8 +1,8 @@
 """Position estimates of the autopilots as arrays: a linear filter of GPS and inertial measurements.
 
 The error of a linear filter does not depend on the motion. Only the error is stored; the estimate is the
-truth plus the error. A GPS sample with a large innovation is rejected; after RESET_AFTER_S without an accepted
-sample it restarts the filter, as in the autopilots. Height comes from the barometer.
+truth plus the error. A GPS sample with a large innovation is rejected; after RESET_AFTER_S without an
+accepted sample it restarts the filter, as in the autopilots. Height comes from the barometer.
 """
 
 import math

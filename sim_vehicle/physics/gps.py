@@ -26,7 +26,7 @@ class GpsSettings:
 
 
 class Gps:
-    """The receivers of n vehicles; vectors are east, north, up: (n, 3) if the name ends in `_m`, else (3, n)."""
+    """The receivers of n vehicles; positions, offsets and errors are east, north, up."""
 
     def __init__(self, settings: GpsSettings, frame: LocalFrame, truth: Floats) -> None:
         n = truth.shape[1]

@@ -1,6 +1,6 @@
 """Scenarios: file format (`model`, `plan`, `steps`), reader (`file`) and runs (`runner`).
 
-Begin with `file.load_scenario` and `runner.Run`. Only `command` uses the terminal and the wall clock.
+Begin with `file.load_scenario` and `runner.Run`. Only `command` uses the wall clock.
 """
 
 from sim_vehicle.scenarios.file import ScenarioError, default_scenario, load_scenario

@@ -10,7 +10,7 @@ Latitude = Annotated[float, Field(strict=True, ge=-90, le=90)]  # deg
 Longitude = Annotated[float, Field(strict=True, ge=-180, le=180)]  # deg
 Altitude = Annotated[float, Field(strict=True, ge=-500, le=9000)]  # m above mean sea level
 Probability = Annotated[float, Field(strict=True, ge=0, le=1)]
-Metres = Annotated[float, Field(strict=True, ge=-100_000, le=100_000)]  # coordinate
+Metres = Annotated[float, Field(strict=True, ge=-100_000, le=100_000)]  # coordinate [m]
 Length = Annotated[float, Field(strict=True, gt=0, le=100_000)]  # m
 Seconds = Annotated[float, Field(strict=True, ge=0, le=1e6)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -38,7 +38,7 @@ class NoSettings(Section):
 
 
 class OneOf(Section):
-    """A section with exactly one choice; the fields in `common` may accompany the choice.
+    """A section with exactly one choice; the fields of `common()` may accompany the choice.
 
     A bare name has empty settings: `rtl` means `rtl: {}`.
     """
@@ -54,7 +54,7 @@ class OneOf(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_words(cls, data: Any) -> Any:
+    def _from_short_form(cls, data: Any) -> Any:
         if isinstance(data, str):
             data = {data: {}}
         if not isinstance(data, dict):

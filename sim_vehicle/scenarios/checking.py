@@ -14,11 +14,11 @@ from sim_vehicle.scenarios.steps import CheckSpec
 class CheckFailure:
     """The failure of one check for one vehicle."""
 
-    check: str  # as written in the scenario
+    check: str  # name, argument, times and vehicles
     sysid: int
     link: int
     t_s: float
-    found: str
+    found: str  # measured value
 
     def __str__(self) -> str:
         return f"t={self.t_s:.2f} s, vehicle {self.sysid}: {self.check}: failed, found {self.found}"
@@ -35,15 +35,15 @@ class RunningCheck:
         self._selected = np.array(
             [spec.vehicles is None or v.sysid in spec.vehicles for v in scenario.vehicles]
         )
-        self._open = self._selected.copy()  # vehicles without a result so far
+        self._undecided = self._selected.copy()
         self._closed = self._evaluated = False
         self._nearest_m = np.full(len(self._selected), np.inf)
         self._nearest_s = np.zeros(len(self._selected))
 
     def is_settled(self, now: float) -> bool:
-        """Return True if more time cannot change the result."""
+        """Return True if the run need not go on for this check."""
         if self.spec.when == "eventually":
-            return self._closed or not self._open.any()
+            return self._closed or not self._undecided.any()
         return now >= (self.spec.until_s or self.spec.from_s)
 
     @property
@@ -75,8 +75,8 @@ class RunningCheck:
         self._evaluated = True
         self._note_nearest(view)
         if spec.when == "always":
-            return self._fail(self._open & ~holds, view, found)
-        self._open &= ~holds
+            return self._fail(self._undecided & ~holds, view, found)
+        self._undecided &= ~holds
         if spec.by_s is not None and view.now + EPSILON_S >= spec.by_s:
             return self._close(view)
         return []
@@ -88,16 +88,16 @@ class RunningCheck:
         if self.spec.when == "always":
             # A check fails if the run ended before `from_s`, or if no step was between the check's times.
             unseen = ["no evaluation of the check [not-evaluated]"] * len(self._selected)
-            return [] if self._evaluated else self._fail(self._open.copy(), view, unseen)
+            return [] if self._evaluated else self._fail(self._undecided.copy(), view, unseen)
         if self.spec.when == "end":
             holds, _ = self._check.function(view, self.spec.value)
-            self._open &= ~holds
+            self._undecided &= ~holds
         return self._close(view)
 
     def _close(self, view: RunView) -> list[CheckFailure]:
         self._closed = True
         _, found = self._check.function(view, self.spec.value)
-        return self._fail(self._open.copy(), view, self._at_closest_approach(found))
+        return self._fail(self._undecided.copy(), view, self._at_closest_approach(found))
 
     def _note_nearest(self, view: RunView) -> None:
         if self._check.away_m is not None:
@@ -106,7 +106,7 @@ class RunningCheck:
             self._nearest_m[nearer], self._nearest_s[nearer] = away_m[nearer], view.now
 
     def _at_closest_approach(self, found: Measured) -> Measured:
-        """Return the smallest distance to an expected event as a text; `found` if there is no such event."""
+        """Return each vehicle's smallest distance to its event as text; without such an event, `found`."""
         if self.spec.when != "eventually":
             return found
         return [
@@ -117,7 +117,7 @@ class RunningCheck:
         ]
 
     def _fail(self, failed: np.ndarray, view: RunView, found: Measured) -> list[CheckFailure]:
-        self._open &= ~failed
+        self._undecided &= ~failed
         added = [
             CheckFailure(self.description, *self._vehicles[i], view.now, self._found_text(found, i))
             for i in np.flatnonzero(failed).tolist()

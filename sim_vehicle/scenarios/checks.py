@@ -1,7 +1,7 @@
-"""Checks: named conditions that a scenario evaluates for each vehicle at every step.
+"""Checks: named conditions on each vehicle, evaluated at every tick of a run or at its end.
 
-A check is a function of the `RunView` and the check's argument. The function returns two arrays of length n:
-results (True: the condition holds) and measured values. A new check is one more function in this file.
+A check is a function of the `RunView` and the check's argument. The function returns n results (True: the
+condition holds) and n measured values or texts. A new check is one more function in this file.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ BOUND = 1e9  # largest magnitude of a numeric argument
 class RunView:
     """The input of checks: true states and received messages, arrays of n vehicles in the scenario's order.
 
-    Positions are metres east, north, up (above mean sea level) in one tangent plane for all vehicles.
+    Positions are metres east, north, up (above mean sea level) in one local plane for all vehicles.
     """
 
     now: float
@@ -38,7 +38,7 @@ class RunView:
     goal_m: Floats  # (n, 2), NaN without a goal
     bound_for_goal: Bools  # the mission item of the goal is current or past; True without such an item
     flown: Bools  # True after the first take-off
-    silent_s: Floats  # time since the last heartbeat
+    heartbeat_age_s: Floats  # time since the last heartbeat; before the first heartbeat, since the start
     mission_done: Bools
     outside_fence_m: Floats  # distance beyond the fence, 0 inside
     area_m: tuple[float, float, float, float] | None  # west, south, east, north edges
@@ -46,7 +46,7 @@ class RunView:
 
     @cached_property
     def height_m(self) -> Floats:
-        """Return the height above the start (home) [m]."""
+        """Return the height above the start [m]."""
         return self.position_m[:, 2] - self.start_m[:, 2]
 
     @cached_property
@@ -59,7 +59,7 @@ class RunView:
 
     @cached_property
     def separation_m(self) -> Floats:
-        """Return the distance to the nearest other airborne vehicle [m]; infinite on the ground."""
+        """Return the distance to the nearest other airborne vehicle [m]; infinite on the ground or alone."""
         from scipy.spatial import KDTree  # noqa: PLC0415 (saves 0.1 s at every start)
 
         found = np.full(len(self.position_m), np.inf)
@@ -81,7 +81,7 @@ class RunView:
         )
 
     def received_text(self, words: str) -> Bools:
-        """Return True for each vehicle that sent a text with these words, in upper or lower case."""
+        """Return True for each vehicle that sent a text with these words; upper and lower case are equal."""
         wanted = words.casefold()
         return np.array([any(wanted in text.casefold() for text in texts) for texts in self.texts])
 
@@ -105,7 +105,7 @@ class Check:
     function: CheckFunction
     argument: str | None  # name of the argument; None: without an argument
     default: float | str | None  # None: the argument must be given
-    text: bool  # the argument is text, not a number
+    takes_text: bool  # the argument is text, not a number
     unit: str
     needs: Need | None
     least: float  # lower bound of a meaningful argument
@@ -162,7 +162,7 @@ def crashed(view: RunView, _: None) -> tuple[Bools, Measured]:
 
 @check("always", "metres", unit="m", needs="others", least=0.1)
 def min_separation_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """In the air the vehicle is at least this far from the nearest other vehicle."""
+    """In the air the vehicle is at least this far from the nearest other airborne vehicle."""
     return view.separation_m >= metres, view.separation_m
 
 
@@ -192,7 +192,7 @@ def stays_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
 
 @check("always", "margin_m", default=0.0, unit="m outside", needs="area", least=0)
 def stays_in_area(view: RunView, margin_m: float) -> tuple[Bools, Measured]:
-    """The vehicle stays inside the scenario's area."""
+    """The vehicle does not leave the scenario's area by more than the margin."""
     return view.outside_area_m <= margin_m, view.outside_area_m
 
 
@@ -223,7 +223,7 @@ def strikes_at_most(view: RunView, count: float) -> tuple[Bools, Measured]:
 @check("always", "silence_s", default=3.0, unit="s silent", least=0)
 def alive(view: RunView, silence_s: float) -> tuple[Bools, Measured]:
     """The time since the vehicle's last heartbeat is at most this long."""
-    return view.silent_s <= silence_s, view.silent_s
+    return view.heartbeat_age_s <= silence_s, view.heartbeat_age_s
 
 
 @check("always", "words", text=True)
@@ -349,17 +349,17 @@ def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
     value = fields.setdefault("value", known.default)
     if value is None:
         raise ValueError(
-            f"{known.name} needs an argument, for example `{known.name}: {'RTL' if known.text else 5}`"
+            f"{known.name} needs an argument, for example `{known.name}: {'RTL' if known.takes_text else 5}`"
         )
     if not _fits(known, value):
-        kind = "text" if known.text else f"a number{known.bounds}"
+        kind = "text" if known.takes_text else f"a number{known.bounds}"
         raise ValueError(f"{known.name} takes {kind} ({known.argument}), found {value!r:.60}")
     return fields
 
 
 def _fits(known: Check, value: Any) -> bool:
-    """Return True if the argument is a non-empty text, or a number within the bounds."""
-    if known.text:
+    """Return True for a non-empty text or a number within the bounds, as the check needs."""
+    if known.takes_text:
         return isinstance(value, str) and bool(value.strip())
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return number and known.least <= value <= known.most

@@ -37,7 +37,7 @@ def run(
     seed: Annotated[int | None, typer.Option(min=0, help="Seed; replaces the scenario's seed.")] = None,
     speedup: Annotated[
         float | None,
-        typer.Option(min=0.1, max=1000, help="Simulated seconds per second; default: unlimited."),
+        typer.Option(min=0.1, max=1000, help="Simulated seconds per second; default: as the scenario says."),
     ] = None,
     list_scenarios: Annotated[bool, typer.Option("--list", help="Show the shipped scenarios.")] = False,
     list_checks: Annotated[bool, typer.Option("--list-checks", help="Show the checks.")] = False,
@@ -47,8 +47,8 @@ def run(
 ) -> None:
     """Fly scenarios on the virtual clock and check them.
 
-    Exit codes: 0 every step and check passed; 1 a step or a check failed; 2 a scenario is unusable; 130
-    interrupted, without a verdict of the running scenario.
+    Exit codes: 0 every step and check passed; 1 a step or a check failed; 2 a scenario or the folder of
+    results is unusable; 130 interrupted, without a verdict of the running scenario.
     """
     console = Console(highlight=False)
     if list_scenarios or list_checks:
@@ -60,7 +60,7 @@ def run(
     if not scenarios:
         raise typer.BadParameter("give a scenario file, or a name from `run --list`", param_hint="SCENARIOS")
     try:
-        loaded = [(text, load_scenario(find_scenario(text), flown=True)) for text in scenarios]
+        loaded = [(text, load_scenario(find_scenario(text), standalone=True)) for text in scenarios]
     except ScenarioError as error:
         for line in str(error).splitlines():
             typer.echo(f"sim_vehicle: {line}", err=True)
@@ -92,7 +92,7 @@ def _fly(
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
     folder = out / scenario.name
-    wall_clock = _WallClock(speedup or scenario.speedup)
+    speed_limit = _SpeedLimit(speedup or scenario.speedup)
     try:
         with tlogs(folder, scenario.vehicles) as record_frame:
             run = Run(
@@ -100,7 +100,7 @@ def _fly(
                 on_frame=record_frame,
                 on_failure=lambda line: console.print(f"[red]{escape(line)}"),
             )
-            verdict = run.run(wall_clock.wait)
+            verdict = run.run(speed_limit.wait)
         write_verdict(folder, verdict)
     except OSError as error:
         typer.echo(
@@ -108,14 +108,14 @@ def _fly(
         )
         raise typer.Exit(UNUSABLE) from error
     print_verdict(console, verdict)
-    took_s = wall_clock.took_s()
+    took_s = speed_limit.took_s()
     word = "[green]passed[/]" if verdict.passed else "[red]FAILED[/]"
     speed = f"{verdict.simulated_s:.1f} s simulated in {took_s:.1f} s"
     console.print(f"{scenario.name}: {word}, {speed}; {escape(str(folder))}", soft_wrap=True)
-    if wall_clock.lost_s > LAG_REPORTED_S:
+    if speed_limit.lost_s > LAG_REPORTED_S:
         typer.echo(
-            f"sim_vehicle: the machine is too slow for {wall_clock.speedup:g}x; "
-            f"the run took {wall_clock.lost_s:.1f} s longer; use a lower --speedup",
+            f"sim_vehicle: the machine is too slow for {speed_limit.speedup:g}x; "
+            f"the run took {speed_limit.lost_s:.1f} s longer; use a lower --speedup",
             err=True,
         )
     if not verdict.passed:
@@ -124,12 +124,12 @@ def _fly(
     return verdict.passed
 
 
-class _WallClock:
+class _SpeedLimit:
     """The limit of the simulation to `speedup` times real time; None: unlimited."""
 
     def __init__(self, speedup: float | None) -> None:
         self.speedup = speedup
-        self.lost_s = 0.0  # lag that the run does not recover
+        self.lost_s = 0.0  # lag behind the wall clock that the run does not recover
         self._began_s = time.monotonic()
 
     def took_s(self) -> float:
@@ -154,9 +154,9 @@ def _list(console: Console, *, with_scenarios: bool, with_checks: bool) -> None:
             argument = f" ({check.argument}{default})"
         listed.append((check.name, f"{argument}, {check.when}: {check.summary}"))
     for name, text in listed:
-        first, *others = fold(Text(name + text), console.width if console.is_terminal else None, "    ")
+        first, *rest = fold(Text(name + text), console.width if console.is_terminal else None, "    ")
         first.stylize("bold", 0, len(name))
-        for line in (first, *others):
+        for line in (first, *rest):
             console.print(line, soft_wrap=True)
 
 

@@ -57,7 +57,7 @@ NO_HOME = Home(lat_deg=0.0, lon_deg=0.0)
 
 
 class Shorthand(BaseModel):
-    """The short forms of a vehicle: `count` vehicles side by side, offsets [m] from `home`."""
+    """The short forms of a vehicle: `count` vehicles in a row eastward, offsets [m] from `home`."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -67,10 +67,10 @@ class Shorthand(BaseModel):
     north_m: Metres = 0.0
 
 
-def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
+def load_scenario(path: Path, *, standalone: bool = False) -> Scenario:
     """Return the checked scenario of a YAML or JSON file; raise ScenarioError with all problems.
 
-    `flown`: True if there is no other ground station, which makes a script or checks necessary.
+    `standalone`: True for a run without another ground station, which needs a script or checks.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -78,11 +78,11 @@ def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
         raise ScenarioError(f"{path}: the file cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: the file is not UTF-8 text") from error
-    return parse_scenario(text, str(path), default_name=path.stem, flown=flown)
+    return parse_scenario(text, str(path), default_name=path.stem, standalone=standalone)
 
 
-def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool = False) -> Scenario:
-    """Return the checked scenario of a file's text; `where` starts each line of a ScenarioError."""
+def parse_scenario(text: str, where: str, *, default_name: str = "", standalone: bool = False) -> Scenario:
+    """Return the checked scenario of a file's text; `where`: the file's name, for format and messages."""
     try:
         document = parse(text, as_json=where.endswith(".json"))
     except FileSyntaxError as error:
@@ -93,7 +93,7 @@ def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool
     if data.get("name", "") == "":
         data["name"] = default_name
     try:
-        scenario = Scenario.model_validate(data, context={"whole": True, "flown": flown})
+        scenario = Scenario.model_validate(data, context={"from_file": True, "standalone": standalone})
         if not findings:
             return scenario
     except ValidationError as error:
@@ -120,12 +120,12 @@ def read_step(action: str, value: Any) -> ScriptStep:
     try:
         return ScriptStep.model_validate({action: value})
     except ValidationError as error:
-        words = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], ScriptStep)]
-        raise ScenarioError("\n".join(word.removeprefix(": ") for word in words)) from None
+        lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], ScriptStep)]
+        raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
 
 
 def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
-    """Expand `home`, `count` and metres; return findings, data, and each vehicle's index in the file.
+    """Expand `home`, `count` and metres; return findings, data, and the index of each vehicle's entry.
 
     A default replaces an invalid short form, so that the check can continue.
     """
@@ -135,7 +135,7 @@ def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list
     if "count" in data:
         if "vehicles" in data:
             findings.append(
-                (("count",), "`count` is short for `vehicles: [{count: ...}]`; remove one of them")
+                (("count",), "is short for `vehicles: [{count: ...}]`; remove `count` or `vehicles`")
             )
         else:
             rest["vehicles"] = [{"count": data["count"]}]
@@ -145,12 +145,12 @@ def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list
         return findings, rest, []
     vehicles: list[Any] = []
     sources: list[int] = []
-    used: dict[int, int] = {}  # link -> last used system id
+    used: dict[int, int] = {}  # link -> last used system id; above 250 the ids continue on the next link
     for index, entry in enumerate(entries):
         where = () if counted else ("vehicles", index)
-        made = _vehicles(entry, home, where, used, findings) if isinstance(entry, dict) else [entry]
-        vehicles += made
-        sources += [index] * len(made)
+        expanded = _vehicles(entry, home, where, used, findings) if isinstance(entry, dict) else [entry]
+        vehicles += expanded
+        sources += [index] * len(expanded)
     return findings, {**rest, "vehicles": vehicles}, sources
 
 
@@ -174,12 +174,12 @@ def _vehicles(
         )
     home = home or NO_HOME
     frame = LocalFrame(home.lat_deg, home.lon_deg)
-    numbers = _allocate_sysids(entry, short.count, used)
+    ids = _allocate_sysids(entry, short.count, used)
     return [
         {
             "alt_amsl_m": home.alt_amsl_m,
             **rest,
-            **number,
+            **sysid_and_link,
             **dict(
                 zip(
                     POSITION_KEYS,
@@ -188,12 +188,12 @@ def _vehicles(
                 )
             ),
         }
-        for i, number in enumerate(numbers)
+        for i, sysid_and_link in enumerate(ids)
     ]
 
 
 def _allocate_sysids(entry: dict[Any, Any], count: int, used: dict[int, int]) -> list[dict[str, Any]]:
-    """Return system ids and links for `count` vehicles, starting at `sysid` or at the next free id."""
+    """Return `sysid` and `link` of `count` vehicles: the next free ids, or ids from a given `sysid` on."""
     link, first = entry.get("link", 0), entry.get("sysid")
     if not isinstance(link, int) or not isinstance(first, int | None):
         return [{"sysid": first or 1}]  # the model reports the mistake
@@ -233,7 +233,7 @@ def _findings(error: ValidationError, sources: list[int], model: type[BaseModel]
 
 
 def _in_file(path: KeyPath, sources: list[int]) -> KeyPath:
-    """Convert a path in the scenario to a path in the file, where counted vehicles share one entry."""
+    """Convert a path in the scenario to a path in the file, where `count` vehicles share one entry."""
     if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int) and sources:
         return ("vehicles", sources[path[1]], *path[2:])
     return path
@@ -310,7 +310,7 @@ def default_scenario(
     home: latitude [deg], longitude [deg], altitude [m above mean sea level].
     first_sysid: lowest system id on each link.
     personality: a name in PERSONALITIES, or "mixed" for all personalities in alternation.
-    per_link: number of vehicles on each link.
+    per_link: largest number of vehicles on a link.
     """
     lat_deg, lon_deg, alt_amsl_m = home
     frame = LocalFrame(lat_deg, lon_deg)

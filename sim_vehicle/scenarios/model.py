@@ -62,14 +62,14 @@ class VehicleSpec(Section):
     kind: Annotated[Literal["copter", "plane"], Field(validation_alias=AliasChoices("type", "kind"))] = (
         "copter"
     )
-    link: Annotated[int, Field(strict=True, ge=0, lt=10_000)] = 0
+    link: Annotated[int, Field(strict=True, ge=0, lt=10_000)] = 0  # system ids on one link differ
     params: Annotated[dict[str, Number], Field(default_factory=dict)]
     mission: tuple[Leg, ...] = ()
     fence: tuple[FenceShape, ...] = ()
     goal: StartOffset | None = None
 
     @model_validator(mode="after")
-    def _parameters_exist(self) -> Self:
+    def _is_simulated(self) -> Self:
         if self.kind not in PERSONALITIES.get(self.personality, {}):
             available = [f"{name} {kind}" for name, kinds in PERSONALITIES.items() for kind in kinds]
             raise ValueError(
@@ -86,7 +86,7 @@ class VehicleSpec(Section):
         return self
 
     def goal_m(self) -> tuple[float, float] | None:
-        """Return the goal [m east and north of the start]: `goal`, or the last position of the mission."""
+        """Return `goal`, else the mission's last position, else None; [m] east and north of the start."""
         if self.goal is not None:
             return self.goal.east_m, self.goal.north_m
         leg = self._last_placed_leg()
@@ -149,7 +149,9 @@ class Scenario(Section):
     name: Annotated[str, AfterValidator(_folder_name)] = ""
     about: str = ""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = None  # None: the autopilot's time
+    ready_s: Annotated[float, Field(strict=True, ge=0, le=3600)] | None = (
+        None  # from boot; None: the autopilot's own
+    )
     vehicles: Annotated[list[VehicleSpec], Field(min_length=1)]
     wind: Wind = Wind()
     gps: Gps = Gps()
@@ -171,16 +173,16 @@ class Scenario(Section):
             *self._unknown_sysids(),
         ]
         findings += [
-            *self._step_problems(),
+            *self._script_problems(),
             *self._check_requirements(),
             *self._mode_problems(),
             *self._late_steps_and_checks(),
         ]
         findings += self._distant_vehicles()
-        # A served fleet flies without an end, so late faults are errors only in a scenario file.
-        if info.context and info.context.get("whole"):
+        # A fault of `serve --fault` may begin at any time, because `serve` has no end.
+        if info.context and info.context.get("from_file"):
             findings += self._late_faults()
-        if info.context and info.context.get("flown"):
+        if info.context and info.context.get("standalone"):
             findings += self._idle_problems()
         if findings:
             raise InconsistentScenarioError(findings)
@@ -195,17 +197,17 @@ class Scenario(Section):
         return [(("vehicles",), text)]
 
     def _distant_vehicles(self) -> list[Finding]:
-        """Return findings on vehicles too far away for the fleet's common tangent plane."""
+        """Return findings on vehicles too far away for the fleet's common local plane."""
         area, first = self.area, self.vehicles[0]
-        middle = (area.origin_lat_deg, area.origin_lon_deg) if area else (first.lat_deg, first.lon_deg)
-        frame = LocalFrame(*middle)
+        origin = (area.origin_lat_deg, area.origin_lon_deg) if area else (first.lat_deg, first.lon_deg)
+        frame = LocalFrame(*origin)
         findings: list[Finding] = []
         for index, vehicle in enumerate(self.vehicles):
             away_m = math.hypot(*frame.point_to_local(vehicle.lat_deg, vehicle.lon_deg))
             if away_m > MAX_DISTANCE_M:
-                origin = "the area's origin" if area else "the first vehicle"
+                name = "the area's origin" if area else "the first vehicle"
                 limit = f"{MAX_DISTANCE_M / 1000:.0f} km"
-                text = f"starts {away_m / 1000:.0f} km from {origin}; the limit is {limit}"
+                text = f"starts {away_m / 1000:.0f} km from {name}; the limit is {limit}"
                 findings.append((("vehicles", index), text))
         return findings
 
@@ -224,7 +226,7 @@ class Scenario(Section):
         if self.firing_strength is not None:
             own, nearest, diagonal = self.firing_strength
             if not own > nearest > diagonal:
-                text = "must decrease from own cell to nearest to diagonal (Eq. 1), found"
+                text = "must decrease: own cell, adjacent cells, diagonal cells; found"
                 findings.append((("firing_strength",), f"{text} {own}, {nearest}, {diagonal}"))
         if not self.hostiles:
             return findings
@@ -234,7 +236,9 @@ class Scenario(Section):
         rows, cols = self.area.rows, self.area.cols
         outside = [cell for cell in self.hostiles if not (0 <= cell[0] < rows and 0 <= cell[1] < cols)]
         if outside:
-            findings.append((where, f"{outside} are outside of the area of {rows} rows and {cols} columns"))
+            findings.append(
+                (where, f"{outside} are outside of rows 0 to {rows - 1}, columns 0 to {cols - 1}")
+            )
         duplicates = [cell for cell, n in Counter(self.hostiles).items() if n > 1]
         if duplicates:
             findings.append((where, f"a cell has at most one hostile; duplicates: {duplicates}"))
@@ -252,11 +256,11 @@ class Scenario(Section):
             if (unknown := set(sysids or ()) - known)
         ]
 
-    def _step_problems(self) -> list[Finding]:
+    def _script_problems(self) -> list[Finding]:
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             for vehicle in self.selected(step.vehicles):
-                if text := _step_problem(step, vehicle):
+                if text := _missing_for_step(step, vehicle):
                     findings.append((("script", index), f"{step.chosen}: vehicle {vehicle.sysid} {text}"))
         return findings
 
@@ -271,7 +275,7 @@ class Scenario(Section):
                 v.sysid for v in self.selected(check.vehicles) if need is not None and not _has(v, need)
             ]
             if without_need:
-                what = "`goal` or a mission with a place" if need == "goal" else f"`{need}`"
+                what = "`goal` or a mission with a position" if need == "goal" else f"`{need}`"
                 cure = "add it, or name other vehicles in the check's `vehicles`"
                 findings.append(
                     (where, f"{check.name} needs {what}, missing on vehicles {without_need}; {cure}")
@@ -288,7 +292,7 @@ class Scenario(Section):
         return []
 
     def _mode_problems(self) -> list[Finding]:
-        """Return findings on modes in steps and checks that the selected vehicles lack."""
+        """Return findings on steps and checks with a mode that a selected vehicle does not have."""
         requested: list[tuple[KeyPath, str, str, Collection[int] | None]] = []
         for index, step in enumerate(self.script):
             if step.mode is not None:
@@ -297,10 +301,10 @@ class Scenario(Section):
             if CHECKS[check.name].argument == "mode":
                 requested.append((("checks", index), check.name, str(check.value), check.vehicles))
         findings: list[Finding] = []
-        for where, what, words, sysids in requested:
+        for where, what, alternatives, sysids in requested:
             kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.selected(sysids)}
             available = {kind: _mode_names(*kind, selectable=what == "mode") for kind in sorted(kinds)}
-            text = _mode_problem(words, available)
+            text = _mode_problem(alternatives, available)
             if text and available:  # unknown vehicles have their own finding
                 findings.append((where, f"{what}: {text}"))
         return findings
@@ -309,24 +313,24 @@ class Scenario(Section):
         findings: list[Finding] = []
         for index, step in enumerate(self.script):
             if step.at_s >= self.until_s:
-                findings.append((("script", index), self._after_the_end(step.chosen, "at_s", step.at_s)))
+                findings.append((("script", index), self._too_late(step.chosen, "at_s", step.at_s)))
         for index, check in enumerate(self.checks):
             late = [("from_s", check.from_s)] if check.from_s >= self.until_s else []
             for name, time_s in (("until_s", check.until_s), ("by_s", check.by_s)):
                 if time_s is not None and time_s > self.until_s:
                     late.append((name, time_s))
-            findings += [(("checks", index), self._after_the_end(check.name, *times)) for times in late[:1]]
+            findings += [(("checks", index), self._too_late(check.name, *times)) for times in late[:1]]
         return findings
 
     def _late_faults(self) -> list[Finding]:
         return [
-            (("faults", index), self._after_the_end(fault.fault, "at_s", fault.at_s))
+            (("faults", index), self._too_late(fault.fault, "at_s", fault.at_s))
             for index, fault in enumerate(self.faults)
             if fault.at_s >= self.until_s
         ]
 
     def _idle_problems(self) -> list[Finding]:
-        """Return findings on missing steps of a run without other ground stations."""
+        """Return findings on a missing script and on missions that no step uploads."""
         if not self.script and not self.checks:
             text = "has neither `script` nor `checks`; add a `script` (`[fly_mission]`), or `checks`"
             return [((), text)]
@@ -342,19 +346,17 @@ class Scenario(Section):
 
     @staticmethod
     def step_problem(step: ScriptStep, vehicle: VehicleSpec) -> str:
-        """Return the reason against this step on this vehicle, or an empty text."""
+        """Return the mode, plan or parameter that the vehicle lacks for a step, or an empty text."""
         if step.mode is not None:
             names = _mode_names(vehicle.personality, vehicle.kind, selectable=True)
             known = {name.casefold() for name in names}
             if not known & set(step.mode.casefold().split("|")):
                 return f"has no mode {step.mode!r}; its modes are {', '.join(names)}"
-        return _step_problem(step, vehicle)
+        return _missing_for_step(step, vehicle)
 
-    def _after_the_end(self, what: str, name: str, time_s: float) -> str:
-        end = f"the end of the run, `until_s` ({self.until_s:g} s)"
-        return (
-            f"{what}: `{name}` ({time_s:g} s) must be before {end}; decrease `{name}` or increase `until_s`"
-        )
+    def _too_late(self, what: str, name: str, time_s: float) -> str:
+        end = f"the run ends at the scenario's `until_s` ({self.until_s:g} s)"
+        return f"{what}: `{name}` ({time_s:g} s) is too late, because {end}; change one of the two times"
 
     def selected(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
         """Return the vehicles with these system ids, on any link; None selects all vehicles."""
@@ -370,26 +372,26 @@ def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:
     return [mode.name for mode in modes if mode.selectable or not selectable]
 
 
-def _mode_problem(words: str, available: Mapping[tuple[str, str], Sequence[str]]) -> str:
+def _mode_problem(alternatives: str, available: Mapping[tuple[str, str], Sequence[str]]) -> str:
     """Return the problem with a mode or with alternatives (`RTL|Return`), or an empty text."""
-    wanted = words.split("|")
+    wanted = alternatives.split("|")
     known = {name.casefold(): name for names in available.values() for name in names}
     for word in wanted:
         if word.casefold() not in known:
             near = difflib.get_close_matches(word.casefold(), known, n=1)
-            every = dict.fromkeys(name for names in available.values() for name in names)
-            cure = f"did you mean {known[near[0]]}?" if near else f"the modes are {', '.join(every)}"
+            all_names = dict.fromkeys(name for names in available.values() for name in names)
+            cure = f"did you mean {known[near[0]]}?" if near else f"the modes are {', '.join(all_names)}"
             return f"no selected vehicle has a mode {word!r}; {cure}"
     for (personality, kind), names in available.items():
         if not {name.casefold() for name in names} & {word.casefold() for word in wanted}:
             return (
-                f"a {personality} {kind} has no mode {words!r}; its modes are {', '.join(names)} "
-                "(alternatives: `RTL|Return`)"
+                f"a {personality} {kind} has no mode {alternatives!r}; its modes are {', '.join(names)} "
+                "(with alternatives: `RTL|Return`)"
             )
     return ""
 
 
-def _step_problem(step: ScriptStep, vehicle: VehicleSpec) -> str:
+def _missing_for_step(step: ScriptStep, vehicle: VehicleSpec) -> str:
     personality = personality_of(vehicle.personality, vehicle.kind)
     if step.chosen in ("fly_mission", "upload_mission") and not vehicle.mission:
         return "has no `mission`"

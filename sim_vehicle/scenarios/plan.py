@@ -70,7 +70,7 @@ class Land(Section):
 
 
 class Jump(Section):
-    """A jump to a mission entry by its number (from 1), repeated `times` times; -1: without end."""
+    """A jump to a mission entry by its number (from 1); `times`: number of jumps, -1: without end."""
 
     to: Annotated[int, Field(strict=True, ge=1, le=65_534)]
     times: Annotated[int, Field(strict=True, ge=-1, le=32_767)] = 1
@@ -135,7 +135,7 @@ class Leg(OneOf):
 
     def place(self) -> tuple[float, float] | None:
         """Return the position of this leg, east and north [m], or None."""
-        if not self.flown:  # a region of interest also has a position
+        if not self.flown:  # the position of a region of interest, for example, is no place of the vehicle
             return None
         for where in (self.takeoff, self.waypoint, self.loiter, self.land, self.item):
             if where is not None and where.east_m is not None and where.north_m is not None:
@@ -184,7 +184,7 @@ class FenceShape(OneOf):
 
 
 def _width_m(corners: Sequence[tuple[float, float]]) -> float:
-    """Return the width of a polygon [m], across the line from the first corner to the farthest corner."""
+    """Return the largest distance of a corner [m] from the line through the first and the farthest corner."""
     first = corners[0]
     farthest = max(corners, key=lambda corner: math.dist(first, corner))
     length_m = math.dist(first, farthest)
@@ -225,11 +225,10 @@ class PlanWriter:
     def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[Item]:
         """Return the mission's items; `home_first`: item 0 is a placeholder for home (ArduPilot)."""
         items = [self._item_at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
-        first, before = len(items), (0.0, 0.0)
+        first, place = len(items), (0.0, 0.0)
         for leg in legs:
-            place = leg.place() or before
+            place = leg.place() or place
             items.append(self._item(leg, place, first=first))
-            before = place
         return items
 
     def fence(self, shapes: Sequence[FenceShape]) -> list[Item]:

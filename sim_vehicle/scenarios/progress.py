@@ -31,9 +31,9 @@ class MissionProgress:
         self._reports_state = personality.reports_mission_state
         self._mode = personality.mode_of(Behaviour.MISSION).number
         self._arrivals_needed = 0 if self._reports_state or not flown else _arrivals(spec.mission, flown[-1])
-        self._last_seen = self._flown = False
+        self._last_item_seen = self._flown = False
         self._n_arrivals = 0
-        self._last_arrival: tuple[int, float] | None = None  # sequence number and time of the last arrival
+        self._last_arrival: tuple[int, float] | None = None  # frame number and time of the last arrival
         self.done = False
 
     def receive(self, message: Any, now: float) -> None:
@@ -43,18 +43,18 @@ class MissionProgress:
             armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
             self._flown = self._flown or bool(armed and message.custom_mode == self._mode)
         elif kind == "MISSION_ITEM_REACHED" and message.seq == self._last_item:
-            self._last_seen = True
+            self._last_item_seen = True
             self._note_arrival(message.get_seq(), now)
         elif kind == "MISSION_CURRENT":
-            self._last_seen = self._last_seen or message.seq == self._last_item
+            self._last_item_seen = self._last_item_seen or message.seq == self._last_item
             self.done = self.done or self._reported_complete(message)
 
     def _reported_complete(self, message: Any) -> bool:
         if not self._reports_state:
             return self._returns and self._flown and bool(message.seq == self._last_item)
-        # A landing before the last item also ends the mission, although later items are not flown.
-        whole = self._last_seen or not self._lands_before
-        return whole and getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
+        # The autopilot also reports the completion after a landing before the last item.
+        is_final = self._last_item_seen or not self._lands_before
+        return is_final and getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
 
     def _note_arrival(self, frame: int, now: float) -> None:
         repeated = (
@@ -68,16 +68,16 @@ class MissionProgress:
 
 
 def _arrivals(legs: Sequence[Leg], last: int) -> int:
-    """Return the number of arrivals at entry `last` before the mission ends; 0 for an endless mission."""
-    taken = [0] * len(legs)
+    """Return the number of arrivals at the leg `last` before the mission ends; 0 for an endless mission."""
+    jumps = [0] * len(legs)
     index = arrivals = 0
     for _ in range(MAX_STEPS):
         if not 0 <= index < len(legs):
             return arrivals
         arrivals += index == last
         jump = legs[index].jump
-        if jump is not None and (jump.times < 0 or taken[index] < jump.times):
-            taken[index] += 1
+        if jump is not None and (jump.times < 0 or jumps[index] < jump.times):
+            jumps[index] += 1
             index = jump.to - 1
         else:
             index += 1

@@ -1,4 +1,4 @@
-"""The verdict of a run, as verdict.json and as tables for a terminal."""
+"""The verdict of a run, as verdict.json and as text for a terminal."""
 
 import json
 import textwrap
@@ -13,7 +13,7 @@ from sim_vehicle.scenarios.runner import FinalVehicleState, Verdict
 from sim_vehicle.serving.columns import Column, table
 
 MAX_SHOWN_FAILURES, MAX_SHOWN_VEHICLES = 3, 40
-MIN_TEXT_WIDTH = 20  # minimum width of the cut column [characters]
+MIN_TEXT_WIDTH = 20  # minimum width of the column with the last text [characters]
 INDENT = " " * 8
 DECIMALS = 6
 
@@ -25,7 +25,7 @@ def write_verdict(folder: Path, verdict: Verdict) -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """Return the value with all floats rounded to `DECIMALS`: 75.1 instead of 75.10000000000001."""
+    """Return the value with all floats rounded: 75.1 instead of 75.10000000000001."""
     if isinstance(value, dict):
         return {key: _rounded(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
@@ -65,7 +65,7 @@ def _verdict_lines(about: str, width: int | None, *, passed: bool) -> list[Text]
 
 
 def fold(text: Text, width: int | None, indent: str) -> list[Text]:
-    """Return a text as lines of at most `width` characters, indented after the first; one line for None."""
+    """Return a text as lines of at most `width` characters, indented after the first; None: one line."""
     if width is None:
         return [text]
     parts = textwrap.wrap(text.plain, width, subsequent_indent=indent, break_on_hyphens=False)
@@ -87,5 +87,5 @@ def _columns(vehicles: Sequence[FinalVehicleState]) -> list[Column]:
         column("flown [m]", (f"{v.flown_m:.0f}" for v in vehicles), 3, right=True),
         column("charge", (f"{v.battery_remaining:.0%}" for v in vehicles), 9, right=True),
         column("hit", (str(v.strikes) for v in vehicles), 2, right=True),
-        column("last text", (v.last_text for v in vehicles), 1, cut=MIN_TEXT_WIDTH),
+        column("last text", (v.last_text for v in vehicles), 1, min_cut_width=MIN_TEXT_WIDTH),
     ]

@@ -20,7 +20,7 @@ from sim_vehicle.truth import Truth
 Corner = tuple[float, float]  # east, north [m]
 
 STEP_S = 0.05
-SETTLE_S = 2.0  # simulated time after the end, which brings the last messages into the logs
+SETTLE_S = 2.0  # simulated time from the last event to the end, so that the logs have the last messages
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ class FinalVehicleState:
     kind: str
     mode: str
     armed: bool
-    height_m: float
-    from_start_m: float
-    flown_m: float
+    height_m: float  # above the start
+    from_start_m: float  # horizontal
+    flown_m: float  # length of the flown path
     battery_remaining: float  # share of the full charge
     strikes: int
     messages: int  # number of received messages
@@ -77,7 +77,7 @@ class Run:
     Parameters
     ----------
     on_frame: called with vehicle index, frame and time for every message, in both directions.
-    on_failure: called with a line of text about each new failure.
+    on_failure: called with a line of text about each failure, except of steps that are unfinished at the end.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Run:
         )
 
     def _ended(self, view: RunView) -> bool:
-        """Return True if every step, fault and check has ended and all vehicles have landed."""
+        """Return True if for SETTLE_S no step, fault or check runs and all vehicles are back and disarmed."""
         quiet = (
             self.station.done
             and self.now >= self._last_fault_s
@@ -203,7 +203,7 @@ class Run:
                 ]
             ),
             flown=self._flown,
-            silent_s=self.now - np.array([contact.last_heartbeat_s for contact in contacts]),
+            heartbeat_age_s=self.now - np.array([contact.last_heartbeat_s for contact in contacts]),
             mission_done=np.array([contact.progress.done for contact in contacts]),
             outside_fence_m=np.array(
                 [
@@ -237,7 +237,7 @@ class Run:
 
 
 def outside_m(shapes: Sequence[FenceShape], east_m: float, north_m: float) -> float:
-    """Return the distance beyond the most violated shape [m], or 0; independent of the simulated fence."""
+    """Return the distance beyond the most violated shape [m], or 0, without the vehicles' own fence code."""
     return max((_beyond_m(shape, east_m, north_m) for shape in shapes), default=0.0)
 
 

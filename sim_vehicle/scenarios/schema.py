@@ -19,23 +19,23 @@ REPLACEABLE_KEYS = ("sysid", "lat_deg", "lon_deg")  # keys of a vehicle that `ho
 
 def file_schema() -> Schema:
     """Return the schema of scenario files."""
-    whole = Scenario.model_json_schema(ref_template="#/$defs/{model}")
-    kinds: Schema = whole["$defs"]
+    schema = Scenario.model_json_schema(ref_template="#/$defs/{model}")
+    sections: Schema = schema["$defs"]
     short = Shorthand.model_json_schema()["properties"]
-    vehicle = kinds["VehicleSpec"]
+    vehicle = sections["VehicleSpec"]
     vehicle["properties"] |= {name: short[name] for name in SHORT_FORMS}
     vehicle["properties"]["kind"] = vehicle["properties"]["type"]
     vehicle["required"] = [name for name in vehicle.get("required", []) if name not in REPLACEABLE_KEYS]
     for model in (Leg, FenceShape, ScriptStep):
-        kinds[model.__name__] = _one_of(model, kinds[model.__name__])
-    takeoff = kinds["Leg"]["anyOf"][-1]["properties"]
-    takeoff["takeoff"] = {"anyOf": [takeoff["takeoff"], {"type": "number", "exclusiveMinimum": 0}]}
-    kinds["CheckSpec"] = _checks(kinds["CheckSpec"])
-    kinds["FaultSpec"] = {"anyOf": [{"type": "string", "description": _faults()}, kinds["FaultSpec"]]}
-    whole["properties"] |= {"home": Home.model_json_schema(), "count": short["count"]}
-    whole["required"] = []
-    whole["anyOf"] = [{"required": ["count"]}, {"required": ["vehicles"]}]
-    return {"$schema": DIALECT, **whole}
+        sections[model.__name__] = _one_of(model, sections[model.__name__])
+    leg = sections["Leg"]["anyOf"][-1]["properties"]
+    leg["takeoff"] = {"anyOf": [leg["takeoff"], {"type": "number", "exclusiveMinimum": 0}]}
+    sections["CheckSpec"] = _checks(sections["CheckSpec"])
+    sections["FaultSpec"] = {"anyOf": [{"type": "string", "description": _faults()}, sections["FaultSpec"]]}
+    schema["properties"] |= {"home": Home.model_json_schema(), "count": short["count"]}
+    schema["required"] = []
+    schema["anyOf"] = [{"required": ["count"]}, {"required": ["vehicles"]}]
+    return {"$schema": DIALECT, **schema}
 
 
 def _one_of(model: type[OneOf], found: Schema) -> Schema:
@@ -53,9 +53,9 @@ def _needs_nothing(model: type[BaseModel], name: str) -> bool:
 
 
 def _without_null(value: Schema) -> Schema:
-    kinds = [kind for kind in value.get("anyOf", []) if kind != {"type": "null"}]
+    types = [entry for entry in value.get("anyOf", []) if entry != {"type": "null"}]
     rest = {key: inner for key, inner in value.items() if key not in ("anyOf", "default")}
-    return {**rest, **kinds[0]} if len(kinds) == 1 else value
+    return {**rest, **types[0]} if len(types) == 1 else value
 
 
 def _checks(found: Schema) -> Schema:
@@ -77,7 +77,7 @@ def _check(check: Check, common: Schema) -> Schema:
     settings: Schema = {"type": "object", "properties": dict(common), "additionalProperties": False}
     forms: list[Schema] = [settings]
     if check.argument is not None:
-        argument: Schema = {"type": "string" if check.text else "number"}
+        argument: Schema = {"type": "string" if check.takes_text else "number"}
         settings["properties"][check.argument] = argument
         forms.insert(0, argument)
         if check.default is None:

@@ -62,7 +62,7 @@ class StepExchanges:
         return [self._single_command(step)]
 
     def mode_number(self, name: str) -> int:
-        """Return the number of the first mode in `RTL|Return` that the autopilot has."""
+        """Return the number of a mode; of alternatives, such as `RTL|Return`, the first that exists."""
         numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.values()}
         return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
 
@@ -109,8 +109,8 @@ class StepExchanges:
     def _takeoff(self, height_m: float, timeout_s: float) -> list[Exchange]:
         arm = self._wait_and_arm(timeout_s)
         if self._altitudes_amsl:
-            up_m = self._spec.alt_amsl_m + height_m
-            return [*arm, self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
+            params = (NAN, 0.0, 0.0, NAN, NAN, NAN, self._spec.alt_amsl_m + height_m)
+            return [*arm, self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, *params)]
         if self._personality.plane:
             return [self._parameter("TKOFF_ALT", height_m), self._mode_for(Behaviour.TAKEOFF), *arm]
         takeoff = self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)

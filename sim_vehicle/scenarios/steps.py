@@ -33,8 +33,8 @@ class RawCommand(Section):
 class ScriptStep(OneOf):
     """One action of the ground station with each selected vehicle.
 
-    A step begins at `at_s` [s], but not before the end of the vehicle's previous step. The ground station
-    repeats an unanswered or refused step for up to `timeout_s` [s].
+    A step begins at `at_s` [s], but not before the end of the vehicle's previous step. For up to `timeout_s`
+    [s] the ground station repeats an unanswered message and, with `expect: accepted`, a refused message.
     """
 
     at_s: Seconds = 0.0
@@ -72,8 +72,8 @@ class ScriptStep(OneOf):
 class CheckSpec(Section):
     """One check: name in the registry, argument (`value`), vehicles and times.
 
-    - `when: always`: the condition holds at every step from `from_s` to `until_s` [s].
-    - `when: eventually`: the condition holds at one step from `from_s` to `by_s` [s] or the end of the run.
+    - `when: always`: the condition holds all the time from `from_s` to `until_s` [s] or the end of the run.
+    - `when: eventually`: the condition holds once, from `from_s` to `by_s` or `until_s` [s] or the run's end.
     - `when: end`: the condition holds at the end of the run.
     """
 

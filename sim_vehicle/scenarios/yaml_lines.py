@@ -25,7 +25,7 @@ class Document:
     lines: dict[KeyPath, int]
 
     def line_of(self, path: KeyPath) -> int:
-        """Return the line of the longest prefix of `path` in the file."""
+        """Return the line of the longest prefix of `path` in the file; 1 without such a prefix."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.lines:
                 return self.lines[path[:length]]
@@ -72,14 +72,15 @@ def _parse_yaml(text: str) -> Document:
 def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
     if isinstance(node, yaml.MappingNode):
         for key_node, value_node in node.value:
-            here = (*path, str(key_node.value))
+            key_path = (*path, str(key_node.value))
             line = key_node.start_mark.line + 1
-            if here in lines:
+            if key_path in lines:
                 raise FileSyntaxError(
-                    line, f"key {here[-1]!r} is a duplicate of line {lines[here]}; remove one of them"
+                    line,
+                    f"key {key_path[-1]!r} is a duplicate of line {lines[key_path]}; remove one of the two",
                 )
-            lines[here] = line
-            _walk(value_node, here, lines)
+            lines[key_path] = line
+            _walk(value_node, key_path, lines)
     elif isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             lines[(*path, index)] = item.start_mark.line + 1

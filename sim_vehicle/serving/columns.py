@@ -1,4 +1,4 @@
-"""A table of limited width: each column is whole or absent; only the last column may be cut."""
+"""A table of limited width: each column is complete or absent; only the last column may be cut."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,30 +14,30 @@ class Column:
 
     priority: rank of the column; the column with the lowest priority is removed first
     right: True for right-aligned cells
-    least: minimum width [characters]
-    cut: minimum width of the last column if it may be cut; None: the column is never cut
+    min_width: [characters]
+    min_cut_width: lowest width to which the last column may be cut; None: cut only if it is alone
     """
 
     heading: str
     cells: Sequence[Text]
     priority: int
     right: bool = False
-    least: int = 0
-    cut: int | None = None
+    min_width: int = 0
+    min_cut_width: int | None = None
 
     @property
     def width(self) -> int:
-        return max(self.least, len(self.heading), *(cell.cell_len for cell in self.cells), 0)
+        return max(self.min_width, len(self.heading), *(cell.cell_len for cell in self.cells), 0)
 
     @property
-    def needed(self) -> int:
-        return self.width if self.cut is None else min(self.width, self.cut)
+    def needed_width(self) -> int:
+        return self.width if self.min_cut_width is None else min(self.width, self.min_cut_width)
 
 
 def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
     """Return the columns that fit into `width` characters, at least one column; for None all columns."""
     kept = list(columns)
-    while width is not None and len(kept) > 1 and _needed(kept) > width:
+    while width is not None and len(kept) > 1 and _needed_width(kept) > width:
         kept.remove(min(kept, key=lambda column: column.priority))
     return kept
 
@@ -53,18 +53,18 @@ def table(columns: Sequence[Column], width: int | None) -> list[Text]:
     return [_line(cells, kept, widths) for cells in rows]
 
 
-def _needed(columns: Sequence[Column]) -> int:
-    return sum(column.needed for column in columns) + GAP * (len(columns) - 1)
+def _needed_width(columns: Sequence[Column]) -> int:
+    return sum(column.needed_width for column in columns) + GAP * (len(columns) - 1)
 
 
 def _line(cells: Sequence[Text], columns: Sequence[Column], widths: Sequence[int]) -> Text:
     line = Text(no_wrap=True)
     for i, (cell, column, width) in enumerate(zip(cells, columns, widths, strict=True)):
-        whole = cell.copy()
-        whole.truncate(width, overflow="ellipsis")
-        space = " " * (width - whole.cell_len)
+        shown = cell.copy()
+        shown.truncate(width, overflow="ellipsis")
+        space = " " * (width - shown.cell_len)
         line.append(" " * GAP if i else "")
-        line.append_text(Text(space) + whole if column.right else whole + space)
+        line.append_text(Text(space) + shown if column.right else shown + space)
     line.rstrip()
     return line
 

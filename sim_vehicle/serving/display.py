@@ -14,16 +14,16 @@ from sim_vehicle.serving.server import Server
 from sim_vehicle.truth import Truth
 
 REFRESH_S = 0.5  # time between two drawings
-PAGE_S = 5.0  # time of a page
+PAGE_S = 5.0  # time on one page
 FRAME_LINES = 5  # two header lines, headings, summary, and the last warning
 MAX_MODES = 4  # number of modes that the summary counts by name
-LATE_S = 0.05  # 99th percentile of lateness above which the header is red
+LATE_S = 0.05  # 99th percentile of the ticks' lateness above which the header is red
 LOW_BATTERY_SHARE = 0.2  # battery share below which the column shows red
 MIN_FAULTS_CHARS = 12  # minimum width of the column of faults, which may be cut
 
 
 class Display:
-    """The live table, with the previous counts for messages per second."""
+    """The live table, with the earlier message counts for the rates."""
 
     def __init__(self, server: Server, warning: Callable[[], str] = str) -> None:
         """`warning`: function that returns the last warning, or an empty text."""
@@ -31,16 +31,15 @@ class Display:
         scenario = server.fleet.scenario
         self._types = [f"{spec.personality} {spec.kind}" for spec in scenario.vehicles]
         self._sent, self._sent_s = list(server.sent), 0.0
-        self._rates = [0.0] * len(self._types)
+        self._rates = [0.0] * len(self._types)  # messages/s
         self._began_s: float | None = None
-        # Columns never shrink, because a table with moving columns is unreadable.
-        self._widest: dict[str, int] = {}
+        self._widest: dict[str, int] = {}  # columns never shrink, so that they do not move
 
     def render(self, wall_s: float, width: int, height: int) -> Group:
         """Return the table at `wall_s` [s of any origin] for a terminal of `width` x `height` characters."""
         if self._began_s is None:
             self._began_s = self._sent_s = wall_s
-        self._count(wall_s)
+        self._update_rates(wall_s)
         truth = self._server.fleet.truth()
         count = len(self._types)
         rows = max(1, height - FRAME_LINES)
@@ -53,7 +52,7 @@ class Display:
             parts.append(one_line([warning], width, "red"))
         return Group(*parts)
 
-    def _count(self, wall_s: float) -> None:
+    def _update_rates(self, wall_s: float) -> None:
         if wall_s - self._sent_s >= 1.0:
             sent = list(self._server.sent)
             self._rates = [(n - o) / (wall_s - self._sent_s) for n, o in zip(sent, self._sent, strict=True)]
@@ -62,7 +61,7 @@ class Display:
     def _header(self, width: int, wall_s: float) -> list[Text]:
         server = self._server
         late_s = server.lateness.quantile_s(0.99)
-        words = [f"{_clock(server.simulated_s)}, {server.pace}", f"{sum(self._rates):.0f} messages/s"]
+        words = [f"{_hours_text(server.simulated_s)}, {server.pace}", f"{sum(self._rates):.0f} messages/s"]
         if not math.isnan(late_s):
             words.append(f"p99 late {1000 * late_s:.0f} ms")
         if server.pace.lost_s:
@@ -76,10 +75,10 @@ class Display:
         ]
 
     def _columns(self, truth: Truth, shown: range) -> list[Column]:
-        several = len(set(self._server.fleet.links)) > 1
+        several_links = len(set(self._server.fleet.links)) > 1
         faults = [" ".join(self._server.fleet.faults_on(i)) for i in shown]
         columns = [
-            Column("id", [Text(self._id(truth, i, several)) for i in shown], priority=10, right=True),
+            Column("id", [Text(self._id(truth, i, several_links)) for i in shown], priority=10, right=True),
             Column("type", [Text(self._types[i]) for i in shown], priority=4),
             Column("mode", [Text(truth.mode[i]) for i in shown], priority=8),
             Column("armed", [_armed(bool(truth.armed[i])) for i in shown], priority=3, right=True),
@@ -94,14 +93,14 @@ class Display:
         ]
         if any(faults) or "faults" in self._widest:
             cells = [Text(words, style="red") for words in faults]
-            columns.append(Column("faults", cells, priority=6, cut=MIN_FAULTS_CHARS))
+            columns.append(Column("faults", cells, priority=6, min_cut_width=MIN_FAULTS_CHARS))
         for i, column in enumerate(columns):
             self._widest[column.heading] = max(column.width, self._widest.get(column.heading, 0))
-            columns[i] = replace(column, least=self._widest[column.heading])
+            columns[i] = replace(column, min_width=self._widest[column.heading])
         return columns
 
-    def _id(self, truth: Truth, i: int, several: bool) -> str:
-        return f"{self._server.fleet.links[i]}:{truth.sysid[i]}" if several else f"{truth.sysid[i]}"
+    def _id(self, truth: Truth, i: int, several_links: bool) -> str:
+        return f"{self._server.fleet.links[i]}:{truth.sysid[i]}" if several_links else f"{truth.sysid[i]}"
 
 
 def _place(truth: Truth, i: int) -> str:
@@ -135,17 +134,17 @@ def summary(truth: Truth, page: int, pages: int) -> list[str]:
     return [f"page {page + 1}/{pages}", *words] if pages > 1 else words
 
 
-def _clock(seconds: float) -> str:
+def _hours_text(seconds: float) -> str:
     minutes, rest = divmod(int(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}"
 
 
 async def show_table(server: Server, warning: Callable[[], str]) -> None:
-    """Refresh the table until cancelled; a thread draws the table, so that heartbeats stay punctual.
+    """Refresh the table until cancelled; return at once if there is no terminal.
 
-    The table uses the alternate screen, because a narrowed main screen keeps parts of old lines. The last
-    table stays on the main screen.
+    A thread draws the table, so that heartbeats stay punctual. The table uses the alternate screen, because
+    a narrowed main screen keeps parts of old lines. The last table stays on the main screen.
     """
     console = Console()
     if not console.is_terminal or console.is_dumb_terminal:

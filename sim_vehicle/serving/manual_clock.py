@@ -1,4 +1,4 @@
-"""The manual clock: `step SECONDS` lines from a file descriptor; the answer follows after these seconds."""
+"""The manual clock: `step SECONDS` lines from a file descriptor, answered after these simulated seconds."""
 
 import asyncio
 import contextlib
@@ -31,7 +31,7 @@ class ManualClock:
             self._line(line)
         if len(self._rest) > MAX_LINE_BYTES:
             self._rest = b""
-            self._warn(f"a line of more than {MAX_LINE_BYTES} bytes was ignored; expected {FORMS}")
+            self._warn(f"the first {MAX_LINE_BYTES} or more bytes of a line were ignored; expected {FORMS}")
 
     def _line(self, line: bytes) -> None:
         words = line.decode("utf-8", "replace").split()
@@ -60,25 +60,25 @@ def _seconds(text: str) -> float | None:
 
 @contextlib.contextmanager
 def stepped_from(
-    file: int, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]
+    descriptor: int, pace: ManualPace, say: Callable[[str], None], warn: Callable[[str], None]
 ) -> Iterator[None]:
-    """Read lines from any kind of file descriptor while the context is open."""
+    """Read lines from a file descriptor while the context is open; a regular file is read at once."""
     clock, loop = ManualClock(pace, say, warn), asyncio.get_running_loop()
 
     def readable() -> None:
-        data = os.read(file, READ_BYTES)
+        data = os.read(descriptor, READ_BYTES)
         if not data:
-            loop.remove_reader(file)
+            loop.remove_reader(descriptor)
         clock.feed(data)
 
     try:
-        loop.add_reader(file, readable)
+        loop.add_reader(descriptor, readable)
     except PermissionError:  # the event loop cannot poll a regular file
-        while data := os.read(file, READ_BYTES):
+        while data := os.read(descriptor, READ_BYTES):
             clock.feed(data)
         clock.feed(b"")
     try:
         yield
     finally:
         with contextlib.suppress(PermissionError, ValueError, OSError):
-            loop.remove_reader(file)
+            loop.remove_reader(descriptor)

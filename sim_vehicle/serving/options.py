@@ -26,7 +26,7 @@ class OptionError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class FleetOptions:
-    """The options of the command line; None for an absent option."""
+    """The options of the command line; None or empty for an absent option."""
 
     count: int | None = None
     home: str | None = None
@@ -43,14 +43,14 @@ class FleetOptions:
 
 
 def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, list[Url], list[str]]:
-    """Return scenario, URLs and notes to the operator. Raises OptionError with every problem."""
+    """Return scenario, URLs and notes to the operator. Raises OptionError with the problems found."""
     findings: list[str] = []
-    made = _try(findings, make_scenario, options)
-    parsed = _try(findings, parse_urls, urls)
-    if made is None or parsed is None:
+    scenario_and_notes = _try(findings, make_scenario, options)
+    parsed_urls = _try(findings, parse_urls, urls)
+    if scenario_and_notes is None or parsed_urls is None:
         raise OptionError("\n".join(findings))
-    scenario, notes = made
-    return scenario, parsed, notes
+    scenario, notes = scenario_and_notes
+    return scenario, parsed_urls, notes
 
 
 def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
@@ -145,7 +145,7 @@ def _counted(options: FleetOptions) -> Scenario:
     if not distinct and per_port > most:
         raise OptionError(
             f"--per-port {per_port}: system ids go from {first} (--sysid) to {MAX_SYSID}; "
-            f"a port carries at most {most} vehicles"
+            f"a port carries at most {most} vehicles; use --per-port {most} or less"
         )
     *home, heading_deg = parse_home(options.home or DEFAULT_HOME)
     kind = parse_kind(options.kind or "copter")
@@ -238,7 +238,7 @@ def parse_param(text: str) -> tuple[str, float]:
 
 
 def read_param_file(path: Path) -> dict[str, float]:
-    """Return the parameters of a file with `NAME VALUE`, `NAME,VALUE` or QGroundControl's five columns."""
+    """Return the parameters of a file with `NAME VALUE`, `NAME,VALUE`, `NAME=VALUE` or QGC's five columns."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
@@ -255,7 +255,7 @@ def read_param_file(path: Path) -> dict[str, float]:
             words = words[2:4]
         value = _number(words[1]) if len(words) == 2 else None
         if value is None:
-            findings.append(f"--param-file {path}:{number}: {line.strip()!r:.60} is not NAME VALUE")
+            findings.append(f"--param-file {path}:{number}: {line.strip()!r:.60} is not `NAME VALUE`")
         else:
             found[words[0]] = value
     if findings:
@@ -276,11 +276,11 @@ def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -
     unknown = dict.fromkeys(given)
     for vehicle in vehicles:
         known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters
-        own = {name: value for name, value in given.items() if name in known}
+        supported = {name: value for name, value in given.items() if name in known}
         params = vehicle["params"]
         assert isinstance(params, dict)
-        params.update(own)
-        for name in own:
+        params.update(supported)
+        for name in supported:
             unknown.pop(name, None)
     return list(unknown)
 

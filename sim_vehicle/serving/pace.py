@@ -28,11 +28,11 @@ class Pace(Protocol):
         """Return the simulated time of input that arrives now [s], from `done_s` to before `tick_s`."""
 
     def late_s(self, tick_s: float) -> float:
-        """Return the delay of the tick at `tick_s` in wall time [s]."""
+        """Return the delay of the tick at `tick_s` in wall time [s]; negative before the tick is due."""
 
     @property
     def lost_s(self) -> float:
-        """Wall time lost because the simulation was too slow [s]."""
+        """Wall time skipped because the simulation was too slow [s]."""
 
     def __str__(self) -> str: ...
 

@@ -44,7 +44,7 @@ def view(now: float = 0.0, *, truth: dict[str, Any] | None = None, **fields: Any
         "goal_m": np.full((N, 2), np.nan),
         "bound_for_goal": np.ones(N, dtype=bool),
         "flown": np.zeros(N, dtype=bool),
-        "silent_s": np.zeros(N),
+        "heartbeat_age_s": np.zeros(N),
         "mission_done": np.zeros(N, dtype=bool),
         "outside_fence_m": np.zeros(N),
         "area_m": None,
@@ -94,7 +94,7 @@ YES = np.array([True, True, True])
         ({"battery_above": 0.2}, view(truth={"battery_remaining": np.array([0.3, 0.2, 0.0])}), [2, 3]),
         ("no_strike", view(truth={"strikes": np.array([0, 1, 0])}), [2]),
         ({"strikes_at_most": 1}, view(truth={"strikes": np.array([0, 1, 2])}), [3]),
-        ("alive", view(silent_s=np.array([1.0, 3.0, 3.1])), [3]),
+        ("alive", view(heartbeat_age_s=np.array([1.0, 3.0, 3.1])), [3]),
         ({"never_says": "Fail"}, view(texts=[["Failsafe"], [], ["a fail", ""]]), [1, 3]),
     ],
 )

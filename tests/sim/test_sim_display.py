@@ -29,8 +29,10 @@ PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(150))
 WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=30)
 
 
-def column(heading: str, *cells: str, priority: int, cut: int | None = None, right: bool = False) -> Column:
-    return Column(heading, [Text(cell) for cell in cells], priority, cut=cut, right=right)
+def column(
+    heading: str, *cells: str, priority: int, min_cut_width: int | None = None, right: bool = False
+) -> Column:
+    return Column(heading, [Text(cell) for cell in cells], priority, min_cut_width=min_cut_width, right=right)
 
 
 @st.composite
@@ -51,7 +53,7 @@ def tables(draw: st.DrawFn) -> list[Column]:
     if draw(st.booleans()):
         last = (" ".join(draw(st.lists(WORDS, max_size=5))) for _ in range(rows))
         columns.append(
-            column("faults", *last, priority=draw(st.integers(0, 98)), cut=draw(st.integers(6, 20)))
+            column("faults", *last, priority=draw(st.integers(0, 98)), min_cut_width=draw(st.integers(6, 20)))
         )
     return columns
 
@@ -71,13 +73,13 @@ def test_every_column_is_whole_or_absent(columns: list[Column], width: int) -> N
         position = 0
         for shown in kept:
             cell = shown.cells[row].plain
-            if shown.cut is None:
+            if shown.min_cut_width is None:
                 field = line[position : position + shown.width]
                 assert field.strip() == cell
                 position += shown.width + GAP
             else:
                 room = width - position
-                assert room >= min(shown.width, shown.cut)
+                assert room >= min(shown.width, shown.min_cut_width)
                 rest = line[position:]
                 assert rest == cell.rstrip() or (len(cell) > room and rest == f"{cell[: room - 1]}…")
 

@@ -60,7 +60,7 @@ def test_the_pytest_examples_pass_in_a_separate_project(tmp_path: Path) -> None:
 )
 def test_the_scenarios_on_the_page_pass(text: str) -> None:
     lines: list[str] = []
-    scenario = parse_scenario(text, "page.yaml", flown=True)
+    scenario = parse_scenario(text, "page.yaml", standalone=True)
     assert Run(scenario, on_failure=lines.append).run().passed, lines
 
 
