@@ -169,7 +169,7 @@ class Personality:
     # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
     acknowledges_set_mode: bool  # the SET_MODE message
-    home_item: bool  # item 0 of a mission is home; a mission on the ground must begin with a take-off
+    home_item: bool  # item 0 of a mission is home
     empty_mission_total: int  # MISSION_CURRENT.total with no mission
     reports_mission_state: bool  # False: mission_state and mission_mode are always 0
     texts: Mapping[str, tuple[int, str]]  # event -> (MAV_SEVERITY, template); other events have no text
@@ -196,7 +196,7 @@ class Personality:
     force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
     # reasons against a forced arming
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
-    landing_disarms: bool = True  # disarms at touchdown; False: after FlightParameters.disarm_landed_s
+    landing_disarms: bool = True  # the end of a landing disarms; False: only `disarm_landed_s` disarms
     stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
     disarm_restores_mode: bool = False  # disarming restores the last armable mode, except after a termination

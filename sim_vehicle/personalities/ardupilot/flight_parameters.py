@@ -123,10 +123,8 @@ def _return_height(params: Parameters) -> Callable[[float, float], float]:
 
     def return_height_m(distance_m: float, height_m: float) -> float:
         minimum_m = max(MIN_RETURN_HEIGHT_M, height_m + climb_m)
-        without_cone_m = max(full_m, minimum_m)
-        if slope < MIN_CONE_SLOPE:
-            return without_cone_m
-        return min(without_cone_m, max(slope * distance_m, minimum_m))
+        without_cone_m, cone_m = max(full_m, minimum_m), max(slope * distance_m, minimum_m)
+        return without_cone_m if slope < MIN_CONE_SLOPE else min(without_cone_m, cone_m)
 
     return return_height_m
 

@@ -72,15 +72,15 @@ def _check_fence(vehicle: Vehicle) -> None:
         vehicle.announce("fence_without_vehicle")
 
 
-# Rules for the target of a message, by message type.
+# Rules for the target of a message. The fleet passes only messages to this system or to all systems (0).
 _COMPONENTS = frozenset({int(mavlink.MAV_COMP_ID_ALL), int(mavlink.MAV_COMP_ID_AUTOPILOT1)})
-# Commands accepted with any target: programs send these commands before they know the vehicle's ids.
+# Commands accepted also with system 0 and with any component: programs send them before they know the ids.
 _TO_ANY_TARGET = frozenset(
     {mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION}
 )
 _COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
-_TO_OWN_SYSTEM = frozenset({"COMMAND_CANCEL", "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
-_TO_ANY_SYSTEM = frozenset(
+_ONLY_TO_OWN_SYSTEM = frozenset({"COMMAND_CANCEL", "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
+_ALSO_TO_ALL_SYSTEMS = frozenset(
     {
         "SET_POSITION_TARGET_LOCAL_NED",
         "SET_POSITION_TARGET_GLOBAL_INT",
@@ -98,9 +98,9 @@ def _is_addressed(sysid: int, message: Any) -> bool:
     kind = message.get_type()
     if kind in _COMMANDS and message.command in _TO_ANY_TARGET:
         return True
-    if kind in _TO_ANY_SYSTEM:
+    if kind in _ALSO_TO_ALL_SYSTEMS:
         return message.target_component in _COMPONENTS
-    if kind in _COMMANDS or kind in _TO_OWN_SYSTEM:
+    if kind in _COMMANDS or kind in _ONLY_TO_OWN_SYSTEM:
         return message.target_system == sysid and message.target_component in _COMPONENTS
     return True
 

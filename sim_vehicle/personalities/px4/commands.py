@@ -147,7 +147,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= MAX_ALTITUDE_M:
         return ACCEPTED  # the commander answers before the navigator checks the numbers
     up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
-    _go(vehicle, GeodeticPosition(lat_deg, lon_deg, up_m))
+    _fly_within_fence(vehicle, GeodeticPosition(lat_deg, lon_deg, up_m))
     if command.param1 > 0:
         vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
     if math.isfinite(command.param4) and vehicle.flight.flying and not vehicle.body.plane:
@@ -155,8 +155,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     return ACCEPTED
 
 
-def _go(vehicle: Vehicle, place: GeodeticPosition) -> None:
-    """Fly to a place; refuse a place outside the fence with a text."""
+def _fly_within_fence(vehicle: Vehicle, place: GeodeticPosition) -> None:
     height_m = place.alt_amsl_m - vehicle.flight.home().alt_amsl_m
     if vehicle.fence_watch.enabled and vehicle.fence_watch.find(place.lat_deg, place.lon_deg, height_m):
         vehicle.announce("reposition_outside_fence")
@@ -170,7 +169,7 @@ def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
         return TEMPORARILY_REJECTED
     if math.isfinite(command.param1):
         here = vehicle.here()
-        _go(vehicle, GeodeticPosition(here.lat_deg, here.lon_deg, command.param1))
+        _fly_within_fence(vehicle, GeodeticPosition(here.lat_deg, here.lon_deg, command.param1))
     return ACCEPTED
 
 

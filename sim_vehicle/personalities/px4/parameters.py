@@ -131,8 +131,7 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "MIS_DIST_1WP": 10_000.0,  # m
     "MIS_TKO_LAND_REQ": 0,  # 0 nothing, 1 take-off, 2 landing, 3 both, 4 both or neither
     "NAV_LOITER_RAD": 80.0,  # m
-    # multicopter: half angle of the cone [deg] within RTL_MIN_DIST of home; 0: always RTL_RETURN_ALT
-    "RTL_CONE_ANG": 45,
+    "RTL_CONE_ANG": 45,  # multicopter: deg, half angle, within RTL_MIN_DIST; 0: always RTL_RETURN_ALT
     "RTL_MIN_DIST": 10.0,  # m
     # MAVLink and the system
     "MAV_COMP_ID": 1,

@@ -88,7 +88,7 @@ def _system_refusals(vehicle: Vehicle) -> list[str]:
 
 
 def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
-    """Return True if PX4 can fly the mission; send the reason for a refusal (unless empty) as a text."""
+    """Return True if PX4 can fly the mission; send the reason against a mission with items as a text."""
     refusal = _distance_refusal(vehicle, items)
     if refusal is None and vehicle.body.plane:
         refusal = _fence_refusal(vehicle, items)
