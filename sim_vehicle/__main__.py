@@ -29,7 +29,7 @@ CommandLineError: type[Any] = typer.BadParameter.__mro__[2]
 def fleet(
     count: Annotated[
         int | None,
-        typer.Option("--count", "-n", min=1, max=10_000, help="Number of vehicles; default 1."),
+        typer.Option("--count", "-n", min=1, max=10_000, help="Vehicles; default as in --personality, or 1."),
     ] = None,
     home: Annotated[
         str | None,
@@ -67,7 +67,7 @@ def fleet(
     ] = None,
     per_port: Annotated[
         int | None,
-        typer.Option(min=1, max=250, help="Vehicles per port; further ports take the rest. Default 250."),
+        typer.Option(min=1, max=250, help="Vehicles per port, then the next port; default: up to id 250."),
     ] = None,
     port_step: Annotated[
         int, typer.Option(min=1, max=1000, help="Step between port numbers (ArduPilot's SITL: 10).")
@@ -81,7 +81,7 @@ def fleet(
             min=0,
             max=3600,
             help="Simulated seconds from boot to a position estimate; 0: at once. "
-            "Default: as in the scenario, else as on the real autopilots.",
+            "Default: as on the real autopilots.",
         ),
     ] = None,
     wind: Annotated[
@@ -106,7 +106,8 @@ def fleet(
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default 0.")] = None,
     scenario: Annotated[
-        Path | None, typer.Option(help="File with vehicles, faults, area and hostiles, YAML or JSON.")
+        Path | None,
+        typer.Option(help="YAML or JSON file with vehicles, faults and area; its values replace defaults."),
     ] = None,
     step: Annotated[
         bool,
