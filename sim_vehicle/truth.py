@@ -1,4 +1,4 @@
-"""The true state of a fleet, for tests, checks and displays. No telemetry contains this state."""
+"""The true state of a fleet, for tests, checks and displays; telemetry contains estimates."""
 
 from dataclasses import dataclass
 

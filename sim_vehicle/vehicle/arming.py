@@ -27,11 +27,11 @@ class Arming:
 
     @property
     def flying_since_s(self) -> float:
-        """Time of the latest take-off since arming [s]; nan: no take-off."""
+        """Time of the latest take-off since arming [s]; nan before the take-off and while disarmed."""
         return self._taken_off_at_s if self.armed else math.nan
 
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
-        """Start the motors and return True; if refused, announce the reasons and return False."""
+        """Start the motors and return True; after a refusal, announce the reasons and return False."""
         vehicle = self._vehicle
         force = force and vehicle.personality.force_arms
         if self.armed:
@@ -40,7 +40,7 @@ class Arming:
             vehicle.announce("arm_refused", reason="Crashed")
             return False
         in_mission = vehicle.mode.behaviour is Behaviour.MISSION
-        if not (self._may_be_forced(now) if force else self._may_arm(in_mission=in_mission, now=now)):
+        if not (self._may_arm_by_force(now) if force else self._may_arm(in_mission=in_mission, now=now)):
             return False
         if vehicle.home_and_rally.home is not None and not vehicle.home_and_rally.home_locked:
             vehicle.home_and_rally.set_home(vehicle.here(), now)
@@ -53,7 +53,7 @@ class Arming:
         vehicle.flight.begin_takeoff()
         return True
 
-    def _may_be_forced(self, now: float) -> bool:
+    def _may_arm_by_force(self, now: float) -> bool:
         reasons = self._vehicle.personality.mandatory_refusals(self._vehicle, now)
         for reason in reasons:
             self._vehicle.announce("arm_refused", reason=reason)
@@ -97,7 +97,7 @@ class Arming:
         vehicle.modes.disarmed()
 
     def update(self, now: float) -> float:
-        """Disarm after a landing, or if no take-off follows arming; return the time of the next check [s]."""
+        """Disarm after a landing, or if no take-off follows arming; return the next check [s] (inf: none)."""
         if not self.armed:
             return math.inf
         vehicle = self._vehicle

@@ -34,7 +34,7 @@ class AttitudeSetpoints:
         self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
 
     def apply(self, message: Any, since_s: float) -> bool:
-        """Apply a message `since_s` [s] after the previous message; return False if no value is usable."""
+        """Apply a message `since_s` [s] after the previous message; return False for unusable values."""
         if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
             return self._apply_rates(message, since_s)
         self.reset()
@@ -45,21 +45,21 @@ class AttitudeSetpoints:
         return True
 
     def _apply_rates(self, message: Any, since_s: float) -> bool:
-        wanted = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
+        commanded = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
         ignored = [bool(message.type_mask & bit) for bit in RATE_IGNORE_BITS]
-        if all(ignored) or not all(math.isfinite(rate) for rate in wanted):
+        if all(ignored) or not all(math.isfinite(rate) for rate in commanded):
             return False
-        now_rad = self._vehicle.body.attitude_rad
-        angles = self._angles_rad or now_rad[:2]
+        attitude_rad = self._vehicle.body.attitude_rad
+        angles = self._angles_rad or attitude_rad[:2]
         duration_s = min(since_s, MAX_RATE_TIME_S)
         integrated = [
             angle + rate * duration_s for angle, rate in zip(angles, self._rates_rad_s, strict=True)
         ]
         roll, pitch = (max(-MAX_TILT_RAD, min(angle, MAX_TILT_RAD)) for angle in integrated)
         self._angles_rad = roll, pitch
-        rates = [0.0 if is_ignored else rate for is_ignored, rate in zip(ignored, wanted, strict=True)]
+        rates = [0.0 if is_ignored else rate for is_ignored, rate in zip(ignored, commanded, strict=True)]
         self._rates_rad_s = rates[0], rates[1]
-        self._apply(roll, pitch, now_rad[2], message.thrust, rates[2])
+        self._apply(roll, pitch, attitude_rad[2], message.thrust, rates[2])
         return True
 
     def _apply(self, roll: float, pitch: float, yaw: float, thrust: float, yaw_rate: float | None) -> None:
@@ -76,10 +76,10 @@ class AttitudeSetpoints:
         north = forward * math.cos(yaw) - right * math.sin(yaw)
         yaw_rad = yaw if yaw_rate is None else None
         if body.plane:
-            # A plane flies in the direction of the acceleration.
+            # The target of a plane is its velocity after 1 s of this acceleration.
             velocity_m_s = body.velocity_m_s
-            moved = (velocity_m_s[0] + east, velocity_m_s[1] + north, climb_m_s)
-            body.move(moved, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
+            target_m_s = (velocity_m_s[0] + east, velocity_m_s[1] + north, climb_m_s)
+            body.move(target_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
             return
         body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
 

@@ -1,8 +1,8 @@
 """One vehicle without I/O: messages and time in, messages out.
 
-A vehicle decides on three occasions: a message arrives, its body reports an event (target reached, take-off,
-touchdown, position lost), or its own deadline is due (`alarm_s`). The vehicle writes its state into its row
-of the fleet's `Status`. The fleet encodes the telemetry of all vehicles from `Status` at once.
+A vehicle decides on three occasions: a message arrives, its body reports an event (such as target reached,
+take-off, touchdown, position lost or found), or its own deadline is due (`alarm_s`). The vehicle writes its
+state into its row of the fleet's `Status`. The fleet encodes the telemetry of all vehicles from `Status`.
 """
 
 import math
@@ -44,10 +44,10 @@ from sim_vehicle.wire.streams import Rates, Streams
 
 PREARM_TEXT_INTERVAL_S = 30.0
 REBOOT_SILENCE_S = 1.5
-PHASES = 5  # number of start times within a second for the streams after a boot
+PHASES = 5  # after a boot, the streams of a vehicle start at one of 5 moments within a second
 IDLE_INTERVAL_S = 1.0  # longest time between two decisions of a vehicle
 BUSY_INTERVAL_S = 0.1
-LOOKAHEAD_COMMANDS = 3  # next navigation commands whose change restarts the current command
+LOOKAHEAD_COMMANDS = 3  # a change of one of 3 navigation commands, from the current on, restarts the current
 
 
 class Autopilot:
@@ -62,11 +62,11 @@ class Autopilot:
     parameters: changes to the personality's parameters.
     ready_s: time from boot to a position estimate [s].
     rng: the vehicle's own randomness.
-    status: the fleet's columns of the autopilots' state.
+    status: table of the state of all autopilots, one row per vehicle.
     streams: the fleet's message intervals.
     output: the fleet's encoder and link.
     injected_faults: the faults of this vehicle.
-    replace_faults: replaces the faults under a key by new faults.
+    replace_faults: function (key, faults, now) that ends the earlier faults of `key` and begins new faults.
     log_limits: size limits of the flight logs.
     """
 
@@ -127,11 +127,11 @@ class Autopilot:
             ceiling_amsl_m=lambda: self.fence_watch.ceiling_amsl_m,
             announce=self.announce,
             send=self.send,
-            disarm=self._landed,
+            disarm=self._disarm_after_landing,
             taken_off=self.modes.taken_off,
             start_landing=self._start_landing,
             return_by_mission=lambda: self.personality.return_by_mission(self),
-            remote_lost=lambda: self.failsafes.rc,
+            remote_lost=lambda: self.failsafes.rc_lost,
             mission_over=self.modes.mission_over,
             set_home=lambda place: self.home_and_rally.set_home(place, self.now, locked=True),
         )
@@ -180,7 +180,7 @@ class Autopilot:
         self.storage.text(now, severity, text)
 
     def announce_refusals(self, event: str, now: float) -> None:
-        """Send every reason against arming as the personality's text for `event`."""
+        """Send one STATUSTEXT for each reason against arming; `event` selects the personality's text."""
         for reason in self.personality.refusals(self, now):
             self.announce(event, reason=reason)
 
@@ -203,7 +203,7 @@ class Autopilot:
     # -- input --------------------------------------------------------------------------------------------
 
     def receive(self, message: Any, now: float) -> None:
-        """Process one message addressed to this vehicle or to all vehicles."""
+        """Process one message; ignore a message to another vehicle, and every message during a boot."""
         if not self.booted or (
             self.flight_parameters.gcs_only and message.get_srcSystem() != self.flight_parameters.gcs_sysid
         ):
@@ -244,10 +244,8 @@ class Autopilot:
 
     def update_flight_parameters(self) -> None:
         """Derive the flight parameters again after a parameter change."""
-        before, self.flight_parameters = (
-            self.flight_parameters,
-            self.personality.flight_parameters(self.params),
-        )
+        before = self.flight_parameters
+        self.flight_parameters = self.personality.flight_parameters(self.params)
         self.flight.parameters_changed(before)
         self.fence_watch.parameters_changed()
 
@@ -307,7 +305,7 @@ class Autopilot:
         self.publish(now)
 
     def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
-        """Go silent for `silence_s` [s], then boot."""
+        """Stop the motors and go silent for `silence_s` [s], then boot."""
         self.storage.reboot(now)
         self.booted = False
         self.status.booted[self.index] = False
@@ -333,14 +331,14 @@ class Autopilot:
             self._next_prearm_s += PREARM_TEXT_INTERVAL_S
             self.announce_refusals("prearm", now)
 
-    def record_strike(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
-        """Count and report a hit by a hostile; the vehicle flies on."""
+    def record_strike(self, vehicle_cell: tuple[int, int], hostile_cell: tuple[int, int], now: float) -> None:
+        """Count and report a hit by a hostile; cells are (row, column). The vehicle flies on."""
         self.now = now
         self.strikes += 1
         self.status.strikes[self.index] = self.strikes
-        self.storage.strike(now, over, by)
-        text = f"STRIKE {self.strikes} over {over[0]},{over[1]} from {by[0]},{by[1]}"
-        self.send_text(mavlink.MAV_SEVERITY_WARNING, text)
+        self.storage.strike(now, vehicle_cell, hostile_cell)
+        over, hostile = (f"{row},{column}" for row, column in (vehicle_cell, hostile_cell))
+        self.send_text(mavlink.MAV_SEVERITY_WARNING, f"STRIKE {self.strikes} over {over} from {hostile}")
 
     # -- position -----------------------------------------------------------------------------------------
 
@@ -362,14 +360,14 @@ class Autopilot:
         return self.arming.armed
 
     def arm(self, now: float, *, force: bool) -> bool:
-        """Start the motors and return True; if refused, announce the reasons and return False."""
+        """Start the motors and return True; after a refusal, announce the reasons and return False."""
         return self.arming.arm(now, force=force)
 
     def disarm(self, *, force: bool) -> bool:
         """Stop the motors and return True; return False in the air unless `force` is set."""
         return self.arming.disarm(force=force)
 
-    def _landed(self) -> None:
+    def _disarm_after_landing(self) -> None:
         if self.personality.landing_disarms:
             self.arming.stop()
 
@@ -387,7 +385,7 @@ class Autopilot:
         return self.mission.set_current(self.flight.pilot, index)
 
     def mission_changed(self, index: int) -> None:
-        """Restart the current mission command if a change of item `index` (-1: shorter list) affects it."""
+        """Restart the current command if the changed item `index` affects it; -1: the list became shorter."""
         if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
             return
         if index > 0 and index not in self.mission.next_navigation(LOOKAHEAD_COMMANDS):

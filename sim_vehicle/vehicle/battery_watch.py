@@ -2,8 +2,8 @@
 
 Level 0 is normal; the next levels are warning (some autopilots only), low and critical. The level of an armed
 vehicle never improves. A disarmed autopilot with `battery_latches` does not check the battery and keeps the
-level until a reboot. Any other disarmed autopilot follows the battery. A level reached before arming causes
-no action in flight.
+level until a reboot. Any other disarmed autopilot follows the battery; its level before arming causes no
+action in flight.
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 
-LEVELS = 3
+MAX_LEVEL = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +30,13 @@ class BatteryWatch:
         self._vehicle = vehicle
         self.level = 0
         self._level_at_arming = 0
-        self._low_since_s = [math.inf] * LEVELS
+        self._low_since_s = [math.inf] * MAX_LEVEL
         self._flight_parameters: FlightParameters | None = None  # source of the stages
         self._stages: tuple[_Stage, ...] = ()
 
     @property
-    def failing(self) -> int:
-        """Failsafe level: 0 none (or a warning), 1 low, 2 critical."""
+    def failsafe_level(self) -> int:
+        """0 none (or a warning), 1 low, 2 critical."""
         warns = self._vehicle.flight_parameters.battery_warning_share is not None
         return max(self.level - warns, 0)
 
@@ -48,29 +48,29 @@ class BatteryWatch:
         if vehicle.flight_parameters is not self._flight_parameters:
             self._flight_parameters = vehicle.flight_parameters
             self._stages = _stages(vehicle.flight_parameters)
-        found, before = self._find(now), self.level
+        present, before = self._present_level(now), self.level
         if not vehicle.armed:
-            self.level = self._level_at_arming = found
-        self.level = max(self.level, found)
+            self.level = self._level_at_arming = present
+        self.level = max(self.level, present)
         if self.level <= before:
             return FailsafeAction.NOTHING
-        stage, body = self._stages[found - 1], vehicle.body
+        stage, body = self._stages[present - 1], vehicle.body
         vehicle.announce(stage.text, volts=body.voltage_v, used_mah=body.used_mah)
-        return stage.action if found > self._level_at_arming else FailsafeAction.WARN
+        return stage.action if present > self._level_at_arming else FailsafeAction.WARN
 
-    def _find(self, now: float) -> int:
+    def _present_level(self, now: float) -> int:
         """Return the present level; a low voltage counts after `battery_delay_s`."""
         body, delay_s = self._vehicle.body, self._vehicle.flight_parameters.battery_delay_s
         voltage_v, share = body.voltage_v, body.battery_remaining
-        found = 0
+        level = 0
         for index, stage in enumerate(self._stages):
             if not voltage_v < stage.below_v:
                 self._low_since_s[index] = math.inf
             elif math.isinf(self._low_since_s[index]):
                 self._low_since_s[index] = now
             if now - self._low_since_s[index] >= delay_s or share < stage.below_share:
-                found = index + 1
-        return found
+                level = index + 1
+        return level
 
 
 def _stages(flight_parameters: FlightParameters) -> tuple[_Stage, ...]:

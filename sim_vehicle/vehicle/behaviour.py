@@ -5,7 +5,7 @@ from enum import Enum, auto
 
 
 class Behaviour(Enum):
-    """Behaviour of a vehicle in a mode without stick input."""
+    """Behaviour of a vehicle in a mode while no pilot moves the sticks."""
 
     MISSION = auto()
     GUIDED = auto()  # flies to commanded positions, else holds; obeys set-points

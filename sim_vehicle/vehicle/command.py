@@ -10,7 +10,7 @@ MAX_ALTITUDE_M = 83_000.0
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command; latitude and longitude [deg] are parameters 5 and 6, z [m] is parameter 7."""
+    """One command; `lat_deg` and `lon_deg` are parameters 5 and 6, `z` [m] is parameter 7."""
 
     command: int
     param1: float
@@ -21,7 +21,7 @@ class Command:
     lon_deg: float
     z: float
     frame: int
-    as_int: bool
+    as_int: bool  # carried by COMMAND_INT
     sender: tuple[int, int]  # system and component id
 
     @classmethod

@@ -72,15 +72,12 @@ def takeoff(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Take off in a guided mode, to a height above home."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not abs(command.z) < MAX_ALTITUDE_M:
         return FAILED
-    up_m = vehicle.flight.home().alt_amsl_m + command.z
-    return ACCEPTED if vehicle.flight.takeoff_to(up_m) else FAILED
+    alt_amsl_m = vehicle.flight.home().alt_amsl_m + command.z
+    return ACCEPTED if vehicle.flight.takeoff_to(alt_amsl_m) else FAILED
 
 
 def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Enter the mission mode and clear an armed vehicle for take-off.
-
-    A first or last item (param1, param2) is not supported.
-    """
+    """Enter the mission mode and clear an armed vehicle for take-off; deny a first or last item."""
     if command.param1 != 0 or command.param2 != 0:
         return DENIED
     if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
@@ -101,13 +98,13 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     flags = whole(command.param2)
     if not guided and (flags < 0 or not flags & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
         return DENIED
-    up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
+    alt_amsl_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
     if command.z == 0 and command.frame not in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
         if not vehicle.body.plane:  # ArduCopter takes 0 for a missing altitude
             return DENIED
-        up_m = vehicle.body.alt_amsl_m
+        alt_amsl_m = vehicle.body.alt_amsl_m
     watch = vehicle.fence_watch
-    if watch.enabled and watch.find(*place, up_m - vehicle.flight.home().alt_amsl_m):
+    if watch.enabled and watch.find(*place, alt_amsl_m - vehicle.flight.home().alt_amsl_m):
         return FAILED
     if not guided and not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
         return FAILED
@@ -117,7 +114,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
         vehicle.flight.limit(loiter_radius_m=math.copysign(radius_m, sign))
         if command.param1 > 0:
             vehicle.flight.change_speed(mavlink.SPEED_TYPE_AIRSPEED, command.param1)
-    vehicle.flight.guided_go(*place, up_m)
+    vehicle.flight.guided_go(*place, alt_amsl_m)
     return ACCEPTED
 
 
@@ -176,9 +173,9 @@ def _interval_us(vehicle: Vehicle, message_id: int) -> int:
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     message_id = whole(command.param1)
     if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-        wanted = whole(command.param2)
-        interval_us = _interval_us(vehicle, wanted)
-        vehicle.send(mavlink.MAVLink_message_interval_message(wanted & 0xFFFF, interval_us))
+        streamed_id = whole(command.param2)
+        interval_us = _interval_us(vehicle, streamed_id)
+        vehicle.send(mavlink.MAVLink_message_interval_message(streamed_id & 0xFFFF, interval_us))
         return ACCEPTED
     return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else FAILED
 
@@ -200,9 +197,9 @@ def set_home(vehicle: Vehicle, command: Command, now: float) -> int:
     place = command.place()
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
-    # COMMAND_LONG has no frame; ArduPilot reads its altitude as above mean sea level.
-    up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
-    vehicle.home_and_rally.set_home(GeodeticPosition(*place, up_m), now, locked=True)
+    # COMMAND_LONG has no frame; ArduPilot reads the altitude as above mean sea level.
+    alt_amsl_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
+    vehicle.home_and_rally.set_home(GeodeticPosition(*place, alt_amsl_m), now, locked=True)
     return ACCEPTED
 
 
@@ -230,7 +227,7 @@ def condition_yaw(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def fence_enable(vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Override FENCE_ENABLE until that parameter changes or the vehicle reboots."""
+    """Override FENCE_ENABLE until this parameter changes or the vehicle reboots."""
     if command.param1 not in (0, 1):
         return FAILED
     vehicle.fence_watch.set_enabled(on=command.param1 == 1)
@@ -252,9 +249,9 @@ def run_prearm_checks(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
-    """Calibrate gyroscopes, level or pressure on the ground for CALIBRATION_S; COMMAND_CANCEL ends it."""
-    wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
-    if not any(value > 0 for value in wanted if math.isfinite(value)):
+    """Calibrate any sensor of a disarmed vehicle for CALIBRATION_S; COMMAND_CANCEL ends the calibration."""
+    sensors = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
+    if not any(value > 0 for value in sensors if math.isfinite(value)):
         return UNSUPPORTED
     if vehicle.armed:
         return FAILED
@@ -262,7 +259,7 @@ def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
-    """Accept loading and saving of parameters, without effect: each change is stored at once."""
+    """Accept loading and saving of parameters without effect; each change is stored at once."""
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 

@@ -1,7 +1,6 @@
 """Failsafes of one vehicle: ground station, battery, remote control, position, and their actions.
 
 Limits and actions come from the personality's `FlightParameters`, texts from the personality's `texts`.
-Further modules: `battery_watch`, `remote_watch`, `fence_watch`.
 """
 
 import math
@@ -25,7 +24,7 @@ _BEHAVIOURS = {
     FailsafeAction.HOLD_ALTITUDE: Behaviour.SINK,
     FailsafeAction.MISSION: Behaviour.MISSION,
 }
-# Priorities: a failsafe does not interrupt a behaviour that already brings the vehicle down.
+# A failsafe does not interrupt a behaviour of the same or a higher priority; 0 if not listed.
 _BEHAVIOUR_PRIORITY = {Behaviour.RETURN: 1, Behaviour.LAND: 2}
 # required behaviour -> priority; 1 if not listed
 _ACTION_PRIORITY = {Behaviour.LAND: 2, Behaviour.SINK: 2, Behaviour.MISSION: 2}
@@ -36,26 +35,26 @@ class Failsafes:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self.gcs = self.position = False
+        self.gcs_lost = self.position_lost = False
         self._battery, self._remote = BatteryWatch(vehicle), RemoteWatch(vehicle)
         self._gcs_heartbeat_s: float | None = None
         # action after the hold, and the time of the action [s]
         self._held_action: tuple[FailsafeAction, float] | None = None
 
     @property
-    def rc(self) -> bool:
+    def rc_lost(self) -> bool:
         """True while the remote control is lost."""
         return self._remote.lost
 
     @property
-    def battery(self) -> int:
-        """Battery failsafe level: 0 none, 1 low, 2 critical."""
-        return self._battery.failing
+    def battery_level(self) -> int:
+        """Battery failsafe: 0 none, 1 low, 2 critical."""
+        return self._battery.failsafe_level
 
     @property
-    def any(self) -> bool:
+    def any_latched(self) -> bool:
         """True while any failsafe is latched (MAV_STATE_CRITICAL)."""
-        return self.gcs or self.rc or self.position or self.battery > 0
+        return self.gcs_lost or self.rc_lost or self.position_lost or self.battery_level > 0
 
     @property
     def battery_state(self) -> int:
@@ -69,7 +68,7 @@ class Failsafes:
             self._gcs_heartbeat_s = now
 
     def update(self, now: float) -> float:
-        """Check every failsafe; return the latest time of the next check [s]."""
+        """Check every failsafe; return the latest time of the next check [s] (inf: none)."""
         self._watch_gcs(now)
         self.act(self._unless_landing(self._battery.update(now)), now)
         self._watch_rc(now)
@@ -81,7 +80,7 @@ class Failsafes:
             if self._held_action is None
             else min(self._held_action[1], self._remote.next_s)
         )
-        if self._gcs_heartbeat_s is None or self.gcs or math.isinf(flight_parameters.gcs_timeout_s):
+        if self._gcs_heartbeat_s is None or self.gcs_lost or math.isinf(flight_parameters.gcs_timeout_s):
             return due_s
         return min(due_s, self._gcs_heartbeat_s + flight_parameters.gcs_timeout_s + CHECK_INTERVAL_S)
 
@@ -93,9 +92,9 @@ class Failsafes:
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = False) -> None:
         """Carry out the action of a failsafe or of the fence.
 
-        A flying vehicle holds for `failsafe_delay_s` before RETURN and LAND, unless `at_once` is set. A
-        ground station can choose another mode during the hold. A vehicle on the ground stops its motors if
-        the personality has `failsafe_disarms`, else ignores the action.
+        A flying vehicle with a known position holds for `failsafe_delay_s` before RETURN and LAND, unless
+        `at_once` is set. A mode change during this hold cancels the action; a second action acts at once.
+        A vehicle on the ground stops its motors if the personality has `failsafe_disarms`.
         """
         vehicle = self._vehicle
         delay_s = vehicle.flight_parameters.failsafe_delay_s
@@ -124,10 +123,8 @@ class Failsafes:
 
     def _mode_has_priority_over(self, action: FailsafeAction) -> bool:
         """Return True if the present behaviour has at least the priority of `action`."""
-        behaviour = _BEHAVIOURS[action]
-        return _BEHAVIOUR_PRIORITY.get(self._vehicle.mode.behaviour, 0) >= _BEHAVIOUR_PRIORITY.get(
-            behaviour, 1
-        )
+        present = _BEHAVIOUR_PRIORITY.get(self._vehicle.mode.behaviour, 0)
+        return present >= _BEHAVIOUR_PRIORITY.get(_BEHAVIOURS[action], 1)
 
     def _end_hold(self, now: float) -> None:
         """Carry out the held action after the hold; drop the action if the mode has changed."""
@@ -141,27 +138,27 @@ class Failsafes:
 
     def _carry_out(self, action: FailsafeAction, now: float) -> None:
         vehicle = self._vehicle
-        number = vehicle.personality.failsafe_modes.get(action)
+        mode_number = vehicle.personality.failsafe_modes.get(action)
         if action is FailsafeAction.TERMINATE:
             vehicle.announce("terminated")
-            if number is not None:
-                vehicle.modes.enter(number)
+            if mode_number is not None:
+                vehicle.modes.enter(mode_number)
         if action in (FailsafeAction.TERMINATE, FailsafeAction.DISARM):
             vehicle.disarm(force=True)
             return
         start_landing = vehicle.personality.start_landing
         if start_landing is not None and action is FailsafeAction.LAND and start_landing(vehicle, now):
             return
-        mode = vehicle.personality.modes[number] if number is not None else self._mode_of(action, now)
-        if mode is not None and _BEHAVIOUR_PRIORITY.get(vehicle.mode.behaviour, 0) < _ACTION_PRIORITY.get(
-            mode.behaviour, 1
-        ):
+        modes = vehicle.personality.modes
+        mode = self._mode_of(action, now) if mode_number is None else modes[mode_number]
+        present = _BEHAVIOUR_PRIORITY.get(vehicle.mode.behaviour, 0)
+        if mode is not None and present < _ACTION_PRIORITY.get(mode.behaviour, 1):
             vehicle.modes.enter(mode.number)
             if mode.behaviour is Behaviour.GUIDED:
                 self._go_to_return_point()
 
     def _unless_landing(self, action: FailsafeAction) -> FailsafeAction:
-        """Return `action`, or WARN for a plane in the landing of its mission (TERMINATE stays)."""
+        """Return `action`, or WARN while a plane lands, if `start_landing` is set (TERMINATE stays)."""
         vehicle = self._vehicle
         lands = vehicle.personality.start_landing is not None and vehicle.flight.landing_now
         return FailsafeAction.WARN if lands and action is not FailsafeAction.TERMINATE else action
@@ -185,11 +182,11 @@ class Failsafes:
         """Fly to the fence's return point, else home, at `fence_return_height_m` above home."""
         vehicle = self._vehicle
         place_deg = vehicle.fence.return_point_deg or vehicle.home_and_rally.home_deg
-        up_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence_return_height_m
-        vehicle.flight.guided_go(*place_deg, up_m)
+        alt_amsl_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence_return_height_m
+        vehicle.flight.guided_go(*place_deg, alt_amsl_m)
 
     def gcs_late(self, now: float) -> bool:
-        """Return True if the ground station has been silent longer than the limit."""
+        """Return True if the ground station is silent too long, or is missing with `gcs_missing_is_lost`."""
         flight_parameters = self._vehicle.flight_parameters
         if self._gcs_heartbeat_s is None:
             return self.gcs_missing and flight_parameters.gcs_missing_is_lost
@@ -198,7 +195,7 @@ class Failsafes:
     def _handle_lost_link(
         self, link: str, normal: FailsafeAction, by_mode: Mapping[int, FailsafeAction], now: float
     ) -> None:
-        """Announce a lost link and act; `by_mode`: other actions in the air, by mode number."""
+        """Announce a lost link and act; in the air, `by_mode` (mode number -> action) replaces `normal`."""
         vehicle = self._vehicle
         mode, flying = vehicle.mode, vehicle.flight.flying
         action = by_mode.get(mode.number, normal) if flying else normal
@@ -214,19 +211,16 @@ class Failsafes:
     def _watch_gcs(self, now: float) -> None:
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         late = self.gcs_late(now)
-        if late and not self.gcs and vehicle.armed:
-            self.gcs = True
+        if late and not self.gcs_lost and vehicle.armed:
+            self.gcs_lost = True
             self._handle_lost_link("gcs", flight_parameters.gcs_action, flight_parameters.gcs_action_in, now)
-        elif self.gcs and not late:
-            self.gcs = False
+        elif self.gcs_lost and not late:
+            self.gcs_lost = False
             vehicle.announce("gcs_back")
 
     def _watch_rc(self, now: float) -> None:
-        vehicle, flight_parameters, before = (
-            self._vehicle,
-            self._vehicle.flight_parameters,
-            self._vehicle.mode.number,
-        )
+        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
+        mode_before = vehicle.mode.number
         stage = self._remote.update(now)
         if stage == LONG:
             self._handle_lost_link(stage, flight_parameters.rc_action, flight_parameters.rc_action_in, now)
@@ -234,20 +228,20 @@ class Failsafes:
             self._handle_lost_link(
                 stage, flight_parameters.rc_short_action, flight_parameters.rc_short_action_in, now
             )
-            self._remote.record_mode_change(before, vehicle.mode.number)
+            self._remote.record_mode_change(mode_before, vehicle.mode.number)
 
     def _watch_position(self, now: float) -> None:
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         watched = flight_parameters.position_watched and vehicle.readiness.position(now)
         lost = watched and not vehicle.body.position_ok
-        if lost and not self.position and vehicle.armed:
-            self.position = True
+        if lost and not self.position_lost and vehicle.armed:
+            self.position_lost = True
             vehicle.announce("position_lost")
             action = flight_parameters.position_lost_action
-            if action is FailsafeAction.HOLD_ALTITUDE and self.rc:
+            if action is FailsafeAction.HOLD_ALTITUDE and self.rc_lost:
                 action = FailsafeAction.LAND
             if vehicle.mode.needs_position or flight_parameters.position_lost_everywhere:
                 self.act(action, now, at_once=True)
-        elif self.position and not lost:
-            self.position = False
+        elif self.position_lost and not lost:
+            self.position_lost = False
             vehicle.announce("position_back")

@@ -70,7 +70,7 @@ class Fence:
         self._compile()
 
     def discard_violated(self, lat_deg: float, lon_deg: float) -> int:
-        """Stop enforcing the zones that a position violates; return their number."""
+        """Stop enforcing the zones that a position violates; return the number of these zones."""
         north_m, east_m = metres_per_degree(lat_deg)
         margins_m = self._margins_m(lat_deg, lon_deg, north_m, east_m)
         enforced = tuple(zone for zone, margin in zip(self.zones, margins_m, strict=True) if margin >= 0)
@@ -81,13 +81,13 @@ class Fence:
 
     @property
     def total(self) -> int:
-        """FENCE_TOTAL of ArduPilot: number of vertices and circles plus 2; 0 for fewer than 3 of them."""
+        """FENCE_TOTAL of ArduPilot: number of vertices and circles plus 2; 0 below 3 vertices and circles."""
         points = sum(item.command in POLYGONS or item.command in CIRCLES for item in self.items)
         return points + 2 if points >= 3 else 0
 
     @property
     def return_point_deg(self) -> tuple[float, float] | None:
-        """Return point, else the centre of the first inclusion polygon; None if the fence has neither."""
+        """The return point, else the centre of the first inclusion polygon's bounding box; None: neither."""
         for item in self.items:
             if item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
                 return item.x * 1e-7, item.y * 1e-7
@@ -104,7 +104,7 @@ class Fence:
         return bool(self.zones) and self.margin_m(lat_deg, lon_deg) < 0
 
     def margin_m(self, lat_deg: float, lon_deg: float) -> float:
-        """Return the smallest distance to an edge [m], negative on its forbidden side; inf: no zones."""
+        """Return the smallest distance to a zone's edge [m], negative on the forbidden side; inf: no zone."""
         if not self.zones:
             return float("inf")
         return float(self._margins_m(lat_deg, lon_deg, *metres_per_degree(lat_deg)).min())
@@ -131,17 +131,17 @@ class Fence:
         """Return the distance of a position to each zone's edge [m], positive on the permitted side."""
         place = np.array([lat_deg, lon_deg])
         scale = np.array([north_m, east_m])
-        inside = []
+        depths_m = []
         if len(self._starts):
-            offsets = (_wrapped(self._points_deg - place)) * scale
-            inside.append(_inside_polygons_m(offsets, self._following, self._starts))
+            offsets_m = _wrapped(self._points_deg - place) * scale
+            depths_m.append(_depths_in_polygons_m(offsets_m, self._following, self._starts))
         if len(self._radii_m):
-            offsets = _wrapped(self._centres_deg - place) * scale
-            inside.append(self._radii_m - np.hypot(offsets[:, 0], offsets[:, 1]))
-        if not inside:
+            offsets_m = _wrapped(self._centres_deg - place) * scale
+            depths_m.append(self._radii_m - np.hypot(offsets_m[:, 0], offsets_m[:, 1]))
+        if not depths_m:
             return np.empty(0)
-        margins: Floats = np.concatenate(inside)[self._order] * self._sign
-        return margins
+        margins_m: Floats = np.concatenate(depths_m)[self._order] * self._sign
+        return margins_m
 
 
 def _wrapped(offsets_deg: Floats) -> Floats:
@@ -150,7 +150,7 @@ def _wrapped(offsets_deg: Floats) -> Floats:
     return offsets_deg
 
 
-def _inside_polygons_m(
+def _depths_in_polygons_m(
     points_m: Floats, following: npt.NDArray[np.int64], starts: npt.NDArray[np.int64]
 ) -> Floats:
     """Return the depth of the origin inside each polygon [m], negative outside; points (n, 2)."""
@@ -166,5 +166,5 @@ def _inside_polygons_m(
     along = np.clip(-(north_m * edge_north_m + east_m * edge_east_m) / length_squared, 0.0, 1.0)
     distance_m = np.hypot(north_m + along * edge_north_m, east_m + along * edge_east_m)
     nearest_m = np.minimum.reduceat(distance_m, starts)
-    signed: Floats = np.where(inside, nearest_m, -nearest_m)
-    return signed
+    depths_m: Floats = np.where(inside, nearest_m, -nearest_m)
+    return depths_m

@@ -1,7 +1,7 @@
 """Enforcement of one vehicle's geofence: breaches, texts and actions.
 
 The fence acts once at the start of a breach, so that a pilot can override the action. Beyond a circle or an
-altitude limit the fence acts again NEXT_BREACH_M farther out. A breach without an action is recorded too.
+altitude limit the fence acts again NEXT_BREACH_M farther out. A breach without an action is counted too.
 """
 
 import math
@@ -16,8 +16,8 @@ ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon
 NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}
 NEXT_BREACH_M = 20.0  # distance farther out at which the fence acts again
 NEXT_BREACH_PLANE_M = 100.0  # the same distance for a plane beyond the circle around home
-RECOVERY_S = 10.0  # time without actions after a mode change by the pilot
-_KINDS = (  # FENCE_STATUS reports the first of several breaches
+RECOVERY_S = 10.0  # time without actions after a mode change by a ground station
+_FENCE_BREACHES = (  # FENCE_STATUS reports the first of several breaches
     ({CIRCLE, POLYGON}, int(mavlink.FENCE_BREACH_BOUNDARY)),
     ({ALTITUDE_MAX}, int(mavlink.FENCE_BREACH_MAXALT)),
     ({ALTITUDE_MIN}, int(mavlink.FENCE_BREACH_MINALT)),
@@ -37,29 +37,31 @@ class FenceWatch:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         # set by MAV_CMD_DO_FENCE_ENABLE; overrides the parameter until the parameter changes
-        self.switch: bool | None = None
+        self._enabled_by_command: bool | None = None
         self.breached: frozenset[str] = frozenset()
         self.count = 0
         self.last_s = 0.0  # start of the latest breach
-        self._parameter = vehicle.flight_parameters.fence_enabled
+        self._enabled_by_parameter = vehicle.flight_parameters.fence_enabled
         self._latched_limits = self._configured()
-        self._above_floor = False  # the minimum altitude is enforced
+        self._floor_enforced = False  # the minimum altitude is enforced
         # breached limit -> distance beyond the limit at which the fence acts again
         self._next_breach_m: dict[str, float] = {}
         self._recovers_until_s = -math.inf
 
     @property
     def enabled(self) -> bool:
-        return self._vehicle.flight_parameters.fence_enabled if self.switch is None else self.switch
+        by_command = self._enabled_by_command
+        return self._vehicle.flight_parameters.fence_enabled if by_command is None else by_command
 
     def parameters_changed(self) -> None:
-        if self._vehicle.flight_parameters.fence_enabled != self._parameter:
-            self._parameter, self.switch = self._vehicle.flight_parameters.fence_enabled, None
+        by_parameter = self._vehicle.flight_parameters.fence_enabled
+        if by_parameter != self._enabled_by_parameter:
+            self._enabled_by_parameter, self._enabled_by_command = by_parameter, None
             self._latched_limits = self._configured()
 
     def set_enabled(self, *, on: bool) -> None:
         """Enable or disable the fence by command; a change of the parameter ends the override."""
-        self.switch = on
+        self._enabled_by_command = on
         self._latched_limits = self._latched_limits | self._configured() if on else frozenset()
 
     def _configured(self) -> frozenset[str]:
@@ -91,7 +93,7 @@ class FenceWatch:
 
     @property
     def ceiling_amsl_m(self) -> float:
-        """Highest altitude that the autopilot itself flies to [m above mean sea level]."""
+        """Highest altitude that the autopilot itself flies to [m above mean sea level]; inf: no limit."""
         flight_parameters = self._vehicle.flight_parameters
         if not self.enabled:
             return math.inf
@@ -102,7 +104,8 @@ class FenceWatch:
     def kind(self) -> int:
         """FENCE_BREACH of the present breach."""
         return next(
-            (kind for limits, kind in _KINDS if limits & self.breached), int(mavlink.FENCE_BREACH_NONE)
+            (kind for limits, kind in _FENCE_BREACHES if limits & self.breached),
+            int(mavlink.FENCE_BREACH_NONE),
         )
 
     def find(self, lat_deg: float, lon_deg: float, height_m: float) -> frozenset[str]:
@@ -115,7 +118,7 @@ class FenceWatch:
         return f"Vehicle breaching {names_of(frozenset(found))}" if found else None
 
     def pilot_took_over(self, now: float) -> None:
-        """Suspend actions for RECOVERY_S: a ground station changed the mode during a breach."""
+        """In a breach, suspend actions for RECOVERY_S after a mode change by a ground station."""
         if self.breached:
             self._recovers_until_s = now + RECOVERY_S
             self._vehicle.announce("fence_recovery")
@@ -125,7 +128,7 @@ class FenceWatch:
         vehicle = self._vehicle
         before = self.breached
         if not (self.enabled and self.has_limits):
-            self.breached, self._above_floor = frozenset(), False
+            self.breached, self._floor_enforced = frozenset(), False
             self._next_breach_m.clear()
             return
         self._update_floor()
@@ -146,15 +149,15 @@ class FenceWatch:
             vehicle.announce("fence_cleared")
 
     def _update_floor(self) -> None:
-        """Enforce the minimum altitude once the vehicle exceeds it by the margin, until the landing."""
+        """Enforce the minimum altitude after the vehicle has exceeded it by the margin, until the landing."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
-            self._above_floor = False
+            self._floor_enforced = False
         elif (
             vehicle.home_and_rally.height_above_home_m
             >= flight_parameters.fence_min_height_m + flight_parameters.fence_margin_m
         ):
-            self._above_floor = True
+            self._floor_enforced = True
 
     def _beyond_here_m(self) -> dict[str, float]:
         vehicle = self._vehicle
@@ -168,7 +171,7 @@ class FenceWatch:
             CIRCLE: distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
             - flight_parameters.fence_radius_m,
         }
-        if self._above_floor:
+        if self._floor_enforced:
             beyond_m[ALTITUDE_MIN] = flight_parameters.fence_min_height_m - height_m
         if flight_parameters.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
@@ -178,6 +181,7 @@ class FenceWatch:
         return {limit: distance for limit, distance in beyond_m.items() if distance >= 0}
 
     def _to_next_breach_m(self, limit: str) -> float:
+        """Return the distance from a breach to the next action [m]; inf: no further action."""
         if limit == POLYGON:
             return math.inf
         return NEXT_BREACH_PLANE_M if limit == CIRCLE and self._vehicle.body.plane else NEXT_BREACH_M
@@ -193,9 +197,7 @@ class FenceWatch:
         vehicle.announce("fence_breached", names=names_of(frozenset(new)))
         for limit in sorted(new):
             vehicle.announce(f"fence_{limit}")
-        action, given_up = (
-            vehicle.flight_parameters.fence_action,
-            max(new.values()) > vehicle.flight_parameters.fence_give_up_m,
-        )
+        action = vehicle.flight_parameters.fence_action
+        is_too_far = max(new.values()) > vehicle.flight_parameters.fence_give_up_m
         acts = action not in (FailsafeAction.NOTHING, FailsafeAction.WARN)
-        vehicle.failsafes.act(FailsafeAction.LAND if acts and given_up else action, now)
+        vehicle.failsafes.act(FailsafeAction.LAND if acts and is_too_far else action, now)

@@ -17,7 +17,7 @@ from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
 DROP_SINK_M_S = 8.0  # sink rate of Behaviour.DROP
 MAX_SPEED_M_S = 50.0
-MAX_ALTITUDE_M = 1e6  # limit of altitudes, up and down
+MAX_ALTITUDE_M = 1e6  # largest absolute altitude
 PILOT_ACCELERATION_M_S2 = 2.5
 RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in progress
 
@@ -25,9 +25,9 @@ RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in pr
 class Flight:
     """Steering of one body by mode and mission.
 
-    start_landing: starts the landing of the mission; returns False for a mission without a landing.
-    return_by_mission: returns the items of a return by mission and the altitude of the first climb [m above
-        mean sea level]; None: direct return.
+    start_landing: function that starts the landing of the mission; returns False without such a landing.
+    return_by_mission: function that returns the items of a return by mission and the altitude of the first
+        climb [m above mean sea level], or None for a direct return.
     """
 
     def __init__(
@@ -53,16 +53,16 @@ class Flight:
         self.ceiling_amsl_m = ceiling_amsl_m
         self._flight_parameters = flight_parameters
         self.announce, self.send, self.disarm, self.set_home = announce, send, disarm, set_home
-        self._taken_off = taken_off
+        self._end_takeoff = taken_off
         self.start_landing, self._return_by_mission = start_landing, return_by_mission
         self.remote_lost = remote_lost
         self.pilot = MissionPilot(self)
         self.mission_over = mission_over
-        self.cleared_for_takeoff = False  # by MISSION_START or a take-off command, until disarmed
+        self.cleared_for_takeoff = False  # until disarmed
         self.behaviour = Behaviour.DROP
-        self.landing_now = False  # for EXTENDED_SYS_STATE
+        self.landing_now = False
         self.taking_off = False
-        self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff_height_m`
+        self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff_height_m` above home
         self._ground_since_s = -math.inf
         self._manoeuvre: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
@@ -188,9 +188,10 @@ class Flight:
         if self.behaviour is not Behaviour.TAKEOFF:
             self.takeoff_amsl_m = None
         elif self.armed:
-            minimum_m = self.home().alt_amsl_m + self.flight_parameters.takeoff_height_m
-            wanted_m = minimum_m if self.takeoff_amsl_m is None else max(self.takeoff_amsl_m, minimum_m)
-            self.climb_to(max(wanted_m, self.body.alt_amsl_m))
+            target_amsl_m = self.home().alt_amsl_m + self.flight_parameters.takeoff_height_m
+            if self.takeoff_amsl_m is not None:
+                target_amsl_m = max(self.takeoff_amsl_m, target_amsl_m)
+            self.climb_to(max(target_amsl_m, self.body.alt_amsl_m))
 
     def run(self, now: float) -> None:
         """Run the control loop at `now` [s]."""
@@ -215,7 +216,7 @@ class Flight:
         elif self.behaviour is Behaviour.TAKEOFF and self._manoeuvre is not None:
             if self._manoeuvre.update(now):
                 self._manoeuvre, self.taking_off = None, False
-                self._taken_off()
+                self._end_takeoff()
         elif self._manoeuvre is not None and not self.taking_off:
             if self._manoeuvre.update(now):
                 self._manoeuvre = None
@@ -233,41 +234,39 @@ class Flight:
             self.body.rest()
             return
         self.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
-        sinks_m_s = (
-            self.flight_parameters.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_SINK_M_S
-        )
-        self.body.move_vertically(-sinks_m_s)
+        pilot_m_s = self.flight_parameters.pilot_descent_m_s
+        self.body.move_vertically(-(pilot_m_s if self.behaviour is Behaviour.SINK else DROP_SINK_M_S))
 
     # -- guided -------------------------------------------------------------------------------------------
 
     def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = 0.0) -> None:
-        """Fly to a point (east, north, up [m]) and hold; a plane circles around the point."""
+        """Fly to a point (east, north, up [m]) and hold (a plane circles), or pass the point at a speed."""
         self.guided_target_m = target_m
         if self.body.plane and pass_speed_m_s == 0.0:
             self.body.loiter(*target_m)
         else:
             self.body.fly_to(*target_m, pass_speed_m_s)
 
-    def takeoff_to(self, up_m: float) -> bool:
+    def takeoff_to(self, alt_amsl_m: float) -> bool:
         """Take off to an altitude [m above mean sea level]; return False if the vehicle cannot take off."""
-        if not self.armed or self.body.airborne or up_m <= self.body.alt_amsl_m:
+        if not self.armed or self.body.airborne or alt_amsl_m <= self.body.alt_amsl_m:
             return False
-        self.climb_to(up_m)
+        self.climb_to(alt_amsl_m)
         return True
 
-    def climb_to(self, up_m: float) -> None:
+    def climb_to(self, alt_amsl_m: float) -> None:
         """Climb to an altitude [m above mean sea level], from the ground or in the air."""
         self.cleared_for_takeoff = self.taking_off = True
         if self.flight_parameters.takeoff_speed_m_s is not None:
             self.limit(climb_m_s=self.flight_parameters.takeoff_speed_m_s)
-        self._manoeuvre = Takeoff(self, up_m)
+        self._manoeuvre = Takeoff(self, alt_amsl_m)
 
     def fly(self, manoeuvre: Manoeuvre) -> None:
         """Begin a manoeuvre in a hold or guided mode."""
         self._manoeuvre = manoeuvre
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
-        """Fly to a position; no effect on the ground."""
+        """Fly to a position; a vehicle on the ground stays there."""
         self.taking_off = False
         if self.flying:
             self._manoeuvre = None
@@ -311,17 +310,16 @@ class Flight:
         """Turn to a heading or by an angle (`relative`); return False for planes and on the ground."""
         if self.body.plane or not self.flying:
             return False
+        heading_deg = angle_deg
         if relative:
-            wanted_deg = math.degrees(self.body.heading_rad) + angle_deg * (-1 if direction < 0 else 1)
-        else:
-            wanted_deg = angle_deg
+            heading_deg = math.degrees(self.body.heading_rad) + angle_deg * (-1 if direction < 0 else 1)
         rate_rad_s = math.radians(rate_deg_s) if rate_deg_s > 0 else None
-        self.commanded_heading_rad = math.radians(wanted_deg % 360.0)
+        self.commanded_heading_rad = math.radians(heading_deg % 360.0)
         self.body.face(self.commanded_heading_rad, rate_rad_s)
         return True
 
     def altitude_amsl_m(self, frame: int, z_m: float) -> float:
-        """Return the altitude of an item [m above mean sea level]; the present altitude for NaN.
+        """Return the altitude of an item [m above mean sea level]; the present altitude for NaN and inf.
 
         The ground is flat, so a terrain altitude is relative to the ground at the start.
         """

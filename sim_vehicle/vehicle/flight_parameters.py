@@ -1,4 +1,4 @@
-"""Flight parameters: the values of an autopilot's parameters in SI units, independent of their names."""
+"""Flight parameters: the values of an autopilot's parameters, with the same names for all autopilots."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -36,7 +36,7 @@ class RallyAltitude(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FlightParameters:
-    """Flight parameters in SI units; the personality derives them again after each parameter change."""
+    """Flight parameters; the personality derives new flight parameters after each parameter change."""
 
     # airframe limits
     speed_m_s: float
@@ -50,7 +50,7 @@ class FlightParameters:
     full_v: float
     # take-off, return, landing
     takeoff_height_m: float
-    return_height_m: float  # above home; a higher vehicle does not descend
+    return_height_m: float  # above home; a higher vehicle descends only with return_descends
     return_speed_m_s: float
     return_wait_s: float  # over home before the landing
     landing_speed_m_s: float  # below landing_slow_below_m
@@ -76,7 +76,7 @@ class FlightParameters:
     battery_critical_share: float
     battery_critical_action: FailsafeAction
     battery_delay_s: float  # duration of a low voltage before the action
-    rc_required: bool  # RC is required; no vehicle has RC, so the link counts as lost
+    rc_required: bool  # the autopilot waits for RC input; no vehicle has RC, so the link counts as lost
     rc_action: FailsafeAction
     setpoint_timeout_s: float
     setpoint_action: FailsafeAction
@@ -112,7 +112,7 @@ class FlightParameters:
     wind_from_deg: float = 0.0
     # parameters of some autopilots only
     battery_warning_share: float | None = None  # share of the capacity at which a warning is sent
-    failsafe_delay_s: float = 0.0  # hold before a failsafe acts
+    failsafe_delay_s: float = 0.0  # hold before a return or landing by a failsafe
     gcs_missing_is_lost: bool = False  # a ground station without a heartbeat since the boot counts as lost
     # Actions in the air by mode number, instead of gcs_action, rc_action and rc_short_action.
     gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
@@ -122,7 +122,7 @@ class FlightParameters:
     rc_watched: bool = True
     rc_lost_unarmed_counts: bool = True  # a loss before arming counts
     rc_timeout_s: float = 0.0  # time without a frame until the loss
-    rc_long_s: float = 0.0  # time from the short action, or the last frame, to rc_action
+    rc_long_s: float = 0.0  # from the short action (without one: from the last RC frame) to rc_action
     position_watched: bool = True
     position_lost_everywhere: bool = False  # acts also in modes that need no position
     pilot_missing: bool = False  # modes that need manual control cannot run
@@ -138,7 +138,7 @@ class FlightParameters:
     rally_altitude: RallyAltitude = RallyAltitude.GROUND
     rally_includes_home: bool = True  # home replaces rally points that are farther away
     return_descends: bool = False  # descends to return_height_m from above
-    gcs_only: bool = False  # messages of systems other than gcs_sysid are dropped
+    gcs_only: bool = False  # the vehicle ignores messages of systems other than gcs_sysid
     # (distance from home, height above home) [m] -> return height [m]; None: return_height_m.
     return_height_at: Callable[[float, float], float] | None = None
     return_under_fence: bool = False  # limited by the fence's maximum altitude

@@ -24,7 +24,7 @@ class HomeAndRally:
         self.origin_m = (0.0, 0.0, 0.0)  # east, north, up in the fleet's frame
 
     def update(self, now: float) -> None:
-        """Set the origin and home as soon as the autopilot knows its position."""
+        """Set the origin and home as soon as `Readiness` (and, if required, the position) permits."""
         vehicle = self._vehicle
         if self.origin is None and vehicle.readiness.home(now):
             self.set_origin(vehicle.here(), now)
@@ -61,7 +61,7 @@ class HomeAndRally:
         return body.alt_amsl_m - (self.home.alt_amsl_m if self.home else body.ground_amsl_m)
 
     def home_item(self) -> Item:
-        """Return home as item 0 of a mission."""
+        """Return home as item 0 of a mission; zeros while home is not set."""
         home = self.home or GeodeticPosition(0.0, 0.0, 0.0)
         return Item(
             mavlink.MAV_CMD_NAV_WAYPOINT,

@@ -11,7 +11,7 @@ from sim_vehicle.wire.status import Status
 
 
 class ModeStuck(Enum):
-    """Answer of a vehicle with a stuck mode to a mode change."""
+    """Answer to a mode change by a vehicle whose mode is stuck."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"
@@ -46,8 +46,11 @@ class FaultEffect:
 class InjectedFaults:
     """The combined effects on one vehicle, as attributes with the names of `FaultEffect`.
 
-    Offsets, sags, lost motors and drifts add up. The largest delay and loss share apply, the lowest charge
-    limit, the latest refusal and the latest stuck mode. `changed(faults, now)` is called after each change.
+    - sum: position offset, battery sag, lost motors, clock drift
+    - largest: acknowledgement delay and loss; smallest: charge limit
+    - latest: mission refusal, stuck mode
+
+    changed: function (faults, now), called after each change.
     """
 
     def __init__(
@@ -71,7 +74,7 @@ class InjectedFaults:
         return lambda end_s: self._set(key, None, end_s)
 
     def loses_ack(self) -> bool:
-        """Draw at random; return True if the next acknowledgement is lost."""
+        """Draw a random number; return True if the next acknowledgement is lost."""
         return self.ack_loss > 0 and bool(self._rng.random() < self.ack_loss)
 
     def clock_offset_s(self, now: float) -> float:
@@ -113,7 +116,7 @@ class InjectedFaults:
 
 
 class FaultEffectWriter:
-    """Writer of one vehicle's faults into the fleet's columns, called after each change of the faults."""
+    """Writer of one vehicle's faults into the fleet's arrays, called after each change of the faults."""
 
     def __init__(self, world: World, status: Status, index: int) -> None:
         self._world, self._status, self._index = world, status, index

@@ -48,7 +48,7 @@ class Jobs:
             self._acknowledge(job.command, CANCELLED, 0, job.sender)
 
     def tick(self, now: float) -> float:
-        """Report progress or the result; return the time of the next call [s]."""
+        """Report progress or the result; return the time of the next call [s] (inf: no command runs)."""
         job = self._job
         if job is None:
             return float("inf")
@@ -58,6 +58,6 @@ class Jobs:
             return float("inf")
         if now >= job.next_report_s:
             job.next_report_s += REPORT_INTERVAL_S
-            share = round(100 * (now - job.began_s) / job.duration_s)
-            self._acknowledge(job.command, IN_PROGRESS, share, job.sender)
+            percent = round(100 * (now - job.began_s) / job.duration_s)
+            self._acknowledge(job.command, IN_PROGRESS, percent, job.sender)
         return job.next_report_s

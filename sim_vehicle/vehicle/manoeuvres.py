@@ -13,7 +13,7 @@ from sim_vehicle.vehicle.interface import FlightControl
 HOVER_TOLERANCE_M = 1.0  # height above the hover height that needs no descent
 TAKEOFF_TOLERANCE_M = 0.3  # altitude error at the end of a take-off
 ALIGNED_RAD = math.radians(10.0)  # largest heading error of a plane that leaves a circle
-INSIDE_SHARE = 1.05  # largest distance from the centre, in radii, that counts as inside a circle
+INSIDE_RADII = 1.05  # largest distance from the centre, in radii, that counts as inside a circle
 
 
 class Manoeuvre(Protocol):
@@ -28,7 +28,7 @@ class Landing:
     """Landing: level flight, descent, and a short time on the ground.
 
     place_deg: latitude and longitude; None: the present position.
-    circles: a plane spirals down around the position instead of gliding to the position on a straight line.
+    circles: a plane spirals down around the position, else the plane glides to the position.
     """
 
     def __init__(
@@ -60,7 +60,8 @@ class Landing:
 class Return:
     """Return to launch: climb, flight to home or to the nearest rally point, wait, landing.
 
-    With `return_final_height_m` the vehicle hovers at that height instead of landing (`ModeRTL::run`).
+    With `return_final_height_m` and remote control, the vehicle stays at this height instead of landing
+    (`ModeRTL::run`).
     """
 
     def __init__(self, flight: FlightControl) -> None:
@@ -72,7 +73,7 @@ class Return:
         flight.limit(speed_m_s=flight_parameters.return_speed_m_s)
         if body.plane and flight_parameters.return_loiter_radius_m:
             flight.limit(loiter_radius_m=flight_parameters.return_loiter_radius_m)
-        self._hovers = False
+        self._hover_descent_is_past = False
         self._flies_home = body.plane  # a plane climbs on its way
         if body.plane:
             self._fly_home()
@@ -80,29 +81,27 @@ class Return:
             body.fly_to(east_m, north_m, self._up_m)
         self._land_at_s: float | None = None
         self._landing: Landing | None = None
-        self._stays = False
+        self._stays_in_air = False
         # The landing sequence of the mission replaces the landing of the return.
-        self._mission_lands = flight.behaviour is Behaviour.RETURN and flight_parameters.return_lands in (
-            1,
-            2,
-        )
+        mission_lands = flight_parameters.return_lands in (1, 2)
+        self._mission_lands = flight.behaviour is Behaviour.RETURN and mission_lands
 
     def _travel_altitude_m(self, up_m: float) -> float:
         """Return the travel altitude for a start at `up_m` [m above mean sea level]."""
         home, flight_parameters = self._flight.home(), self._flight.flight_parameters
-        place_m = self._place.alt_amsl_m
+        place_amsl_m = self._place.alt_amsl_m
         if self._place == home or flight_parameters.rally_altitude is RallyAltitude.GROUND:
-            wanted_m = place_m + self._travel_height_m()
+            travel_amsl_m = place_amsl_m + self._travel_height_m()
         elif flight_parameters.rally_altitude is RallyAltitude.EXACT:
-            return place_m
+            return place_amsl_m
         else:
-            wanted_m = max(place_m, home.alt_amsl_m + self._travel_height_m())
+            travel_amsl_m = max(place_amsl_m, home.alt_amsl_m + self._travel_height_m())
         if flight_parameters.return_under_fence:
-            wanted_m = min(wanted_m, self._flight.ceiling_amsl_m())
-        return wanted_m if flight_parameters.return_descends else max(up_m, wanted_m)
+            travel_amsl_m = min(travel_amsl_m, self._flight.ceiling_amsl_m())
+        return travel_amsl_m if flight_parameters.return_descends else max(up_m, travel_amsl_m)
 
     def _travel_height_m(self) -> float:
-        """Return the travel height above the destination [m]."""
+        """Return the travel height above the destination or home [m]."""
         body, flight_parameters = self._flight.body, self._flight.flight_parameters
         if flight_parameters.return_height_at is None:
             return flight_parameters.return_height_m
@@ -112,9 +111,9 @@ class Return:
         return flight_parameters.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
-        """Begin a descent to the hover height; return False if the vehicle is not above that height."""
+        """Begin a descent to the hover height; return False if no descent is needed."""
         hover_m = self._flight.flight_parameters.return_hover_height_m
-        self._hovers = True
+        self._hover_descent_is_past = True
         if (
             hover_m is None
             or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + HOVER_TOLERANCE_M
@@ -130,7 +129,7 @@ class Return:
         if final_height_m is None or flight.remote_lost():
             self._landing = Landing(flight, None)
             return
-        self._stays = True
+        self._stays_in_air = True
         self._up_m = flight.home().alt_amsl_m + final_height_m
         self._fly_home()
 
@@ -149,11 +148,11 @@ class Return:
         if not flight.body.airborne:
             self._landing = Landing(flight, None)
         elif self._land_at_s is not None:
-            if now >= self._land_at_s and not self._stays:
+            if now >= self._land_at_s and not self._stays_in_air:
                 self._end()
         elif flight.body.reached:
             if self._flies_home:
-                if self._hovers or not self._descend():
+                if self._hover_descent_is_past or not self._descend():
                     self._land_at_s = now + flight.flight_parameters.return_wait_s
             else:
                 self._fly_home()
@@ -162,17 +161,17 @@ class Return:
 
 
 class Takeoff:
-    """Climb to an altitude [m above mean sea level] over the start."""
+    """Climb to an altitude [m above mean sea level] over the present position."""
 
-    def __init__(self, flight: FlightControl, up_m: float) -> None:
+    def __init__(self, flight: FlightControl, alt_amsl_m: float) -> None:
         self._flight = flight
         east_m, north_m, _ = flight.body.position_m
-        self._up_m = up_m
-        flight.go((east_m, north_m, up_m))
+        self._alt_amsl_m = alt_amsl_m
+        flight.go((east_m, north_m, alt_amsl_m))
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
-        at_altitude = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_TOLERANCE_M
+        at_altitude = body.plane or abs(body.alt_amsl_m - self._alt_amsl_m) < TAKEOFF_TOLERANCE_M
         return body.airborne and body.reached and at_altitude
 
 
@@ -184,7 +183,7 @@ class CircleToAltitude:
     centre_m: east, north, up [m].
     radius_m: counter-clockwise if negative.
     next_m: east, north of the next position [m]; None: the circle ends at the altitude.
-    near_m: altitude tolerance [m]; None: the tolerance of the body.
+    tolerance_m: altitude tolerance [m]; None: the tolerance of the body.
     """
 
     def __init__(
@@ -193,12 +192,12 @@ class CircleToAltitude:
         centre_m: tuple[float, float, float],
         radius_m: float,
         next_m: tuple[float, float] | None,
-        near_m: float | None = None,
+        tolerance_m: float | None = None,
     ) -> None:
         self._flight, self._at_altitude = flight, False
-        self._centre_m, self._radius_m, self._near_m = centre_m, radius_m, near_m
-        # A position inside the circle is never ahead.
-        inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_SHARE * abs(radius_m)
+        self._centre_m, self._radius_m, self._tolerance_m = centre_m, radius_m, tolerance_m
+        # A plane on the circle cannot head for a position inside the circle.
+        inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_RADII * abs(radius_m)
         self._next_m = None if inside else next_m
         self._approaching = flight.flight_parameters.circles_first
         up_m = flight.body.alt_amsl_m if self._approaching else centre_m[2]
@@ -212,9 +211,9 @@ class CircleToAltitude:
                 self._approaching = False
                 body.loiter(*self._centre_m, self._radius_m)
             return False
-        if self._near_m is None:
+        if self._tolerance_m is None:
             return body.reached
-        return abs(body.alt_amsl_m - self._centre_m[2]) <= self._near_m
+        return abs(body.alt_amsl_m - self._centre_m[2]) <= self._tolerance_m
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
@@ -232,7 +231,7 @@ class Circling:
     Parameters
     ----------
     centre_m: east, north, up [m].
-    radius_m: counter-clockwise if negative; 0: a copter stays over the centre.
+    radius_m: counter-clockwise if negative; 0: a copter stays over the centre, a plane takes its own radius.
     turns: number of circles.
     """
 

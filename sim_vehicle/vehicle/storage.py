@@ -202,10 +202,10 @@ def _logged_state(vehicle: Vehicle) -> _LoggedState:
         vehicle.home_and_rally.home,
         mission.index if mission.state is MissionState.ACTIVE else None,
         (
-            failsafes.rc,
-            failsafes.battery > 0,
-            failsafes.gcs,
+            failsafes.rc_lost,
+            failsafes.battery_level > 0,
+            failsafes.gcs_lost,
             bool(vehicle.fence_watch.breached),
-            failsafes.position,
+            failsafes.position_lost,
         ),
     )

@@ -282,7 +282,7 @@ def test_a_copters_remote_control_is_lost_after_a_second_if_it_is_watched(watche
     assert there.mode == "GUIDED"
     there.wait(0.4)
     assert there.mode == mode
-    assert there.fleet.vehicles[0].failsafes.rc == bool(watched)
+    assert there.fleet.vehicles[0].failsafes.rc_lost == bool(watched)
 
 
 @pytest.mark.parametrize(
