@@ -32,7 +32,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID
 from swarmctl.security.files import KeyringError
 from swarmctl.station import client
-from swarmctl.station.client import NoAnswer, Station, Unclear
+from swarmctl.station.client import BadOptions, NoAnswer, Station
 
 MAX_INDEX = 2**31
 """a number greater than the rows and columns of any area"""
@@ -105,11 +105,13 @@ def observe(
 
 
 def make_report(cells: list[str], positions: list[str], occupied: bool | None) -> Report:
-    """Return the report that the options describe. Raises Unclear."""
+    """Return the report that the options describe. Raises BadOptions."""
     if bool(cells) == bool(positions):
-        raise Unclear("give either --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON [which-cell]")
+        raise BadOptions(
+            "give either --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON [which-cell]"
+        )
     if occupied is None:
-        raise Unclear("give --occupied (a hostile is in the cell) or --clear [occupied-or-clear]")
+        raise BadOptions("give --occupied (a hostile is in the cell) or --clear [occupied-or-clear]")
     if cells:
         return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=MANUAL_SOURCE)
     return Report(VERSION, points=tuple(_point(word, occupied) for word in positions), source=MANUAL_SOURCE)
@@ -119,33 +121,33 @@ def _pair(word: str, option: str, such_as: str) -> tuple[float, float]:
     try:
         first, second = (float(part) for part in word.split(","))
     except ValueError:
-        raise Unclear(f"{option} {word!r}: expected two numbers, such as {such_as}") from None
+        raise BadOptions(f"{option} {word!r}: expected two numbers, such as {such_as}") from None
     return first, second
 
 
 def _cell(word: str) -> Cell:
     row, col = _pair(word, "--cell", "4,7")
     if not (row.is_integer() and col.is_integer() and max(abs(row), abs(col)) < MAX_INDEX):
-        raise Unclear(f"--cell {word!r}: expected whole numbers, such as 4,7")
+        raise BadOptions(f"--cell {word!r}: expected whole numbers, such as 4,7")
     return int(row), int(col)
 
 
 def _point(word: str, occupied: bool) -> ReportedPoint:
     lat_deg, lon_deg = _pair(word, "--at", "46.0512,14.4071")
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        raise Unclear(f"--at {word!r}: expected a latitude and a longitude [deg], such as 46.0512,14.4071")
+        raise BadOptions(f"--at {word!r}: expected a latitude and a longitude [deg], such as 46.0512,14.4071")
     return ReportedPoint(lat_deg, lon_deg, occupied)
 
 
 def _vehicle(word: str, roster: Roster | None) -> int:
     """Return the vehicle's system id. Raises ValueError."""
     if not word:
-        raise Unclear("give --uav with the vehicle's system id, or its name with --config [which-vehicle]")
+        raise BadOptions("give --uav with the vehicle's system id, or its name with --config [which-vehicle]")
     if roster is not None:
         return vehicle_of(word, roster.names)
     if word.isascii() and word.isdigit() and 1 <= int(word) <= MAX_SYSTEM_ID:
         return int(word)
-    raise Unclear(f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names need --config")
+    raise BadOptions(f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names need --config")
 
 
 def _find_flight(

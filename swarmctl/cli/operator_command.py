@@ -97,7 +97,7 @@ class KeyringSigning:
 
 
 def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:
-    """Return the flight that the options select (see `client.find`). Raises Unclear and BusError."""
+    """Return the flight that the options select (see `client.find`). Raises BadOptions and BusError."""
     if roster is None:
         return client.find(swarm, None, connect)
     return client.find(swarm, roster, connect, roster.names)

@@ -34,7 +34,7 @@ from swarmctl.core.operator_text import extended, resolve_vehicles
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
 
-class Unclear(ValueError):
+class BadOptions(ValueError):
     """Missing, invalid or contradictory options of a command; the text has the remedy."""
 
 
@@ -77,30 +77,30 @@ UNSIGNED: CommandSigning = _Unsigned()
 
 
 def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | None:
-    """Return the vehicles as given, by name or system id; None for all vehicles. Raises Unclear."""
+    """Return the vehicles as given, by name or system id; None for all vehicles. Raises BadOptions."""
     if all_vehicles == bool(uavs):
-        raise Unclear("give either --uav NAME (or system id; repeatable) or --all [which-vehicles]")
+        raise BadOptions("give either --uav NAME (or system id; repeatable) or --all [which-vehicles]")
     return None if all_vehicles else tuple(uavs)
 
 
 def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
-    """Return the three firing strengths of the options; None without such an option. Raises Unclear.
+    """Return the three firing strengths of the options; None without such an option. Raises BadOptions.
 
     All three are required, because this program does not know the swarm's present strengths.
     """
     if text and any(value is not None for value in single):
-        raise Unclear(
+        raise BadOptions(
             "--firing-strength sets all three strengths; remove --direct, --first-neighbour and "
             "--second-neighbour [strengths-twice]"
         )
     try:
         values = [float(part) for part in text.split(",")] if text else [v for v in single if v is not None]
     except ValueError:
-        raise Unclear(f"--firing-strength {text!r}: expected three numbers, such as 0.7,0.3,0.1") from None
+        raise BadOptions(f"--firing-strength {text!r}: expected three numbers, such as 0.7,0.3,0.1") from None
     if not values:
         return None
     if len(values) != 3:
-        raise Unclear(
+        raise BadOptions(
             f"firing strengths: found {len(values)}, expected three: give --firing-strength 0.7,0.3,0.1, or "
             "all of --direct, --first-neighbour and --second-neighbour"
         )
@@ -115,14 +115,14 @@ def find(
 ) -> Station:
     """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 
-    `names` are the vehicles of `config`; each agent may run on a separate machine. Raises Unclear, and
+    `names` are the vehicles of `config`; each agent may run on a separate machine. Raises BadOptions, and
     BusError if this machine has no such flight.
     """
     swarm = _swarm_name(swarm, config)
     is_distributed = config is not None and may_span_machines(config)
     if connect is not None:
         if swarm is None:
-            raise Unclear("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
+            raise BadOptions("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
         return Station(swarm, _endpoint(connect), agents=names or {} if is_distributed else {})
     if config is not None and is_distributed:
         local = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
@@ -132,7 +132,7 @@ def find(
         return Station(config.name, points[0], tuple(points[1:]), names or {})
     if config is not None:
         if config.communication.bus != "zenoh" or config.communication.listen == NO_ENDPOINT:
-            raise Unclear(
+            raise BadOptions(
                 f"{swarm} takes no commands: `communication` has bus: memory, or listen: none [not-listening]"
             )
         listen = parse_endpoint(config.communication.listen)
@@ -144,7 +144,7 @@ def find(
         return Station(named[0].swarm, named[0].endpoint)
     if named:
         flights = ", ".join(map(describe, named))
-        raise Unclear(
+        raise BadOptions(
             f"{len(named)} swarms fly on this machine: {flights}; choose one with --swarm or --connect "
             "[which-swarm]"
         )
@@ -194,9 +194,9 @@ def entry_points(config: Swarm) -> list[BusEndpoint]:
 
 def _swarm_name(swarm: str | None, config: Swarm | None) -> str | None:
     if swarm is not None and not re.fullmatch(keys.SWARM_NAME, swarm):
-        raise Unclear(f"--swarm {swarm!r}: expected a swarm's name, which matches {keys.SWARM_NAME}")
+        raise BadOptions(f"--swarm {swarm!r}: expected a swarm's name, which matches {keys.SWARM_NAME}")
     if swarm is not None and config is not None and swarm != config.name:
-        raise Unclear(
+        raise BadOptions(
             f"--swarm is {swarm}, but the swarm of --config is {config.name}; remove one of the two options"
         )
     return config.name if config is not None else swarm
@@ -206,9 +206,9 @@ def _endpoint(text: str) -> BusEndpoint:
     try:
         endpoint = parse_endpoint(text)
     except ValueError as error:
-        raise Unclear(f"--connect: {error}") from None
+        raise BadOptions(f"--connect: {error}") from None
     if endpoint.port == 0:
-        raise Unclear("--connect: port 0 is not a port; give the port at which the flight listens")
+        raise BadOptions("--connect: port 0 is not a port; give the port at which the flight listens")
     return endpoint
 
 
@@ -218,7 +218,7 @@ async def send(
     credentials: Credentials | None = None,
     signing: CommandSigning = UNSIGNED,
 ) -> OperatorAnswer:
-    """Send a command and return the answer. Raises BusError, Unclear and NoAnswer."""
+    """Send a command and return the answer. Raises BusError, BadOptions and NoAnswer."""
     with connected(station, credentials) as bus:
         return await ask(bus, station, command, signing)
 
@@ -245,7 +245,7 @@ def connected(station: Station, credentials: Credentials | None = None) -> Itera
 async def ask(
     bus: Transport, station: Station, command: Request, signing: CommandSigning = UNSIGNED
 ) -> OperatorAnswer:
-    """Send a command over an open bus and return the answer. Raises Unclear and NoAnswer.
+    """Send a command over an open bus and return the answer. Raises BadOptions and NoAnswer.
 
     If one process flies all vehicles, neither the command nor the answer is signed.
     """
@@ -282,7 +282,7 @@ async def ask(
 async def _ask_each(
     bus: Transport, station: Station, kind: keys.RequestKind, command: Request, signing: CommandSigning
 ) -> OperatorAnswer:
-    """Send a command to the agents of its vehicles, all at the same time. Raises Unclear."""
+    """Send a command to the agents of its vehicles, all at the same time. Raises BadOptions."""
     try:
         uavs = list(
             station.agents if command.uavs is None else resolve_vehicles(command.uavs, station.agents)
@@ -291,7 +291,7 @@ async def _ask_each(
             ignored = tuple(resolve_vehicles(command.ignore, station.agents))
             command = msgspec.structs.replace(command, ignore=ignored)
     except ValueError as error:
-        raise Unclear(f"nothing was changed: {error}") from None
+        raise BadOptions(f"nothing was changed: {error}") from None
 
     async def ask_agent(uav: int) -> VehicleAnswer:
         key, name = keys.request(station.swarm, kind, uav), station.agents[uav]

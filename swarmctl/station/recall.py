@@ -29,7 +29,7 @@ async def send(
 ) -> OperatorAnswer:
     """Send a command as `client.send` does; an order to return gives each vehicle its turn.
 
-    Raises BusError, Unclear and NoAnswer.
+    Raises BusError, BadOptions and NoAnswer.
     """
     with client.connected(station, credentials) as bus:
         return await ask(bus, station, command, signing)
@@ -40,7 +40,7 @@ async def ask(
 ) -> OperatorAnswer:
     """Send a command over an open bus; an order to return gives each vehicle its turn.
 
-    Raises Unclear and NoAnswer.
+    Raises BadOptions and NoAnswer.
     """
     # A process that flies all vehicles schedules the turns of the vehicles.
     if not (station.agents and isinstance(command, GiveOrder) and command.order == "return"):

@@ -491,7 +491,7 @@ def test_an_order_for_an_unknown_vehicle_asks_no_agent() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         ground = Ground(bus)
-        with pytest.raises(client.Unclear, match=r"\b9\b.*\[unknown-vehicle\]"):
+        with pytest.raises(client.BadOptions, match=r"\b9\b.*\[unknown-vehicle\]"):
             await client.ask(bus, STATION, GiveOrder((2, 9), "launch"))
         assert ground.posted == []
 
@@ -505,7 +505,7 @@ def test_the_vehicle_to_ignore_is_sent_by_system_id(word: str) -> None:
         ground = Ground(bus)
         await client.ask(bus, STATION, GiveOrder((2,), "launch", ignore=(word,)))
         assert ground.posted == [ev.OperatorCommand(LAUNCH, 1, ignore=(4,))]
-        with pytest.raises(client.Unclear, match=r"\buav9\b.*\[unknown-vehicle\]"):
+        with pytest.raises(client.BadOptions, match=r"\buav9\b.*\[unknown-vehicle\]"):
             await client.ask(bus, STATION, GiveOrder((2,), "launch", ignore=("uav9",)))
         # An agent knows no names but its own.
         refused = (await asked(bus, ORDER, GiveOrder(None, "launch", ignore=("uav4",)))).refused

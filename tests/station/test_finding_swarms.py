@@ -55,7 +55,7 @@ def test_the_only_flight_need_not_be_named(no_flight: Path) -> None:
 
 def test_several_flights_need_a_name(no_flight: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
-        with pytest.raises(client.Unclear, match=r"one .*tcp/127.0.0.1:4001 .*two .*\[which-swarm\]"):
+        with pytest.raises(client.BadOptions, match=r"one .*tcp/127.0.0.1:4001 .*two .*\[which-swarm\]"):
             client.find(None, None, None)
         with pytest.raises(BusError, match=r"three.*one .*two .*\[no-swarm\]"):
             client.find("three", None, None)
@@ -228,7 +228,7 @@ def test_a_given_endpoint_needs_no_search(
 def test_options_that_name_no_swarm_are_refused(
     no_flight: Path, swarm: str | None, config: Any, connect: str | None, why: str
 ) -> None:
-    with pytest.raises(client.Unclear, match=why):
+    with pytest.raises(client.BadOptions, match=why):
         client.find(swarm, config, connect)
 
 
