@@ -26,7 +26,7 @@ class MotionOrder:
     GROUNDED = 0  # motors off or idling, on the ground
     POSITION = 1  # fly to the target: a copter stops or passes; a plane flies past or circles around
     RATE = 2  # climb or sink at a rate: a copter over the target, a plane along its leg or circle
-    VELOCITY = 3  # move at a velocity; a plane keeps its airspeed and takes only the direction
+    VELOCITY = 3  # move at a velocity; a plane keeps its own airspeed, in this direction
     GLIDE = 4  # a plane: descend along the leg, to touch the ground at the target
     FALL = 5  # no thrust
     TILT = 6  # a copter: accelerate by its tilt, climb at a rate

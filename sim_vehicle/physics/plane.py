@@ -119,12 +119,12 @@ def _bank(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
     turn = turn + HEADING_GAIN_HZ * wrapped(heading - m.attitude[2][i])
     climbs_out = (state.order == MotionOrder.POSITION) & (state.height_m < CLIMB_OUT_M)
     climbs_out &= m.target[2][i] > m.estimate[2][i] + CLIMB_OUT_BELOW_M
-    level = (
+    wings_level = (
         climbs_out
         | ((state.sinks | ~state.powered) & (state.height_m < FLARE_M))
         | (state.order == MotionOrder.FALL)
     )
-    limit = m.bank_limit_rad[i] * ~level
+    limit = m.bank_limit_rad[i] * ~wings_level
     wanted = np.minimum(np.maximum(np.arctan(air * turn / GRAVITY_M_S2), -limit), limit)
     bank = m.attitude[0][i]
     rate = np.minimum(np.maximum((wanted - bank) / ROLL_TIME_S, -ROLL_RATE_RAD_S), ROLL_RATE_RAD_S)

@@ -81,14 +81,14 @@ def load_scenario(path: Path, *, standalone: bool = False) -> Scenario:
     return parse_scenario(text, str(path), default_name=path.stem, standalone=standalone)
 
 
-def parse_scenario(text: str, where: str, *, default_name: str = "", standalone: bool = False) -> Scenario:
-    """Return the checked scenario of a file's text; `where`: the file's name, for format and messages."""
+def parse_scenario(text: str, file: str, *, default_name: str = "", standalone: bool = False) -> Scenario:
+    """Return the checked scenario of a file's text; `file`: its name, for the format and the messages."""
     try:
-        document = parse(text, as_json=where.endswith(".json"))
+        document = parse(text, as_json=file.endswith(".json"))
     except FileSyntaxError as error:
-        raise ScenarioError(f"{where}:{error.line}: {error.text}") from error
+        raise ScenarioError(f"{file}:{error.line}: {error.text}") from error
     if not isinstance(document.data, dict):
-        raise ScenarioError(f"{where}:1: must be a mapping with `vehicles`, found {document.data!r:.60}")
+        raise ScenarioError(f"{file}:1: must be a mapping with `vehicles`, found {document.data!r:.60}")
     findings, data, sources = _expanded(document.data)
     if data.get("name", "") == "":
         data["name"] = default_name
@@ -98,7 +98,7 @@ def parse_scenario(text: str, where: str, *, default_name: str = "", standalone:
             return scenario
     except ValidationError as error:
         findings += _findings(error, sources)
-    raise ScenarioError("\n".join(_lines(findings, document, where)))
+    raise ScenarioError("\n".join(_lines(findings, document, file)))
 
 
 def parse_data(data: dict[str, Any]) -> Scenario:
@@ -287,11 +287,11 @@ def section_of(annotation: Any) -> type[BaseModel] | None:
     return None
 
 
-def _lines(findings: list[Finding], document: Document, where: str) -> list[str]:
+def _lines(findings: list[Finding], document: Document, file: str) -> list[str]:
     lines = []
     for path, text in sorted(findings, key=lambda finding: document.line_of(finding[0])):
         name = ".".join(str(part) for part in path)
-        lines.append(f"{where}:{document.line_of(path)}: {f'{name}: ' if name else ''}{text}")
+        lines.append(f"{file}:{document.line_of(path)}: {f'{name}: ' if name else ''}{text}")
     return lines
 
 

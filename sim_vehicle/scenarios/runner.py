@@ -159,7 +159,7 @@ class Run:
                 for running in self._running_checks
             ],
             steps_failed=[*self.station.failures, *self.station.unfinished()],
-            vehicles=self._vehicles(view),
+            vehicles=self._final_states(view),
         )
 
     def _ended(self, view: RunView) -> bool:
@@ -215,7 +215,7 @@ class Run:
             texts=[contact.texts for contact in contacts],
         )
 
-    def _vehicles(self, view: RunView) -> list[FinalVehicleState]:
+    def _final_states(self, view: RunView) -> list[FinalVehicleState]:
         return [
             FinalVehicleState(
                 sysid=contact.spec.sysid,
