@@ -57,7 +57,7 @@ async def ask(
         extra_delay_s = FALLBACK_RETURN_S + _longest_return_s(recalled)
 
     async def give_turn(vehicle: VehicleAnswer) -> VehicleAnswer:
-        # Vehicles at unknown positions return after the latest expected landing of the other vehicles.
+        # Vehicles at unknown positions return after the expected landings of the vehicles at known positions.
         after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.all_landed_s), MAX_AFTER_S)
         turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
         (answer,) = await _send_repeatedly(bus, station, turn, signing)
@@ -76,9 +76,10 @@ async def ask(
 async def _send_repeatedly(
     bus: Transport, station: Station, command: GiveOrder, signing: CommandSigning
 ) -> Sequence[VehicleAnswer]:
-    """Send a command, repeat it with the remaining delay to unconfirmed vehicles, and return the answers.
+    """Send a command, repeat it to unconfirmed and silent vehicles, and return the answers.
 
-    A later `silent` does not replace `unconfirmed`: the vehicle may have taken the command.
+    A repetition has the remaining delay. A later `silent` does not replace `unconfirmed`, because the vehicle
+    may have taken the command.
     """
     began_s = _now_s()
     answers = {v.uav: v for v in (await client.ask(bus, station, command, signing)).vehicles}

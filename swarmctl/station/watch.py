@@ -20,10 +20,10 @@ from swarmctl.core.operator_text import printable
 from swarmctl.report.live_rows import COLOURS
 from swarmctl.report.tables import Column, FittedTable
 
-OLD_AFTER_S = 5.0
+SILENT_AFTER_S = 5.0
 """time without a state after which a vehicle is shown as silent; vehicles send a state each second"""
 REFRESH_S = 0.5
-STATE_AGE_S = 60.0
+MAX_STATE_AGE_S = 60.0
 """largest difference between a state's time and this machine's clock; other states are refused"""
 MAX_SHOWN = 10**6
 """limit on shown numbers; larger numbers are invalid, and wide"""
@@ -60,7 +60,7 @@ class VehicleRow:
 
     @property
     def is_silent(self) -> bool:
-        return self.age_s is None or self.age_s > OLD_AFTER_S
+        return self.age_s is None or self.age_s > SILENT_AFTER_S
 
     @property
     def note(self) -> str:
@@ -111,7 +111,7 @@ class StateBoard:
         last = self._newest.get(frame.sender)
         is_newer = last is None or (frame.incarnation, frame.n) > (last[0].incarnation, last[0].n)
         # A replayed state has a valid signature, but its content is old.
-        if not is_newer or abs(unix_s - frame.unix_s) > STATE_AGE_S:
+        if not is_newer or abs(unix_s - frame.unix_s) > MAX_STATE_AGE_S:
             self.refused += 1
             return
         self._newest[frame.sender] = frame, state, now_s

@@ -67,7 +67,7 @@ def by_second_station(vehicle: VehicleUnderTest) -> str:
 
 @check("arming.strange_parameter", needs=[ARM], limit_s=200)
 def strange_parameter(vehicle: VehicleUnderTest) -> str:
-    """A first parameter other than 0 and 1 is refused."""
+    """COMPONENT_ARM_DISARM with 2 as parameter 1 is refused."""
     flying.wait_ready(vehicle)
     result = vehicle.command(ARM_COMMAND, 2)
     was_armed = vehicle.armed
@@ -118,14 +118,14 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
     holds(any("not armable" in text for text in texts), f"expected '... not armable', saw {texts}")
     flying.set_ready_mode(vehicle)
-    return "FAILED, AUTO mode not armable"
+    return "FAILED, not armable"
 
 
 @check(
     "arming.refusal_has_a_reason", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: reason only in STATUSTEXT"
 )
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
-    """Outside of a fence arming is refused, and the vehicle sends the reason as a text."""
+    """Outside of an enabled fence arming is refused, and a text names the breach."""
     known_behaviour(vehicle, ardupilot=True)
     plans.require_type(vehicle, FENCE)
     flying.wait_ready(vehicle)
