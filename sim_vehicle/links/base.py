@@ -25,12 +25,10 @@ class LinkError(OSError):
 class LinkCallbacks:
     """The functions that a link calls."""
 
+    # receiver of bytes, their peer, and the addressed vehicles (None: all vehicles of the link)
     received: Callable[[bytes, Hashable, Collection[int] | None], None]
-    """receiver of bytes, their peer, and the addressed vehicles (None: all vehicles of the link)"""
-    ended: Callable[[Hashable], None]
-    """receiver of a peer that the link has closed or removed"""
-    warn: Callable[[str], None]
-    """receiver of a line for the operator"""
+    ended: Callable[[Hashable], None]  # receiver of a peer that the link has closed or removed
+    warn: Callable[[str], None]  # receiver of a line for the operator
 
 
 class Link(Protocol):

@@ -139,10 +139,8 @@ class Vehicle(Protocol):
     def mission_changed(self, index: int) -> None: ...
 
 
-CommandHandler = Callable[[Vehicle, Command, float], int]
-"""vehicle, command, time [s] -> MAV_RESULT"""
-OneShotMessage = Callable[[Vehicle, float], Sequence[Any]]
-"""vehicle, second parameter of the request -> messages to send"""
+CommandHandler = Callable[[Vehicle, Command, float], int]  # vehicle, command, time [s] -> MAV_RESULT
+OneShotMessage = Callable[[Vehicle, float], Sequence[Any]]  # vehicle, param2 of the request -> messages
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,7 @@ _STORED_FRAME = {
 }
 
 ItemParameters = tuple[float, float, float, float]
-Rounding = Callable[[float], float]
-"""value received -> value stored"""
+Rounding = Callable[[float], float]  # value received -> value stored
 Roundings = tuple[Rounding, Rounding, Rounding, Rounding]
 
 

@@ -40,9 +40,7 @@ _WITH_POSITION = frozenset(
 # These commands are accepted with and without a position; param1 is the ROI mode.
 _ROI_COMMANDS = frozenset({mavlink.MAV_CMD_NAV_ROI, mavlink.MAV_CMD_DO_SET_ROI})
 _ROI_MODES_WITH_POSITION = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
-_ROI_MODES_WITHOUT_POSITION = frozenset(
-    {mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX}
-)
+_ROI_MODES_NO_POSITION = frozenset({mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX})
 
 # Commands accepted in frame MISSION.
 _WITHOUT_POSITION = frozenset(
@@ -93,7 +91,7 @@ def store_item(item: Item) -> Item | int:
     if item.frame in READ_BACK_FRAME:
         commands, roi_modes, frame = _WITH_POSITION, _ROI_MODES_WITH_POSITION, READ_BACK_FRAME[item.frame]
     elif item.frame == mavlink.MAV_FRAME_MISSION:
-        commands, roi_modes, frame = _WITHOUT_POSITION, _ROI_MODES_WITHOUT_POSITION, item.frame
+        commands, roi_modes, frame = _WITHOUT_POSITION, _ROI_MODES_NO_POSITION, item.frame
     else:
         return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
     if item.command not in commands:
