@@ -232,7 +232,7 @@ class Fleet:
             tick_s = self._next_tick * TICK_S
             self._deliver_arrivals(tick_s)
             self._tick(tick_s)
-            if not self._link_layer.unimpaired:
+            if not self._link_layer.frames_pass_unchanged:
                 self._send_pending(tick_s)
             self._next_tick += 1
         self._deliver_arrivals(now)
@@ -295,7 +295,7 @@ class Fleet:
 
     def _take(self, now: float) -> Frames:
         """Return the frames that reach ground stations by `now` [s]."""
-        if self._link_layer.unimpaired and not self._ready_frames:
+        if self._link_layer.frames_pass_unchanged and not self._ready_frames:
             return self._outbox.take()
         self._deliver_arrivals(now)
         self._send_pending(now)

@@ -344,7 +344,7 @@ class Autopilot:
 
     def position_known(self, now: float) -> bool:
         """Return True if the position estimate is good enough for navigation."""
-        return self.readiness.position(now) and self.body.position_ok
+        return self.readiness.position_ready(now) and self.body.position_ok
 
     def here(self) -> GeodeticPosition:
         return GeodeticPosition(*self.body.lat_lon_deg, self.body.alt_amsl_m)

@@ -13,7 +13,7 @@ from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
-from sim_vehicle.vehicle.numbers import finite, whole
+from sim_vehicle.vehicle.numbers import finite, to_int
 
 FORCE = 21_196  # param2 of arm and disarm: skip the checks
 FRAMES_WITH_ALTITUDE = frozenset(
@@ -43,7 +43,7 @@ def execute(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
-    force = whole(command.param2) == FORCE
+    force = to_int(command.param2) == FORCE
     if command.param1 == 1:
         return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arm_refused
     if command.param1 == 0:
@@ -52,9 +52,9 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def do_set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
-    if not whole(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+    if not to_int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
-    return ACCEPTED if vehicle.modes.set(whole(command.param2), now) else FAILED
+    return ACCEPTED if vehicle.modes.set(to_int(command.param2), now) else FAILED
 
 
 def change_to(behaviour: Behaviour) -> Callable[[Vehicle, Command, float], int]:
@@ -95,7 +95,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
     guided = vehicle.mode.behaviour is Behaviour.GUIDED
-    flags = whole(command.param2)
+    flags = to_int(command.param2)
     if not guided and (flags < 0 or not flags & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
         return DENIED
     alt_amsl_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
@@ -119,11 +119,11 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
-    return ACCEPTED if vehicle.flight.change_speed(whole(command.param1), command.param2) else FAILED
+    return ACCEPTED if vehicle.flight.change_speed(to_int(command.param1), command.param2) else FAILED
 
 
 def set_mission_current(vehicle: Vehicle, command: Command, _now: float) -> int:
-    index = whole(command.param1)
+    index = to_int(command.param1)
     if index < -1:
         return DENIED
     if command.param2 == 1:
@@ -142,7 +142,7 @@ def pause_continue(vehicle: Vehicle, command: Command, _now: float) -> int:
 
 
 def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
-    message_id = whole(command.param1)
+    message_id = to_int(command.param1)
     if not vehicle.rates.can_stream(message_id):
         return DENIED
     interval_us = command.param2 if math.isfinite(command.param2) else -1
@@ -154,7 +154,7 @@ def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int:
-    message_id = whole(command.param1)
+    message_id = to_int(command.param1)
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
     interval_us = _interval_us(vehicle, message_id)
@@ -171,9 +171,9 @@ def _interval_us(vehicle: Vehicle, message_id: int) -> int:
 
 
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
-    message_id = whole(command.param1)
+    message_id = to_int(command.param1)
     if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-        streamed_id = whole(command.param2)
+        streamed_id = to_int(command.param2)
         interval_us = _interval_us(vehicle, streamed_id)
         vehicle.send(mavlink.MAVLink_message_interval_message(streamed_id & 0xFFFF, interval_us))
         return ACCEPTED
@@ -220,7 +220,7 @@ def condition_yaw(vehicle: Vehicle, command: Command, _now: float) -> int:
     turned = vehicle.flight.turn(
         command.param1,
         command.param2,
-        direction=whole(command.param3),
+        direction=to_int(command.param3),
         relative=command.param4 == 1,
     )
     return ACCEPTED if turned else FAILED

@@ -232,7 +232,7 @@ class Failsafes:
 
     def _watch_position(self, now: float) -> None:
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        watched = flight_parameters.position_watched and vehicle.readiness.position(now)
+        watched = flight_parameters.position_watched and vehicle.readiness.position_ready(now)
         lost = watched and not vehicle.body.position_ok
         if lost and not self.position_lost and vehicle.armed:
             self.position_lost = True

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import Floats, metres_per_degree
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.numbers import whole
+from sim_vehicle.vehicle.numbers import to_int
 
 POLYGONS = frozenset(
     {
@@ -28,7 +28,7 @@ _INCLUSIONS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A polygon with its vertices, or with `radius_m` a circle with its centre; latitude, longitude [deg]."""
+    """A polygon with vertices `points_deg`, or a circle with one centre; points are (latitude, longitude)."""
 
     inclusion: bool
     points_deg: tuple[tuple[float, float], ...]
@@ -45,7 +45,7 @@ def zones_of(items: Sequence[Item]) -> list[Zone]:
     while index < len(items):
         item = items[index]
         inclusion = item.command in _INCLUSIONS
-        vertices = max(whole(item.param1), 1) if item.command in POLYGONS else 1
+        vertices = max(to_int(item.param1), 1) if item.command in POLYGONS else 1
         places = tuple((point.x * 1e-7, point.y * 1e-7) for point in items[index : index + vertices])
         if item.command in CIRCLES:
             zones.append(Zone(inclusion, places, item.param1))
@@ -116,16 +116,16 @@ class Fence:
         starts = np.cumsum([0, *sizes])[:-1]
         points = [point for zone in polygons for point in zone.points_deg]
         self._points_deg = np.array(points, dtype=float).reshape(-1, 2)
-        following = np.arange(1, len(points) + 1)
-        following[starts + np.array(sizes, dtype=int) - 1] = starts
-        self._following = following
+        next_vertex = np.arange(1, len(points) + 1)
+        next_vertex[starts + np.array(sizes, dtype=int) - 1] = starts
+        self._next_vertex = next_vertex
         self._starts: npt.NDArray[np.int64] = starts
         circles = [zone for zone in self.zones if zone.radius_m is not None]
         self._centres_deg = np.array([zone.points_deg[0] for zone in circles], dtype=float).reshape(-1, 2)
         self._radii_m = np.array([zone.radius_m for zone in circles], dtype=float)
         is_circle = np.array([zone.radius_m is not None for zone in self.zones], dtype=bool)
-        self._order = np.argsort(np.argsort(is_circle, kind="stable"), kind="stable")
-        self._sign = np.where([zone.inclusion for zone in self.zones], 1.0, -1.0)
+        self._zone_order = np.argsort(np.argsort(is_circle, kind="stable"), kind="stable")
+        self._zone_signs = np.where([zone.inclusion for zone in self.zones], 1.0, -1.0)
 
     def _margins_m(self, lat_deg: float, lon_deg: float, north_m: float, east_m: float) -> Floats:
         """Return the distance of a position to each zone's edge [m], positive on the permitted side."""
@@ -134,13 +134,13 @@ class Fence:
         depths_m = []
         if len(self._starts):
             offsets_m = _wrapped(self._points_deg - place) * scale
-            depths_m.append(_depths_in_polygons_m(offsets_m, self._following, self._starts))
+            depths_m.append(_depths_in_polygons_m(offsets_m, self._next_vertex, self._starts))
         if len(self._radii_m):
             offsets_m = _wrapped(self._centres_deg - place) * scale
             depths_m.append(self._radii_m - np.hypot(offsets_m[:, 0], offsets_m[:, 1]))
         if not depths_m:
             return np.empty(0)
-        margins_m: Floats = np.concatenate(depths_m)[self._order] * self._sign
+        margins_m: Floats = np.concatenate(depths_m)[self._zone_order] * self._zone_signs
         return margins_m
 
 
@@ -151,13 +151,13 @@ def _wrapped(offsets_deg: Floats) -> Floats:
 
 
 def _depths_in_polygons_m(
-    points_m: Floats, following: npt.NDArray[np.int64], starts: npt.NDArray[np.int64]
+    points_m: Floats, next_vertex: npt.NDArray[np.int64], starts: npt.NDArray[np.int64]
 ) -> Floats:
     """Return the depth of the origin inside each polygon [m], negative outside; points (n, 2)."""
     north_m, east_m = points_m[:, 0], points_m[:, 1]
-    edge_north_m, edge_east_m = north_m[following] - north_m, east_m[following] - east_m
+    edge_north_m, edge_east_m = north_m[next_vertex] - north_m, east_m[next_vertex] - east_m
     # From inside, a ray to the east crosses the edges of a polygon an odd number of times.
-    straddles = (north_m > 0) != (north_m[following] > 0)
+    straddles = (north_m > 0) != (north_m[next_vertex] > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing_m = east_m - north_m * edge_east_m / edge_north_m
     crosses = straddles & (crossing_m > 0)

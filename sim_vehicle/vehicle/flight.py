@@ -203,7 +203,7 @@ class Flight:
             self.mission.update(self.pilot, now)
         elif self.armed:
             self._run_without_mission(now)
-        by_mission = isinstance(self._manoeuvre, ReturnByMission) and self._manoeuvre.lands
+        by_mission = isinstance(self._manoeuvre, ReturnByMission) and self._manoeuvre.landing
         self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing or by_mission
 
     def _run_without_mission(self, now: float) -> None:

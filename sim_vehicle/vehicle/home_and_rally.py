@@ -26,10 +26,10 @@ class HomeAndRally:
     def update(self, now: float) -> None:
         """Set the origin and home as soon as `Readiness` (and, if required, the position) permits."""
         vehicle = self._vehicle
-        if self.origin is None and vehicle.readiness.home(now):
+        if self.origin is None and vehicle.readiness.home_ready(now):
             self.set_origin(vehicle.here(), now)
         needs_position = vehicle.personality.home_with_position
-        ready = vehicle.position_known(now) if needs_position else vehicle.readiness.home(now)
+        ready = vehicle.position_known(now) if needs_position else vehicle.readiness.home_ready(now)
         if self.home is None and ready:
             self.set_home(vehicle.here(), now)
 

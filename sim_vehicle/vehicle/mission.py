@@ -1,8 +1,8 @@
 """The stored mission and its execution: index, jumps, delays. `transfer` has the upload protocol.
 
-`Mission` executes as ArduPilot does. A *navigation* command moves the vehicle and is current until the
-command is done. The *do* and *condition* commands between two navigation commands run in order during the
-second navigation command. `mission_px4` has PX4's execution.
+`Mission` executes as ArduPilot does. A *navigation* command is current until the vehicle completes the
+command. The *do* and *condition* commands between two navigation commands run in order during the second
+navigation command. `mission_px4` has PX4's execution.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.vehicle.numbers import finite, whole
+from sim_vehicle.vehicle.numbers import finite, to_int
 
 NAVIGATION = frozenset(
     {
@@ -36,8 +36,8 @@ LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
-MAX_PER_UPDATE = 50  # do-commands per update, because jumps back can repeat commands endlessly
-MAX_DO_COMMANDS = 1000  # do-commands between two navigation commands, with repetitions
+MAX_ITEMS_PER_UPDATE = 50  # jumps back can repeat items endlessly
+MAX_DO_COMMANDS = 1000  # do and condition commands between two navigation commands, with repetitions
 
 
 class MissionState(IntEnum):
@@ -72,20 +72,20 @@ class Item:
 
 
 class Pilot(Protocol):
-    """The vehicle as the mission uses it."""
+    """Interface of the vehicle for its mission."""
 
     @property
     def armed(self) -> bool: ...
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
-        """Begin a navigation command; `following`, the next navigation command, sets the corner speed."""
+        """Begin a navigation command; `following` is the next navigation command, None if unknown."""
 
     def navigation_done(self, now: float) -> bool:
         """Return True once the current navigation command (`Mission.flown`) is done."""
         ...
 
     def do(self, item: Item) -> None:
-        """Carry out a do-command, or begin the turn of CONDITION_YAW."""
+        """Carry out a do command, or begin the turn of CONDITION_YAW."""
 
     def condition_met(self, item: Item) -> bool:
         """Return True once CONDITION_DISTANCE (param1 [m] from the target) or CONDITION_YAW is met."""
@@ -106,8 +106,7 @@ class Pilot(Protocol):
 class Mission:
     """Items (item 0 is home, read from `home`), the current index, and progress.
 
-    Items change only through `put`, `cut` and `clear`, which keep the records by index consistent. If the
-    current item is deleted, the vehicle still flies to the position of that item and reports its index.
+    Deletion of the current item by `cut` changes neither the flight to its position nor `index`.
     """
 
     home: Callable[[], Item]
@@ -117,12 +116,12 @@ class Mission:
     paused: bool = False
     without_approach: bool = False  # the vehicle did not fly the item before the current item
     disarms_on_landing: bool = True  # a landing item ends the mission and stops the motors
-    stays_landed: bool = False  # a landing does not end the mission; disarming keeps the index
-    in_landing: bool = False  # the last begun item belongs to a landing
+    stays_landed: bool = False  # a landing does not end the mission; disarming in the mission keeps the index
+    in_landing: bool = False  # the mission is in a landing sequence
     _items: list[Item] = field(default_factory=list)
-    _jumps: dict[int, int] = field(default_factory=dict)
-    _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
-    _condition_begun_s: float | None = None  # start of the first pending command
+    _jumps: dict[int, int] = field(default_factory=dict)  # repetitions by index of the DO_JUMP
+    _pending: list[int] = field(default_factory=list)  # indices of the do and condition commands still to run
+    _pending_begun_s: float | None = None  # start of the first pending command; None: not begun
 
     @property
     def items(self) -> Sequence[Item]:
@@ -144,7 +143,7 @@ class Mission:
 
     @property
     def waiting(self) -> bool:
-        """True while do or condition commands are pending, so that time alone can advance the mission."""
+        """True while do or condition commands are pending."""
         return bool(self._pending)
 
     def item(self, index: int) -> Item:
@@ -165,7 +164,7 @@ class Mission:
         self._items[index] = item
         self._jumps.pop(index, None)
         if self._pending[:1] == [index]:
-            self._condition_begun_s = None  # the new condition has not begun
+            self._pending_begun_s = None  # the new condition has not begun
         if index in self._pending and item.command in NAVIGATION | {mavlink.MAV_CMD_DO_JUMP}:
             del self._pending[self._pending.index(index) :]
         return True
@@ -177,12 +176,12 @@ class Mission:
         del self._items[count:]
         self._jumps = {index: done for index, done in self._jumps.items() if index < count}
         if self._pending and self._pending[0] >= count:
-            self._condition_begun_s = None
+            self._pending_begun_s = None
         self._pending = [index for index in self._pending if index < count]
         return True
 
     def clear(self) -> None:
-        """Delete all items and stop the mission."""
+        """Delete all items and reset progress."""
         self.cut(0)
         self.reset()
 
@@ -196,12 +195,12 @@ class Mission:
         return MissionState.PAUSED if self.paused and self.state is MissionState.ACTIVE else self.state
 
     def starts_with_takeoff(self) -> bool:
-        """Return True if the next navigation command is a take-off."""
+        """Return True if the next navigation command is NAV_TAKEOFF."""
         found = self._find_navigation(1 if self._starts_over else self.index, {}, [])
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
-        """Return the index of the nearest DO_LAND_START; None if the mission has no DO_LAND_START.
+        """Return the index of the nearest DO_LAND_START with a position; None: no such item.
 
         A DO_LAND_START without a position has the position of the next item with a position.
         """
@@ -215,7 +214,10 @@ class Mission:
         return min(found)[1] if found else None
 
     def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:
-        """Return the index of the next navigation command from `start`; append do-commands to `passed`."""
+        """Return the index of the next navigation command from `start`, or None.
+
+        Count the followed jumps in `jumps`; append the do and condition commands on the way to `passed`.
+        """
         index, jumps_in_a_row = start, 0
         while 1 <= index < self.count:
             item = self.items[index]
@@ -228,7 +230,7 @@ class Mission:
                 done = jumps.get(index, 0)
                 if item.param2 < 0 or done < item.param2:
                     jumps[index] = done + 1
-                    index = whole(item.param1)
+                    index = to_int(item.param1)
                     continue
             else:
                 passed.append(index)
@@ -241,20 +243,20 @@ class Mission:
 
     @property
     def _starts_over(self) -> bool:
-        """True if the next start is at the first item: the mission is complete or was shortened."""
+        """True if the next start is at the first item."""
         return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
-        """Continue with the current command; after the end or with `restart`, start at the first command."""
+        """Continue with the current command; start at the first command if `restart` or `_starts_over`."""
         if restart or self._starts_over:
             self.in_landing = False
             self._jumps.clear()
             self._advance(pilot, 1)
         elif self.items[self.index].command in NAVIGATION:
-            self.state, self._condition_begun_s = MissionState.ACTIVE, None
+            self.state, self._pending_begun_s = MissionState.ACTIVE, None
             self._start(pilot, self.index)  # pending commands stay pending
         else:
-            self._advance(pilot, self.index)  # the changed list has a do-command here
+            self._advance(pilot, self.index)  # the changed list has no navigation command here
 
     def pause(self) -> bool:
         """Pause the mission; return False if no mission is active."""
@@ -267,7 +269,7 @@ class Mission:
         """Continue after a pause; return False if no command can continue."""
         self.paused = False
         if not self.restart_current(pilot) and self.flown is not None:
-            pilot.start_navigation(self.flown, None)  # the item was deleted
+            pilot.start_navigation(self.flown, None)  # the item was deleted or replaced
         return self.flown is not None
 
     def next_navigation(self, count: int) -> list[int]:
@@ -286,7 +288,7 @@ class Mission:
             self.state = MissionState.PAUSED
 
     def reset(self) -> None:
-        """Reset progress after disarming; the next start is at the first command."""
+        """Reset progress; the next start is at the first command."""
         self.index, self.flown = 0, None
         self.paused = self.in_landing = False
         self._jumps.clear()
@@ -295,7 +297,7 @@ class Mission:
             self.state = MissionState.NOT_STARTED
 
     def end(self) -> None:
-        """Mark the mission as complete after a landing; the following disarming resets the progress."""
+        """Mark the mission as complete after a landing; the disarming resets the progress."""
         self.state = MissionState.COMPLETE
 
     def reboot(self) -> None:
@@ -310,7 +312,8 @@ class Mission:
     def set_current(self, pilot: Pilot, index: int) -> bool:
         """Make an item current (0: the first); return False if the list has no such item.
 
-        An active mission continues with the item at once, an inactive mission at its next start.
+        An active mission continues with the item at once. An inactive mission begins there at its next start,
+        if the list has a navigation command from there on; else return False.
         """
         index = max(index, 1)
         if index >= self.count or self.items[index].command != mavlink.MAV_CMD_DO_LAND_START:
@@ -350,19 +353,19 @@ class Mission:
             self._advance(pilot, self.index + 1)
 
     def _run_pending(self, pilot: Pilot, now: float) -> None:
-        for _ in range(MAX_PER_UPDATE):
+        for _ in range(MAX_ITEMS_PER_UPDATE):
             if not self._pending or self.state is not MissionState.ACTIVE:
                 return
             index = self._pending[0]
             item = self.items[index]
-            if self._condition_begun_s is None:
-                self._condition_begun_s = now
+            if self._pending_begun_s is None:
+                self._pending_begun_s = now
                 self.in_landing |= item.command == mavlink.MAV_CMD_DO_LAND_START
                 pilot.mission_item_started(index, item)
                 pilot.do(item)
-            if not self._passed(pilot, item, now - self._condition_begun_s):
+            if not self._passed(pilot, item, now - self._pending_begun_s):
                 return
-            self._condition_begun_s = None
+            self._pending_begun_s = None
             self._pending.pop(0)
             pilot.mission_item_reached(index, item)
 
@@ -372,11 +375,11 @@ class Mission:
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _advance(self, pilot: Pilot, start: int) -> None:
-        self._pending, self._condition_begun_s = [], None
+        self._pending, self._pending_begun_s = [], None
         self.paused = False
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:
-            if self._pending:  # after the last navigation command only the first DO command runs
+            if self._pending:  # after the last navigation command only the first of the others runs
                 pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
                 pilot.do(self.items[self._pending[0]])
                 self._pending.clear()

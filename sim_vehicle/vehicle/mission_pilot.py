@@ -9,12 +9,12 @@ from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.interface import FlightControl
 from sim_vehicle.vehicle.manoeuvres import CircleToAltitude, Circling, Landing, Manoeuvre, Return
 from sim_vehicle.vehicle.mission import LANDINGS, TAKEOFFS, Item
-from sim_vehicle.vehicle.numbers import finite, whole
+from sim_vehicle.vehicle.numbers import finite, to_int
 
 LocalPoint = tuple[float, float, float]
 AHEAD_M = 50_000.0  # length of a straight leg that ends once the vehicle reaches an altitude
 MIN_DIRECTION_M = 0.1  # shortest distance that gives a direction
-CLIMB_MARGIN_M = 10.0  # target above the take-off altitude of a plane that climbs straight on
+CLIMB_MARGIN_M = 10.0  # height of a plane's target above the take-off altitude
 ALTITUDE_REACHED_M = 5.0  # altitude tolerance at the end of a leg to an altitude
 LEG_START_SPEED_M_S = 1.0  # horizontal speed at which a leg begins after braking
 YAW_REACHED_RAD = math.radians(2.0)
@@ -45,7 +45,7 @@ SHORT_NAMES = {
 
 
 class MissionPilot:
-    """The `mission.Pilot` of one vehicle."""
+    """One vehicle's implementation of `mission.Pilot`."""
 
     def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
@@ -54,7 +54,8 @@ class MissionPilot:
         self._target_m: LocalPoint = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
         self._under_way = False  # on a leg to a waypoint
-        self._after_braking_m_s: float | None = None  # speed at the end of a leg that begins after braking
+        # speed at the end of the leg that begins after braking; None: the vehicle does not brake
+        self._after_braking_m_s: float | None = None
         self._following: Item | None = None
 
     # -- state --------------------------------------------------------------------------------------------
@@ -74,7 +75,7 @@ class MissionPilot:
         return isinstance(self._manoeuvre, Landing)
 
     def forget(self) -> None:
-        """Forget the current command after a mode change."""
+        """Forget the current command."""
         self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
         self._under_way, self._after_braking_m_s = False, None
 
@@ -139,7 +140,7 @@ class MissionPilot:
         return self._flight.body.plane and self._flight.flight_parameters.takeoff_straight
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
-        """Return east, north of a point far ahead [m], towards the item's position or straight ahead."""
+        """Return east, north [m] of a point far ahead, towards the item's position or straight ahead."""
         body = self._flight.body
         east_m, north_m, _ = body.position_m
         heading_rad = body.heading_rad
@@ -231,7 +232,7 @@ class MissionPilot:
             reached = abs(flight.body.alt_amsl_m - self._target_m[2]) < ALTITUDE_REACHED_M
         elif flight.body.airborne:
             reached = flight.body.reached
-        else:  # a disarmed vehicle does not move, but its mission advances
+        else:  # a vehicle on the ground can be at its target
             reached = (
                 math.dist(self._target_m, flight.body.position_m)
                 <= flight.flight_parameters.waypoint_radius_m
@@ -248,7 +249,7 @@ class MissionPilot:
         return now >= self._wait_until_s
 
     def _is_too_high_or_low(self, item: Item) -> bool:
-        """Return True for a plane at a waypoint with the wrong altitude."""
+        """Return True if a plane's altitude error at a waypoint exceeds `waypoint_height_m`."""
         flight = self._flight
         off_m = abs(flight.body.alt_amsl_m - self._target_m[2])
         through = item.command in FLOWN_THROUGH and flight.body.plane and flight.body.airborne
@@ -259,10 +260,10 @@ class MissionPilot:
     def do(self, item: Item) -> None:
         flight = self._flight
         if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
-            flight.change_speed(whole(item.param1), item.param2)
+            flight.change_speed(to_int(item.param1), item.param2)
         elif item.command == mavlink.MAV_CMD_CONDITION_YAW:
             relative = item.param4 == 1
-            direction = whole(item.param3)
+            direction = to_int(item.param3)
             if flight.turn(item.param1, item.param2, direction=direction, relative=relative):
                 self._wanted_heading_rad = flight.commanded_heading_rad
         elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
@@ -312,7 +313,7 @@ class MissionPilot:
 
 
 def target_of(flight: FlightControl, item: Item) -> LocalPoint:
-    """Return the target of an item: east, north, up [m]; the present position replaces a missing position."""
+    """Return the target of an item: east, north, up [m]; by default the vehicle's position."""
     body = flight.body
     east_m, north_m, up_m = body.position_m
     keeps_altitude = item.z == 0 and (item.place_deg is None or flight.flight_parameters.zero_keeps_altitude)
@@ -324,7 +325,7 @@ def target_of(flight: FlightControl, item: Item) -> LocalPoint:
 def circle_to_altitude(
     flight: FlightControl, item: Item, following: Item | None, near_m: float | None = None
 ) -> CircleToAltitude:
-    """Return the circle of an item; the item or `near_m` can require an exit towards the next item."""
+    """Begin a circle to the item's altitude; `near_m` (tolerance [m]) implies an exit towards `following`."""
     aligned = flight.flight_parameters.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
     place_deg = following.place_deg if following is not None and aligned else None
     next_m = None if place_deg is None else flight.body.locate(*place_deg)
@@ -334,7 +335,7 @@ def circle_to_altitude(
 
 
 class ReturnByMission:
-    """Return by mission: a climb to an altitude at the present position, then the items; the last item lands.
+    """Return by mission: a climb in place to `minimum_amsl_m`, then the items; the last item lands.
 
     Every item has a position. The vehicle does not stop at items; a plane can circle to change its altitude.
     """
@@ -350,8 +351,7 @@ class ReturnByMission:
             self._begin_next()
 
     @property
-    def lands(self) -> bool:
-        """True while the vehicle lands."""
+    def landing(self) -> bool:
         return isinstance(self._manoeuvre, Landing)
 
     def _begin_next(self) -> None:
@@ -367,7 +367,7 @@ class ReturnByMission:
 
     def update(self, now: float) -> bool:
         done = self._flight.body.reached if self._manoeuvre is None else self._manoeuvre.update(now)
-        if not done or self.lands or not self._remaining_items:
+        if not done or self.landing or not self._remaining_items:
             return done
         self._begin_next()
         return False

@@ -1,8 +1,8 @@
 """The mission as PX4 executes it: one item after another, without a home placeholder.
 
-The index includes do-commands, and each item is reported as reached. The index outlives a landing, an upload
-and a mode change. A vehicle starts over only if it was disarmed at the last item. A disarmed vehicle does not
-advance.
+The index counts every item, and each completed item is reported as reached. A landing, an upload and a mode
+change keep the index. The mission starts over if the vehicle was disarmed at the last item. A disarmed
+vehicle does not advance.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,15 +11,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.mission import (
     CONDITIONS,
+    MAX_ITEMS_PER_UPDATE,
     MAX_JUMPS_IN_A_ROW,
-    MAX_PER_UPDATE,
     NAVIGATION,
     Item,
     Mission,
     MissionState,
     Pilot,
 )
-from sim_vehicle.vehicle.numbers import finite, whole
+from sim_vehicle.vehicle.numbers import finite, to_int
 
 DELAYS = frozenset({mavlink.MAV_CMD_CONDITION_DELAY})
 
@@ -48,11 +48,11 @@ class Px4Mission(Mission):
         self.disarms_on_landing = False
         self._feasible, self._go_home = feasible, go_home
         self._valid = True
-        self._mission_mode_on = False  # the mission mode is active
-        self._flown_once = False  # the present list has been active
-        self._disarmed_since = False  # disarmed after the mission was active
-        self._at_end = False  # the last item is done
-        self._step_begun_s: float | None = None
+        self._in_mission_mode = False
+        self._was_active = False  # the present list has been active
+        self._disarmed_after_active = False  # the vehicle was disarmed after the mission was active
+        self._at_end = False  # no item follows the last completed item
+        self._condition_begun_s: float | None = None  # start of the current do or condition command
 
     @property
     def empty(self) -> bool:
@@ -70,41 +70,41 @@ class Px4Mission(Mission):
         return self.items[index]
 
     def starts_with_takeoff(self) -> bool:
-        first = self._resolve(self._start_index(), count=False)
+        first = self._resolve(self._start_index(), count_jumps=False)
         return first is not None and self.items[first].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def replace(self, pilot: Pilot, items: Sequence[Item], current: int = -1) -> None:
-        """Replace the mission at once; `current` -1 keeps the index, limited to the last item."""
+        """Replace the mission at once; `current` -1 keeps the index. The last item limits the index."""
         last = max(len(items) - 1, 0)
         self._items[:] = items
         self.index = min(self.index if current < 0 else current, last)
         self._jumps.clear()
         self._at_end = False
-        self._flown_once = self.state is MissionState.ACTIVE
+        self._was_active = self.state is MissionState.ACTIVE
         self._valid = self._feasible(self.items)
         if self.state is MissionState.ACTIVE:
             self._activate(pilot)
         else:
-            self.state, self._disarmed_since = MissionState.NOT_STARTED, False
+            self.state, self._disarmed_after_active = MissionState.NOT_STARTED, False
 
     # -- execution ----------------------------------------------------------------------------------------
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
         """Enter the mission mode; an armed vehicle continues at once, a disarmed vehicle after arming."""
-        self.paused, self._mission_mode_on = False, True
+        self.paused, self._in_mission_mode = False, True
         if restart:
             self.index, self._at_end = 0, False
         if pilot.armed:
             self._activate(pilot)
 
     def stop(self) -> None:
-        self._mission_mode_on = False
+        self._in_mission_mode = False
         super().stop()
         self.flown = None
 
     def reset(self) -> None:
         """Stop after disarming or a reboot; the index stays."""
-        self._disarmed_since = self._disarmed_since or self._flown_once
+        self._disarmed_after_active = self._disarmed_after_active or self._was_active
         self.flown, self.paused = None, False
         if self.state is not MissionState.COMPLETE:
             self.state = MissionState.NOT_STARTED
@@ -112,8 +112,8 @@ class Px4Mission(Mission):
     def set_current(self, pilot: Pilot, index: int) -> bool:
         if not 0 <= index < self.count:
             return False
-        self.index, self._at_end, self._disarmed_since = index, False, False
-        if self.state is MissionState.ACTIVE or (self._mission_mode_on and pilot.armed):
+        self.index, self._at_end, self._disarmed_after_active = index, False, False
+        if self.state is MissionState.ACTIVE or (self._in_mission_mode and pilot.armed):
             self._activate(pilot)
         else:
             self.state = MissionState.NOT_STARTED
@@ -126,15 +126,15 @@ class Px4Mission(Mission):
         return True
 
     def update(self, pilot: Pilot, now: float) -> None:
-        if not self._mission_mode_on or not pilot.armed or self.paused:
+        if not self._in_mission_mode or not pilot.armed or self.paused:
             return
-        if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_since:
+        if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_after_active:
             self._activate(pilot)
-        for _ in range(MAX_PER_UPDATE):
+        for _ in range(MAX_ITEMS_PER_UPDATE):
             item = self.flown
             if self.state is not MissionState.ACTIVE or item is None or not self._done(pilot, item, now):
                 return
-            self._step_begun_s = None
+            self._condition_begun_s = None
             pilot.mission_item_reached(self.index, item)
             if not item.autocontinue:
                 self.flown = None  # the vehicle stays at this item
@@ -142,26 +142,26 @@ class Px4Mission(Mission):
             self._continue(pilot)
 
     def _start_index(self) -> int:
-        starts_over = self._disarmed_since and self.index + 1 == self.count
+        starts_over = self._disarmed_after_active and self.index + 1 == self.count
         return 0 if starts_over else self.index
 
     def _activate(self, pilot: Pilot) -> None:
-        if self._disarmed_since and self.index + 1 == self.count:
+        if self._disarmed_after_active and self.index + 1 == self.count:
             self.index, self._at_end = 0, False
             self._jumps.clear()
-        self._disarmed_since = False
+        self._disarmed_after_active = False
         self._valid = self._valid or self._feasible(self.items)
-        found = None if self._at_end or not self._valid else self._resolve(self.index, count=False)
+        found = None if self._at_end or not self._valid else self._resolve(self.index, count_jumps=False)
         if found is None:
             self.state, self.flown = MissionState.COMPLETE, None
             pilot.no_mission()
             return
-        self._flown_once = True
+        self._was_active = True
         self.state, self.without_approach = MissionState.ACTIVE, True
         self._begin(pilot, found)
 
     def _continue(self, pilot: Pilot) -> None:
-        found = self._resolve(self.index + 1, count=True)
+        found = self._resolve(self.index + 1, count_jumps=True)
         if found is not None:
             self.without_approach = False
             self._begin(pilot, found)
@@ -172,7 +172,7 @@ class Px4Mission(Mission):
         pilot.mission_ended()
 
     def _begin(self, pilot: Pilot, index: int) -> None:
-        self.index, self.flown, self._step_begun_s = index, self.items[index], None
+        self.index, self.flown, self._condition_begun_s = index, self.items[index], None
         self.paused = False
         pilot.mission_item_started(index, self.flown)
         if self.flown.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
@@ -185,14 +185,14 @@ class Px4Mission(Mission):
     def _done(self, pilot: Pilot, item: Item, now: float) -> bool:
         if item.command in NAVIGATION:
             return pilot.navigation_done(now)
-        if self._step_begun_s is None:
-            self._step_begun_s = now
+        if self._condition_begun_s is None:
+            self._condition_begun_s = now
         if item.command in DELAYS:
-            return now - self._step_begun_s >= finite(item.param1)
+            return now - self._condition_begun_s >= finite(item.param1)
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
-    def _resolve(self, index: int, *, count: bool) -> int | None:
-        """Follow the jumps from `index` and return the index of the next item; `count`: count the jumps."""
+    def _resolve(self, index: int, *, count_jumps: bool) -> int | None:
+        """Follow the jumps from `index` and return the index of the next item; None: no such item."""
         for _ in range(MAX_JUMPS_IN_A_ROW):
             if not 0 <= index < self.count:
                 return None
@@ -203,17 +203,17 @@ class Px4Mission(Mission):
             if not 0 <= item.param1 < self.count:
                 return None
             if item.param2 < 0 or done < item.param2:
-                if count:
+                if count_jumps:
                     self._jumps[index] = done + 1
-                index = whole(item.param1)
+                index = to_int(item.param1)
             else:
                 index += 1
         return None
 
     def _following(self, index: int) -> Item | None:
-        """Return the next navigation command after `index`; None: no such command."""
-        for _ in range(MAX_PER_UPDATE):
-            found = self._resolve(index + 1, count=False)
+        """Return the next navigation command after `index`, or None."""
+        for _ in range(MAX_ITEMS_PER_UPDATE):
+            found = self._resolve(index + 1, count_jumps=False)
             if found is None:
                 return None
             if self.items[found].command in NAVIGATION:

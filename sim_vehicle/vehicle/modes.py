@@ -18,7 +18,7 @@ class Modes:
         personality = self._vehicle.personality
         self.mode: Mode = personality.modes[personality.boot_mode]
         self._armable_mode = self.mode
-        self.mission_checked_s = now  # time at which the check of a new mission is complete
+        self.mission_checked_s = now  # end of the check of a new mission [s]
 
     # -- by a ground station -----------------------------------------------------------------------------
 
@@ -27,7 +27,10 @@ class Modes:
         return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
 
     def set(self, number: int, now: float) -> bool:
-        """Change the mode as a ground station does; return False if the change is refused."""
+        """Change the mode as a ground station does; return False if the vehicle refuses the command.
+
+        A fault can accept the command without a change.
+        """
         vehicle = self._vehicle
         if vehicle.injected_faults.mode_stuck is not None:
             return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
@@ -73,7 +76,7 @@ class Modes:
         return True
 
     def mission_ready(self, now: float) -> bool:
-        """Return True if the mission is flyable and its check after the upload is complete."""
+        """Return True if the mission has items, is flyable, and its check after the upload is complete."""
         mission = self._vehicle.mission
         return not mission.empty and mission.flyable and now + EPSILON_S >= self.mission_checked_s
 
@@ -96,10 +99,10 @@ class Modes:
         self._forget_landing(mode)
 
     def _forget_landing(self, mode: Mode) -> None:
-        """Reset a landed mission on the entry into a pilot's mode."""
+        """Reset the mission of a landed, disarmed vehicle on the entry into a manual mode."""
         vehicle, mission = self._vehicle, self._vehicle.mission
-        flown_by_hand = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
-        if mission.stays_landed and mission.in_landing and flown_by_hand and not vehicle.armed:
+        manual = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
+        if mission.stays_landed and mission.in_landing and manual and not vehicle.armed:
             vehicle.announce("mission_reset")
             mission.reset()
 
@@ -112,12 +115,12 @@ class Modes:
                 self._enter(boot_mode)
 
     def disarmed(self) -> None:
-        """Restore the last armable mode after a disarming, if the personality does so."""
+        """Restore the last armable mode after disarming, as some personalities do."""
         if self._vehicle.personality.disarm_restores_mode and not self.mode.terminates:
             self._enter(self._armable_mode)
 
     def taken_off(self) -> None:
-        """Change mode after the climb of a take-off."""
+        """Change mode after the climb of a take-off, if `after_takeoff` is set."""
         vehicle = self._vehicle
         behaviour = vehicle.flight_parameters.after_takeoff
         if behaviour is None:
@@ -130,7 +133,7 @@ class Modes:
             vehicle.flight.go(target_m)  # completes the climb
 
     def mission_over(self) -> None:
-        """Change mode after the last item of a mission."""
+        """Change mode after the last item of a mission, if the personality does so in flight."""
         ends_in = self._vehicle.personality.mission_ends_in
         if ends_in is not None and self._vehicle.flight.flying:
             self.enter_behaviour(ends_in)

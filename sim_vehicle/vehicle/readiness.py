@@ -26,10 +26,10 @@ class Readiness:
     def gps_fix(self, now: float) -> bool:
         return self._passed(GPS_FIX_S, now)
 
-    def home(self, now: float) -> bool:
+    def home_ready(self, now: float) -> bool:
         return self._passed(HOME_S, now)
 
-    def position(self, now: float) -> bool:
+    def position_ready(self, now: float) -> bool:
         return self._passed(FULL_READY_S, now)
 
     def mode_switch_read(self, now: float) -> bool:

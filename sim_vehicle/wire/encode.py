@@ -39,7 +39,7 @@ _LIMITS = {
     np.dtype(kind).str: (float(np.iinfo(kind).min), np.nextafter(float(np.iinfo(kind).max) + 1, 0))
     for kind in (np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64)
 }
-Records = npt.NDArray[Any]
+Payloads = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +75,14 @@ class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
     def __init__(self, layout: Layout, **fields: Any) -> None:
         super().__init__(layout.message_id, layout.name)
         self._layout = layout
-        self._payload = records(layout, 1, fields).tobytes()
+        self._payload = pack_payloads(layout, 1, fields).tobytes()
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         extra = self._layout.crc_extra[0]
         return bytes(self._pack(mav, extra, self._payload, force_mavlink1=force_mavlink1))
 
 
-def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
+def pack_payloads(layout: Layout, n: int, columns: Mapping[str, Any]) -> Payloads:
     """Return the payloads of `n` vehicles; fields without a column are 0.
 
     A column is a scalar or an array, (n,) or (n, length). Numbers for integer fields are rounded and limited
@@ -102,7 +102,7 @@ def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
 
 
 def frames(
-    layout: Layout, payloads: Records, systems: Sequence[int], sequences: Sequence[int], component: int
+    layout: Layout, payloads: Payloads, systems: Sequence[int], sequences: Sequence[int], component: int
 ) -> list[bytes]:
     """Return one unsigned MAVLink 2 frame per payload, without the payload's trailing zeros."""
     size, blob = layout.dtype.itemsize, payloads.tobytes()
@@ -140,7 +140,7 @@ class Encoder:
         self._sequences[vehicle] = (self._codec.seq + 1) % 256
         return bytes(message.pack(self._codec))
 
-    def frames(self, layout: Layout, payloads: Records, vehicles: npt.NDArray[np.int64]) -> list[bytes]:
+    def frames(self, layout: Layout, payloads: Payloads, vehicles: npt.NDArray[np.int64]) -> list[bytes]:
         """Pack one message of each vehicle in `vehicles`."""
         sequences = self._sequences[vehicles].tolist()
         self._sequences[vehicles] += 1

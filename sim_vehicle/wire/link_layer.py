@@ -30,12 +30,12 @@ class LinkLayer:
         self._parsers: dict[int, Parser] = {}
 
     @property
-    def unimpaired(self) -> bool:
-        """True if no vehicle signs and no link is impaired, so that frames pass unchanged."""
+    def frames_pass_unchanged(self) -> bool:
+        """True if no vehicle signs and no link is impaired."""
         return not (self._signing or self._channels)
 
     def channel(self, index: int) -> Channel:
-        """Return the channel of a vehicle, created on the first call."""
+        """Return the channel of a vehicle; create a missing channel."""
         if index not in self._channels:
             self._channels[index] = Channel()
             self._parsers[index] = Parser()
@@ -75,7 +75,7 @@ class LinkLayer:
         return channel is not None
 
     def arrivals_at_vehicles(self, now: float) -> Iterator[Arrival]:
-        """Yield the messages that reach vehicles by `now` [s], each vehicle's in order."""
+        """Yield the messages that reach vehicles by `now` [s], in order for each vehicle."""
         for index, channel in tuple(self._channels.items()):
             while channel.next_due_s(Direction.TO_VEHICLE) <= now:
                 due_s = channel.next_due_s(Direction.TO_VEHICLE)

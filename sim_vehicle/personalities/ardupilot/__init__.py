@@ -184,7 +184,7 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
         return mandatory_refusals
     if vehicle.mode.needs_position and not vehicle.position_known(now):
         return ["Need Position Estimate"]
-    if vehicle.flight_parameters.arming_checks and not vehicle.readiness.home(now):
+    if vehicle.flight_parameters.arming_checks and not vehicle.readiness.home_ready(now):
         return ["AHRS: waiting for home"]
     breach = vehicle.fence_watch.refusal()
     if breach is not None:

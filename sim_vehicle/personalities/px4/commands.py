@@ -18,7 +18,7 @@ from sim_vehicle.personalities.px4.orbit import Orbit
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands as common
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
-from sim_vehicle.vehicle.numbers import whole
+from sim_vehicle.vehicle.numbers import to_int
 
 ACCEPTED, DENIED = int(mavlink.MAV_RESULT_ACCEPTED), int(mavlink.MAV_RESULT_DENIED)
 FAILED, UNSUPPORTED = int(mavlink.MAV_RESULT_FAILED), int(mavlink.MAV_RESULT_UNSUPPORTED)
@@ -40,7 +40,9 @@ def set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
 
     An unknown main mode is accepted without a change, an unknown sub mode of Auto is rejected.
     """
-    base_mode, main, sub = (whole(value) & 0xFF for value in (command.param1, command.param2, command.param3))
+    base_mode, main, sub = (
+        to_int(value) & 0xFF for value in (command.param1, command.param2, command.param3)
+    )
     number = _custom_mode(base_mode, main, sub)
     if number is None:
         return ACCEPTED
@@ -65,7 +67,7 @@ def _custom_mode(base_mode: int, main: int, sub: int) -> int | None:
 
 
 def set_standard_mode(vehicle: Vehicle, command: Command, now: float) -> int:
-    standard = whole(command.param1)
+    standard = to_int(command.param1)
     for mode in modes.MODES.values():
         if mode.standard == standard > 0 and mode.selectable:
             return _change_mode(vehicle, mode.number, now)
@@ -78,7 +80,7 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     if action == 1:
         return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
     if action == 0:
-        forced = whole(command.param2) == common.FORCE
+        forced = to_int(command.param2) == common.FORCE
         return ACCEPTED if vehicle.disarm(force=forced) else TEMPORARILY_REJECTED
     return UNSUPPORTED
 
@@ -123,7 +125,7 @@ def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
         vehicle.announce("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
         return TEMPORARILY_REJECTED
     if command.param1 >= 0:
-        vehicle.set_current(whole(command.param1))
+        vehicle.set_current(to_int(command.param1))
     return ACCEPTED
 
 
@@ -137,7 +139,7 @@ def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
 
 def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     """Fly to a position in mode Hold. The altitude is always above mean sea level; NaN: present value."""
-    if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+    if to_int(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
@@ -245,8 +247,8 @@ def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
     if vehicle.armed:
         return TEMPORARILY_REJECTED
     params = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
-    requested = [name for name, value in zip(CALIBRATIONS, params, strict=True) if whole(value) == 1]
-    if whole(command.lat_deg) == 2:
+    requested = [name for name, value in zip(CALIBRATIONS, params, strict=True) if to_int(value) == 1]
+    if to_int(command.lat_deg) == 2:
         requested.append("level")
     for name in requested[:1]:
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
@@ -259,7 +261,7 @@ def storage(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Restore the default parameters for param1 2 or 4; 0, 1 and 3 have no effect."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
-    action = whole(command.param1)
+    action = to_int(command.param1)
     if action not in range(5):
         return DENIED
     if action in (2, 4):
@@ -303,7 +305,7 @@ def actuator_test(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Accept a test of a known output, without effect; require COM_MOT_TEST_EN 1 and a disarmed vehicle."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
-    output = whole(command.lat_deg)
+    output = to_int(command.lat_deg)
     return ACCEPTED if 1 <= output <= 12 or 33 <= output <= 40 or output >= 1000 else UNSUPPORTED
 
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
 from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.numbers import whole
+from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.vehicle.params import as_float32
 from sim_vehicle.vehicle.rally import Rally
 
@@ -106,7 +106,7 @@ class MissionStore:
             return stored
         count = self._mission.count
         if stored.command == mavlink.MAV_CMD_DO_JUMP:
-            target = whole(stored.param1)
+            target = to_int(stored.param1)
             if target <= 0 or (target >= count and target > last):
                 return ERROR
         if index > count or index >= self.max_items:

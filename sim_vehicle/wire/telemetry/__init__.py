@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.wire.encode import Layout, Records, layout_of, records
+from sim_vehicle.wire.encode import Layout, Payloads, layout_of, pack_payloads
 from sim_vehicle.wire.telemetry import motion, px4, sensors, vehicle
 from sim_vehicle.wire.telemetry.view import Columns, View
 
@@ -28,8 +28,8 @@ class Stream:
     columns: Builder
     has: Callable[[View], Mask]
 
-    def payloads(self, view: View) -> Records:
-        return records(self.layout, len(view.i), self.columns(view))
+    def payloads(self, view: View) -> Payloads:
+        return pack_payloads(self.layout, len(view.i), self.columns(view))
 
 
 def _all_vehicles(v: View) -> Mask:

@@ -26,7 +26,7 @@ def global_position_int(v: View) -> Columns:
     lat, lon = v.e7()
     velocity = v.world.estimate_velocity_m_s[v.i] * 100
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "lat": lat,
         "lon": lon,
         "alt": v.world.estimate_m[v.i, 2] * 1000,
@@ -43,7 +43,7 @@ def local_position_ned(v: View) -> Columns:
     offset_m = v.world.estimate_m[v.i] - v.status.origin_m[v.i]
     velocity = v.world.estimate_velocity_m_s[v.i]
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "x": offset_m[:, 1],
         "y": offset_m[:, 0],
         "z": -offset_m[:, 2],
@@ -56,7 +56,7 @@ def local_position_ned(v: View) -> Columns:
 def attitude(v: View) -> Columns:
     angles, rates = v.world.dynamics.attitude_rad[v.i], v.world.dynamics.rates_rad_s[v.i]
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "roll": angles[:, 0],
         "pitch": angles[:, 1],
         "yaw": angles[:, 2],
@@ -83,7 +83,7 @@ def quaternion(angles_rad: Floats) -> Floats:
 def attitude_quaternion(v: View) -> Columns:
     q, rates = quaternion(v.world.dynamics.attitude_rad[v.i]), v.world.dynamics.rates_rad_s[v.i]
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "q1": q[:, 0],
         "q2": q[:, 1],
         "q3": q[:, 2],
@@ -176,7 +176,7 @@ def position_target_global_int(v: View) -> Columns:
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.target_m[i, 0], dynamics.target_m[i, 1])
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "coordinate_frame": np.where(px4, mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL),
         "type_mask": np.where(px4, 0, IGNORE_BUT_POSITION | UNUSED_BITS),
         "lat_int": lat_deg * 1e7,
@@ -212,7 +212,7 @@ def position_target_local_ned(v: View) -> Columns:
         wanted = dynamics.wanted_velocity[:, i[moves]]
         set_points[:3, moves] = _ned(np.vstack([wanted, dynamics.rate_m_s[i[moves]]]))
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "coordinate_frame": mavlink.MAV_FRAME_LOCAL_NED,
         "type_mask": mask,
         **dict(zip("xyz", place, strict=True)),
@@ -223,7 +223,7 @@ def position_target_local_ned(v: View) -> Columns:
 def altitude(v: View) -> Columns:
     up_m, height_m = v.world.estimate_m[v.i, 2], v.height_m()
     return {
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
         "altitude_monotonic": up_m,
         "altitude_amsl": up_m,
         "altitude_local": up_m - v.status.origin_m[v.i, 2],
@@ -248,7 +248,7 @@ def estimator_status(v: View) -> Columns:
     eph_m = np.where(known, v.world.gps.eph_m[v.i], np.nan)
     # Up to PRED_POS_HORIZ_ABS the bits are equal to those of EKF_STATUS_REPORT.
     return {
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
         "flags": np.where(known, EKF_POSITION, EKF_NO_POSITION),
         "vel_ratio": 0.1,
         "pos_horiz_ratio": 0.1,

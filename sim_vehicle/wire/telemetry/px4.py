@@ -70,7 +70,7 @@ def _since_boot_us(v: View, at_s: Floats) -> Floats:
 def flight_information(v: View) -> Columns:
     """Return FLIGHT_INFORMATION; as in PX4, the `_utc` fields hold times since the boot [us]."""
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "arming_time_utc": _since_boot_us(v, v.status.armed_since_s[v.i]),
         "takeoff_time_utc": _since_boot_us(v, v.status.flying_since_s[v.i]),
         "flight_uuid": v.status.flights[v.i],
@@ -112,7 +112,7 @@ def odometry(v: View) -> Columns:
     pose[:, DIAGONAL[3:]] = ANGLE_VARIANCE_RAD2
     velocity[:, DIAGONAL[:3]] = VELOCITY_VARIANCE_M2_S2
     return {
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
         "frame_id": mavlink.MAV_FRAME_LOCAL_NED,
         "child_frame_id": mavlink.MAV_FRAME_LOCAL_NED,
         **{name: local[name] for name in ("x", "y", "z", "vx", "vy", "vz")},
@@ -131,4 +131,4 @@ def actuator_output_status(v: View) -> Columns:
     pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = np.zeros((len(v.i), 32))
     outputs[:, :OUTPUTS] = pulse_us[:, None]
-    return {"time_usec": v.boot_us(), "active": OUTPUTS, "actuator": outputs}
+    return {"time_usec": v.since_boot_us(), "active": OUTPUTS, "actuator": outputs}

@@ -21,7 +21,7 @@ def gps_raw_int(v: View) -> Columns:
     course_deg = np.rad2deg(np.arctan2(velocity[:, 0], velocity[:, 1])) % 360
     eph_m = gps.eph_m[i]
     return {
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
         "fix_type": np.where(fix, gps.fix_type[i], mavlink.GPS_FIX_TYPE_NO_FIX),
         "lat": np.where(fix, lat_deg[i], 0) * 1e7,
         "lon": np.where(fix, lon_deg[i], 0) * 1e7,
@@ -60,12 +60,12 @@ def battery_status(v: View) -> Columns:
 
 def system_time(v: View) -> Columns:
     unix_us = np.where(v.status.gps_seen[v.i], EPOCH_US + round(v.now * 1e6), 0)
-    return {"time_unix_usec": unix_us.astype(np.uint64), "time_boot_ms": v.boot_ms()}
+    return {"time_unix_usec": unix_us.astype(np.uint64), "time_boot_ms": v.since_boot_ms()}
 
 
 def timesync(v: View) -> Columns:
     """Return a TIMESYNC request of the vehicle: tc1 is 0, ts1 the vehicle's clock [ns]."""
-    return {"ts1": np.rint(v.boot_s() * 1e9).astype(np.int64)}
+    return {"ts1": np.rint(v.since_boot_s() * 1e9).astype(np.int64)}
 
 
 def wind(v: View) -> Columns:
@@ -81,7 +81,7 @@ def wind(v: View) -> Columns:
 def wind_cov(v: View) -> Columns:
     east, north, up = v.world.wind_m_s[v.i].T
     return {
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
         "wind_x": north,
         "wind_y": east,
         "wind_z": -up,
@@ -96,7 +96,7 @@ def _pressure_hpa(up_m: Floats) -> Floats:
 def scaled_pressure(v: View) -> Columns:
     up_m = v.world.estimate_m[v.i, 2]
     return {
-        "time_boot_ms": v.boot_ms(),
+        "time_boot_ms": v.since_boot_ms(),
         "press_abs": _pressure_hpa(up_m),
         "temperature": (SEA_LEVEL_K - 0.0065 * up_m - 273.15) * 100,
     }
@@ -129,11 +129,11 @@ def scaled_imu(v: View) -> Columns:
 
 
 def scaled_imu_since_boot(v: View) -> Columns:
-    return {"time_boot_ms": v.boot_ms(), **scaled_imu(v)}
+    return {"time_boot_ms": v.since_boot_ms(), **scaled_imu(v)}
 
 
 def raw_imu(v: View) -> Columns:
-    return {"time_usec": v.boot_us(), **scaled_imu(v)}
+    return {"time_usec": v.since_boot_us(), **scaled_imu(v)}
 
 
 def highres_imu(v: View) -> Columns:
@@ -141,7 +141,7 @@ def highres_imu(v: View) -> Columns:
     field_gauss = _magnetic_field_mgauss(v) / 1000
     up_m = v.world.estimate_m[v.i, 2]
     return {
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
         "xacc": force[:, 0],
         "yacc": force[:, 1],
         "zacc": force[:, 2],
@@ -159,7 +159,7 @@ def highres_imu(v: View) -> Columns:
 
 
 def vibration(v: View) -> Columns:
-    return {"time_usec": v.boot_us(), "vibration_x": np.where(v.world.dynamics.airborne[v.i], 0.3, 0.0)}
+    return {"time_usec": v.since_boot_us(), "vibration_x": np.where(v.world.dynamics.airborne[v.i], 0.3, 0.0)}
 
 
 def power_status(_v: View) -> Columns:
@@ -169,7 +169,7 @@ def power_status(_v: View) -> Columns:
 def rc_channels(v: View) -> Columns:
     """Return no channels: no vehicle has an RC receiver."""
     channels = {f"chan{n}_raw": UNKNOWN_U16 for n in range(1, 19)}
-    return {"time_boot_ms": v.boot_ms(), "chancount": 0, "rssi": 255, **channels}
+    return {"time_boot_ms": v.since_boot_ms(), "chancount": 0, "rssi": 255, **channels}
 
 
 def distance_sensor(_v: View) -> Columns:
@@ -180,4 +180,4 @@ def distance_sensor(_v: View) -> Columns:
 def servo_output_raw(v: View) -> Columns:
     microseconds = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = {f"servo{n}_raw": microseconds for n in range(1, 5)}
-    return {"time_usec": np.asarray(v.boot_us() % (1 << 32), dtype=np.uint32), **outputs}
+    return {"time_usec": np.asarray(v.since_boot_us() % (1 << 32), dtype=np.uint32), **outputs}

@@ -61,7 +61,7 @@ def home_position(v: View) -> Columns:
         "longitude": s.home_e7[i, 1],
         "altitude": s.home_amsl_m[i] * 1000,
         "q": np.array([1.0, 0.0, 0.0, 0.0]),
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
     }
 
 
@@ -71,7 +71,7 @@ def gps_global_origin(v: View) -> Columns:
         "latitude": s.origin_e7[i, 0],
         "longitude": s.origin_e7[i, 1],
         "altitude": s.origin_m[i, 2] * 1000,
-        "time_usec": v.boot_us(),
+        "time_usec": v.since_boot_us(),
     }
 
 
@@ -86,4 +86,4 @@ def fence_status(v: View) -> Columns:
 
 
 def strikes(v: View) -> Columns:
-    return {"time_boot_ms": v.boot_ms(), "name": b"strikes", "value": v.status.strikes[v.i]}
+    return {"time_boot_ms": v.since_boot_ms(), "name": b"strikes", "value": v.status.strikes[v.i]}

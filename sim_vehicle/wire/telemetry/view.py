@@ -27,17 +27,17 @@ class View:
     i: Ints  # indices of the selected vehicles
     now: float  # [s]
 
-    def boot_s(self) -> Floats:
+    def since_boot_s(self) -> Floats:
         """Return the time since each vehicle's boot by its own clock [s]."""
         status, i = self.status, self.i
         ahead_s = status.clock_offset_s[i] + (self.now - status.clock_since_s[i]) * status.clock_drift[i]
         return np.asarray(self.now - status.boot_s[i] + ahead_s, dtype=np.float64)
 
-    def boot_ms(self) -> Floats:
-        return self.boot_s() * 1000.0
+    def since_boot_ms(self) -> Floats:
+        return self.since_boot_s() * 1000.0
 
-    def boot_us(self) -> npt.NDArray[np.uint64]:
-        return np.rint(self.boot_s() * 1e6).clip(0).astype(np.uint64)
+    def since_boot_us(self) -> npt.NDArray[np.uint64]:
+        return np.rint(self.since_boot_s() * 1e6).clip(0).astype(np.uint64)
 
     def e7(self) -> tuple[Ints, Ints]:
         """Return estimated latitude and longitude [1e-7 deg]; 0, 0 before the first fix."""
