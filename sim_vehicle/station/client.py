@@ -132,7 +132,7 @@ class Station:
         self._outbox: LinkFrames = []
         self._now = 0.0
         self._next_heartbeat_s = 0.0
-        self._heartbeats = sorted(
+        self._heartbeat_switches = sorted(
             (step.at_s, step.heartbeat) for step in scenario.script if step.heartbeat is not None
         )
         for index, contact in enumerate(self.contacts):
@@ -231,7 +231,7 @@ class Station:
         return send
 
     def _heartbeats_enabled(self, now: float) -> bool:
-        past = [on for at_s, on in self._heartbeats if at_s <= now + EPSILON_S]
+        past = [on for at_s, on in self._heartbeat_switches if at_s <= now + EPSILON_S]
         return past[-1] if past else True
 
     def _send_heartbeat(self) -> None:

@@ -95,8 +95,7 @@ class WaitUntilReady(Exchange):
         self._end_s: float | None = None
 
     def begin(self, now: float) -> None:
-        if self._end_s is None:  # one wait for each step, although arming may be retried
-            self._end_s = now + self._give_up_s
+        self._end_s = now + self._give_up_s
         super().begin(now)
 
     def message(self) -> Any:

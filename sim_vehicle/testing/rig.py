@@ -212,7 +212,7 @@ class Rig:
         return self.fleet
 
     def take(self, frames: Frames, now: float) -> None:
-        """Distribute the messages of the fleet."""
+        """Store the frames of the fleet with their vehicles."""
         for index, frame in frames:
             self.vehicles[index]._raw.append(frame)
             self.vehicles[index]._log.append((now, frame))

@@ -76,7 +76,7 @@ class FlightParameters:
     battery_critical_share: float
     battery_critical_action: FailsafeAction
     battery_delay_s: float  # duration of a low voltage before the action
-    rc_required: bool  # the autopilot waits for RC input; no vehicle has RC, so the link counts as lost
+    rc_failed: bool  # a parameter (SIM_RC_FAIL) ends the RC link
     rc_action: FailsafeAction
     setpoint_timeout_s: float
     setpoint_action: FailsafeAction
@@ -130,7 +130,7 @@ class FlightParameters:
     after_takeoff: Behaviour | None = None  # behaviour after the climb; None: hold in the take-off mode
     # Above home; from this height down to landing_slow_below_m the descent slows evenly.
     landing_slowing_below_m: float = 0.0
-    return_hover_height_m: float | None = None  # height of the wait above home; None: the travel height
+    return_hover_height_m: float | None = None  # of the wait, above the destination; None: travel height
     # Height above home at the end of a return, with remote control; None: landing.
     return_final_height_m: float | None = None
     zero_keeps_altitude: bool = False  # altitude 0 of a mission item is the present altitude
@@ -139,7 +139,7 @@ class FlightParameters:
     rally_includes_home: bool = True  # home replaces rally points that are farther away
     return_descends: bool = False  # descends to return_height_m from above
     gcs_only: bool = False  # the vehicle ignores messages of systems other than gcs_sysid
-    # (distance from home, height above home) [m] -> return height [m]; None: return_height_m.
+    # (distance from the destination, height above it) [m] -> return height [m]; None: return_height_m.
     return_height_at: Callable[[float, float], float] | None = None
     return_under_fence: bool = False  # limited by the fence's maximum altitude
     # distance beyond a limit at which the vehicle lands instead of the fence action

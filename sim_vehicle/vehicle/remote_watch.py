@@ -33,7 +33,7 @@ class RemoteWatch:
     def update(self, now: float) -> str | None:
         """Check the link; return the stage that begins now, and announce the end of a loss."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        silent = flight_parameters.rc_required or vehicle.injected_faults.rc_lost
+        silent = flight_parameters.rc_failed or vehicle.injected_faults.rc_lost
         if not (silent and flight_parameters.rc_watched):
             self._end_loss()
             return None

@@ -188,7 +188,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         battery_critical_share=_share(params, "BATT_CRT_MAH"),
         battery_critical_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN),
         battery_delay_s=params["BATT_LOW_TIMER"],
-        rc_required=params["SIM_RC_FAIL"] == 1,
+        rc_failed=params["SIM_RC_FAIL"] == 1,
         rc_watched=rc_action is not FailsafeAction.NOTHING,
         rc_action=rc_action,
         rc_action_in=_continuing_modes(fs_options, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
@@ -279,7 +279,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
             int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN
         ),
         battery_delay_s=params["BATT_LOW_TIMER"],
-        rc_required=params["SIM_RC_FAIL"] == 1,
+        rc_failed=params["SIM_RC_FAIL"] == 1,
         rc_watched=params["THR_FAILSAFE"] == 1,
         rc_action=long_action,
         rc_action_in=long_action_in,

@@ -115,7 +115,7 @@ def _common(params: Parameters) -> dict[str, object]:
         "battery_critical_share": params["BAT_EMERGEN_THR"],
         "battery_critical_action": _EMERGENCY_ACTIONS.get(low_battery_action, FailsafeAction.WARN),
         "battery_delay_s": 0.0,
-        "rc_required": False,
+        "rc_failed": False,
         "rc_lost_unarmed_counts": False,
         "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
         "rc_action_in": _continuing_modes(params),
