@@ -50,11 +50,13 @@ async def ask(
         bus, station, msgspec.structs.replace(command, after_s=FALLBACK_RETURN_S), signing
     )
     recalled = [v for v in held if v.outcome == "taken"]
-    turns = schedule_for({v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)})
+    places = {v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)}
+    turns = schedule_for(places)
     landed_s = turns.all_landed_s if len(turns.begins_s) == len(recalled) else math.inf
     extra_delay_s = 0.0
     if any(v.outcome == "unconfirmed" for v in held) and landed_s > FALLBACK_RETURN_S - (_now_s() - began_s):
-        extra_delay_s = FALLBACK_RETURN_S + _longest_return_s(recalled)
+        alone = [schedule_for({uav: place}).all_landed_s for uav, place in places.items()]
+        extra_delay_s = FALLBACK_RETURN_S + max(alone, default=FALLBACK_RETURN_S)
 
     async def give_turn(vehicle: VehicleAnswer) -> VehicleAnswer:
         # Vehicles at unknown positions return after the expected landings of the vehicles at known positions.
@@ -93,12 +95,6 @@ async def _send_repeatedly(
             if v.outcome != "silent":
                 answers[v.uav] = v
     return list(answers.values())
-
-
-def _longest_return_s(recalled: Sequence[VehicleAnswer]) -> float:
-    """Return the longest return [s] of the vehicles at known positions; without any, FALLBACK_RETURN_S."""
-    alone = [schedule_for({v.uav: v.place}).all_landed_s for v in recalled if v.place is not None]
-    return max(alone, default=FALLBACK_RETURN_S)
 
 
 def _with_unconfirmed_note(vehicle: VehicleAnswer, extra_delay_s: float) -> VehicleAnswer:
