@@ -1,6 +1,6 @@
 """One-shot messages, which a vehicle sends on request only.
 
-Each function takes the vehicle and param2 of the request, and returns the messages to send.
+The parameters of each function are the vehicle and param2 of the request. The result is the messages to send.
 """
 
 from collections.abc import Sequence

@@ -32,14 +32,14 @@ def as_float32(value: float) -> float:
 class Parameters:
     """Named numbers in the autopilot's units.
 
-    The list of names is fixed. A parameter with an int default is an integer.
+    The set of names is fixed. A parameter with an int default is an integer.
 
     Parameters
     ----------
     defaults: default values of the firmware.
     start: initial values of this vehicle, which become its defaults.
-    bits: widths of the integers that do not have 32 bits.
-    read_only: names with a fixed value; the answer to PARAM_SET is that value.
+    bits: widths of the integer parameters; 32 if absent.
+    read_only: names that PARAM_SET cannot change; the answer is the stored value.
     byte_wise: True: PX4's encoding; the float field has the four bytes of an integer, and a PARAM_SET of
         another type is ignored. False: ArduPilot's encoding; the field has the nearest float, and fractions
         are truncated.
@@ -80,13 +80,13 @@ class Parameters:
         return iter(self._values.items())
 
     def bits(self, name: str) -> int:
-        """Return the width of an integer parameter; 0 for a float."""
+        """Return the width of an integer parameter [bits]; 0 for a float."""
         return self._bits.get(name, DEFAULT_BITS) if isinstance(self._values[name], int) else 0
 
     def set(self, name: str, value: float) -> None:
-        """Set a parameter within its type and range; raise KeyError if the name is unknown.
+        """Set a parameter, limited to its type's range; raise KeyError if the name is unknown.
 
-        NaN and infinity change nothing.
+        A read-only name, NaN and infinity change nothing.
         """
         if name not in self._values:
             raise KeyError(name)
@@ -98,12 +98,12 @@ class Parameters:
         self._values[name] = self._stored_value(name, value)
 
     def _stored_value(self, name: str, value: float) -> float | int:
-        """Return a value converted to the parameter's type and limited to its range."""
+        """Return a value converted to the parameter's type and limited to the type's range."""
         bits = self.bits(name)
         if not bits:
             return as_float32(value)
-        whole = round(value) if self._byte_wise else int(value + math.copysign(TRUNCATION_OFFSET, value))
-        return min(max(whole, -(1 << bits - 1)), (1 << bits - 1) - 1)
+        integer = round(value) if self._byte_wise else int(value + math.copysign(TRUNCATION_OFFSET, value))
+        return min(max(integer, -(1 << bits - 1)), (1 << bits - 1) - 1)
 
     @property
     def listing(self) -> bool:
@@ -121,9 +121,9 @@ class Parameters:
         self._list_index = len(self._names)
 
     def receive(self, message: Any, send: Callable[[Any], None], now: float) -> str | None:
-        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; return the name that was set, or None.
+        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; ignore an unknown name.
 
-        A request for the list during its transfer restarts the transfer. The vehicle ignores an unknown name.
+        Return the name of an answered PARAM_SET, else None. A repeated PARAM_REQUEST_LIST restarts the list.
         """
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
@@ -162,7 +162,7 @@ class Parameters:
         return WIRE_TYPES.get(self.bits(name), int(mavlink.MAV_PARAM_TYPE_REAL32))
 
     def hash(self) -> int:
-        """Return the CRC-32 over names and values, for a comparison with a ground station's cache."""
+        """Return PX4's CRC-32 over names and values, for a comparison with a ground station's cache."""
         crc = 0xFFFFFFFF
         for name, value in self._values.items():
             packed = struct.pack("<i" if isinstance(value, int) else "<f", value)
@@ -174,7 +174,7 @@ class Parameters:
         return _BytesValue(HASH_NAME, bits, mavlink.MAV_PARAM_TYPE_UINT32, len(self._names), UNINDEXED)
 
     def value_message(self, index: int, *, named: bool = False) -> Any:
-        """Return PARAM_VALUE of an index; ArduPilot omits the index for a request by name (`named`)."""
+        """Return PARAM_VALUE of an index; ArduPilot omits the index in an answer by name (`named`)."""
         name = self._names[index]
         value = self._values[name]
         kind = self._wire_type(name)

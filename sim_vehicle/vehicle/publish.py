@@ -1,4 +1,4 @@
-"""One vehicle's row of the fleet's `Status`, the source of the vehicle's telemetry."""
+"""Writer of one vehicle's row in the fleet's `Status`, a source of telemetry."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -20,7 +20,7 @@ SENSORS = int(
 
 
 def publish(vehicle: Vehicle, now: float) -> None:
-    """Write all columns of one vehicle."""
+    """Write one vehicle's row, except for clock faults, threats, strikes and load."""
     status, i = vehicle.status, vehicle.index
     status.booted[i] = vehicle.booted
     status.boot_s[i] = vehicle.readiness.boot_s

@@ -24,9 +24,9 @@ class Rally:
         limit_m: float = math.inf,
         include_home: bool = True,
     ) -> Item | None:
-        """Return the nearest rally point within `limit_m`, or None for home.
+        """Return the nearest rally point closer than `limit_m`, or None for home.
 
-        include_home: points farther away than home are ignored.
+        include_home: only points closer than home count.
         """
         if include_home:
             limit_m = min(limit_m, distance_m(here_deg, home_deg))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from sim_vehicle.epoch import EPSILON_S
 
-# Times after the boot of a vehicle with `ready_s` 41 s; proportional for other values of `ready_s`.
+# Times after the boot [s] for `ready_s` = FULL_READY_S; proportional for other values of `ready_s`.
 FULL_READY_S = 41.0  # position estimate
 GPS_FIX_S = 10.0
 HOME_S = 20.0  # home and origin

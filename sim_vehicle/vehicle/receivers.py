@@ -1,4 +1,4 @@
-"""Handlers of all messages except those of the mission transfer and the storage."""
+"""Handlers of all messages except HEARTBEAT and those of the mission transfer and the storage."""
 
 from collections.abc import Callable
 from typing import Any
@@ -49,9 +49,8 @@ def _on_setup_signing(vehicle: Vehicle, message: Any, now: float) -> None:
 
 def _on_data_stream(vehicle: Vehicle, message: Any, now: float) -> None:
     rate_hz = message.req_message_rate if message.start_stop else 0
-    wanted = message.req_stream_id
     for stream, message_ids in vehicle.personality.streams.items():
-        if wanted in (mavlink.MAV_DATA_STREAM_ALL, stream):
+        if message.req_stream_id in (mavlink.MAV_DATA_STREAM_ALL, stream):
             for message_id in message_ids:
                 vehicle.rates.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
@@ -76,13 +75,13 @@ def _on_set_current(vehicle: Vehicle, message: Any, now: float) -> None:
 
 def _on_set_origin(vehicle: Vehicle, message: Any, now: float) -> None:
     lat_deg, lon_deg = message.latitude * 1e-7, message.longitude * 1e-7
-    moves = vehicle.personality.origin_moves
-    if moves and message.target_system != vehicle.sysid:
+    origin_moves = vehicle.personality.origin_moves
+    if origin_moves and message.target_system != vehicle.sysid:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
         return
-    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.home_and_rally.origin is None or moves):
+    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.home_and_rally.origin is None or origin_moves):
         vehicle.home_and_rally.set_origin(GeodeticPosition(lat_deg, lon_deg, message.altitude * 1e-3), now)
-    elif moves:
+    elif origin_moves:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
 
 

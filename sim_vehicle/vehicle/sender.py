@@ -1,4 +1,4 @@
-"""Sender of one vehicle: messages, the personality's texts, and acknowledgements under faults."""
+"""Sender of one vehicle: messages, the personality's texts, and delayed or lost acknowledgements."""
 
 import heapq
 import math
@@ -15,7 +15,11 @@ ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLIN
 
 
 class Sender:
-    """Sender of messages; `clock` returns the vehicle's time [s], `record` receives every STATUSTEXT."""
+    """Sender of messages.
+
+    clock: returns the simulated time [s].
+    record: receives the time [s], severity and text of every STATUSTEXT.
+    """
 
     def __init__(
         self,
@@ -55,7 +59,7 @@ class Sender:
         self._send(message)
 
     def send_text(self, severity: int, text: str) -> None:
-        """Send a text as STATUSTEXT; a text above TEXT_BYTES is sent in chunks with a common id."""
+        """Send a text as STATUSTEXT; split a text of more than TEXT_BYTES into chunks with a common id."""
         self._record(self._clock(), severity, text)
         data = text.encode()
         if len(data) <= TEXT_BYTES:
@@ -73,14 +77,14 @@ class Sender:
             self.send_text(severity, template.format(**values))
 
     def texts_for(self, event: str, **values: Any) -> list[str]:
-        """Return a list with the personality's text for an event; empty if the personality has no text."""
+        """Return a list with the personality's text for an event, or an empty list."""
         if event not in self._texts:
             return []
         return [self._texts[event][1].format(**values)]
 
-    def acknowledge(self, command: int, result: int, progress: int, sender: tuple[int, int]) -> None:
-        """Send COMMAND_ACK."""
-        self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *sender))
+    def acknowledge(self, command: int, result: int, progress: int, target: tuple[int, int]) -> None:
+        """Send COMMAND_ACK to `target` (system id, component id)."""
+        self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *target))
 
     def send_delayed(self, now: float) -> None:
         """Send the delayed acknowledgements due by `now` [s]."""

@@ -28,32 +28,32 @@ NEVER_S = -math.inf
 
 
 def _usable(message: Any) -> bool:
-    """Return True if the message has a known frame and a finite value; other messages are ignored."""
+    """Return True for an attitude, or for a known frame with a finite, unignored vector."""
     if message.get_type() == "SET_ATTITUDE_TARGET":
         return True
     is_global = message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
     if message.coordinate_frame not in (FRAMES_WITH_ALTITUDE if is_global else LOCAL_FRAMES):
         return False
-    place = (
+    position = (
         (message.lat_int, message.lon_int, message.alt) if is_global else (message.x, message.y, message.z)
     )
-    parts = (
-        (IGNORE_POSITION, place),
+    vectors = (
+        (IGNORE_POSITION, position),
         (IGNORE_VELOCITY, (message.vx, message.vy, message.vz)),
         (IGNORE_ACCELERATION, (message.afx, message.afy, message.afz)),
     )
     return any(
-        not message.type_mask & ignored and all(map(math.isfinite, values)) for ignored, values in parts
+        not message.type_mask & ignored and all(map(math.isfinite, values)) for ignored, values in vectors
     )
 
 
 class Setpoints:
-    """The latest set-point of one vehicle and its time."""
+    """The set-points of one vehicle and their expiry."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._last_received_s = NEVER_S
-        self._expires = False  # the current set-point expires if no further set-point arrives
+        self._expires = False  # the current set-point is not a position
         self._attitude = AttitudeSetpoints(vehicle)
 
     def reset(self) -> None:
@@ -62,12 +62,12 @@ class Setpoints:
         self._attitude.reset()
 
     def streaming(self, now: float) -> bool:
-        """Return True if the latest set-point is recent enough to enter a mode that needs set-points."""
+        """Return True if the latest set-point is younger than `setpoint_timeout_s`."""
         return now - self._last_received_s < self._vehicle.flight_parameters.setpoint_timeout_s
 
     @property
     def next_deadline_s(self) -> float:
-        """Time at which the set-point (in a `setpoints_only` mode: the stream) expires [s]; inf: never."""
+        """Time at which the set-point, or a required stream of set-points, expires [s]; inf: never."""
         vehicle = self._vehicle
         expires = vehicle.flight.flying if vehicle.mode.setpoints_only else self._expires
         return self._last_received_s + vehicle.flight_parameters.setpoint_timeout_s if expires else math.inf
@@ -129,27 +129,27 @@ class Setpoints:
         self._vehicle.body.face(self._yaw_rad(message))
 
     def _local_m(self, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Convert north/forward, east/right, down in `frame` to east, north, up in the fleet's frame [m]."""
+        """Convert x, y, z in `frame` to east, north, up in the fleet's frame [m]."""
         body = self._vehicle.body
         if frame in BODY_FRAMES:
-            x, y = self._turned(x, y)
+            x, y = self._north_east(x, y)
         if frame == mavlink.MAV_FRAME_LOCAL_NED:
             east_m, north_m, up_m = self._vehicle.home_and_rally.origin_m
         else:
             east_m, north_m, up_m = body.position_m
         return east_m + y, north_m + x, up_m - z
 
-    def _turned(self, forward: float, right: float) -> tuple[float, float]:
-        heading = self._vehicle.body.heading_rad
-        north = forward * math.cos(heading) - right * math.sin(heading)
-        return north, forward * math.sin(heading) + right * math.cos(heading)
+    def _north_east(self, forward: float, right: float) -> tuple[float, float]:
+        heading_rad = self._vehicle.body.heading_rad
+        north = forward * math.cos(heading_rad) - right * math.sin(heading_rad)
+        return north, forward * math.sin(heading_rad) + right * math.cos(heading_rad)
 
     def _velocity(self, message: Any) -> None:
         north, east, down = message.vx, message.vy, message.vz
         if not all(math.isfinite(v) for v in (north, east, down)):
             return
         if message.coordinate_frame in BODY_FRAMES:
-            north, east = self._turned(north, east)
+            north, east = self._north_east(north, east)
         self._move((east, north, -down), message)
 
     def _move(self, velocity_m_s: tuple[float, float, float], message: Any) -> None:
@@ -158,26 +158,26 @@ class Setpoints:
         self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _acceleration(self, message: Any, since_s: float) -> None:
-        """Apply an acceleration as the tilt of a copter, or integrated as the velocity of a plane."""
+        """Apply an acceleration: a copter tilts and climbs or sinks, a plane follows the integrated velocity."""
         north, east, down = message.afx, message.afy, message.afz
         if not all(math.isfinite(a) for a in (north, east, down)):
             return
         if message.coordinate_frame in BODY_FRAMES:
-            north, east = self._turned(north, east)
+            north, east = self._north_east(north, east)
         body = self._vehicle.body
         duration_s = since_s if since_s < self._vehicle.flight_parameters.setpoint_timeout_s else 0.0
         velocity_m_s = body.velocity_m_s
         climb_m_s = velocity_m_s[2] - down * duration_s
         if body.plane:
-            moved = (velocity_m_s[0] + east * duration_s, velocity_m_s[1] + north * duration_s, climb_m_s)
-            self._move(moved, message)
+            horizontal_m_s = (velocity_m_s[0] + east * duration_s, velocity_m_s[1] + north * duration_s)
+            self._move((*horizontal_m_s, climb_m_s), message)
             return
         self._expires, self._vehicle.flight.taking_off = True, False
         yaw_rad, rate_rad_s = self._turning(message)
         body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _turning(self, message: Any) -> tuple[float | None, float | None]:
-        """Return the commanded yaw from north [rad] and yaw rate [rad/s]; None: no command."""
+        """Return the commanded yaw from north [rad] and the commanded yaw rate [rad/s], each or None."""
         ignored = message.type_mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate)
         return self._yaw_rad(message), None if ignored else message.yaw_rate
 

@@ -26,7 +26,7 @@ LOGGED_FAILSAFES = (
 
 
 class _LoggedState(NamedTuple):
-    """Vehicle state; its changes go into the log."""
+    """Vehicle state; the log records its changes."""
 
     armed: bool = False
     mode: int = -1
@@ -70,8 +70,8 @@ class Storage:
             send_text=vehicle.send_text,
             armed=lambda: vehicle.armed,
         )
-        self._seen = _LoggedState()
-        self._flown = False  # armed and disarmed since the boot
+        self._logged = _LoggedState()
+        self._disarmed_since_boot = False
 
     # -- serving -----------------------------------------------------------------------------------------
 
@@ -97,7 +97,7 @@ class Storage:
     def reboot(self, now: float) -> None:
         """End the log and forget transfers; files and logs stay."""
         self.recorder.end(now)
-        self._flown = False
+        self._disarmed_since_boot = False
         self._ftp.reset()
         self._transfer.reset()
 
@@ -108,13 +108,13 @@ class Storage:
         self._begin_if_required(now)
         if not self.recorder.recording:
             return
-        seen = _logged_state(self._vehicle)
-        if seen != self._seen:
+        state = _logged_state(self._vehicle)
+        if state != self._logged:
             log = self.recorder.log_for_event(now)
             if log is not None:
-                self._log_changes(log, now, seen)
-            self._flown = self._flown or (self._seen.armed and not seen.armed)
-            self._seen = seen
+                self._log_changes(log, now, state)
+            self._disarmed_since_boot |= self._logged.armed and not state.armed
+            self._logged = state
         if not self._recording_required():
             self.recorder.end(now)
 
@@ -127,14 +127,15 @@ class Storage:
         when = vehicle.flight_parameters.logs
         if when is LogWhen.NEVER or not (vehicle.booted and self.recorder.enabled):
             return False
-        return vehicle.armed or when is LogWhen.ALWAYS or (when is LogWhen.FROM_BOOT and not self._flown)
+        from_boot = when is LogWhen.FROM_BOOT and not self._disarmed_since_boot
+        return vehicle.armed or when is LogWhen.ALWAYS or from_boot
 
     def sample(self, now: float, sample: Sample) -> None:
         """Record the vehicle's state at `now` [s]; called when `recorder.due`."""
         self.recorder.sample(now, sample)
 
     def text(self, now: float, severity: int, text: str) -> None:
-        """Record a STATUSTEXT, including the texts of arming and disarming."""
+        """Record a STATUSTEXT; begin a log first if required."""
         self._begin_if_required(now)
         log = self.recorder.log_for_event(now)
         if log is not None:
@@ -146,11 +147,11 @@ class Storage:
         if log is not None:
             log.parameter(now, name, self._vehicle.params[name])
 
-    def strike(self, now: float, over: tuple[int, int], by: tuple[int, int]) -> None:
-        """Record a hit by a hostile."""
+    def strike(self, now: float, vehicle_cell: tuple[int, int], hostile_cell: tuple[int, int]) -> None:
+        """Record a hit by a hostile, with the cells (row, column) of vehicle and hostile."""
         log = self.recorder.log_for_event(now)
         if log is not None:
-            log.strike(now, self._vehicle.strikes, over, by)
+            log.strike(now, self._vehicle.strikes, vehicle_cell, hostile_cell)
 
     def _begin(self, now: float) -> None:
         vehicle, personality = self._vehicle, self._vehicle.personality
@@ -166,24 +167,24 @@ class Storage:
                 mode=vehicle.mode.number,
             ),
         )
-        self._seen = _LoggedState(mode=vehicle.mode.number, airborne=vehicle.body.airborne)
+        self._logged = _LoggedState(mode=vehicle.mode.number, airborne=vehicle.body.airborne)
 
-    def _log_changes(self, log: FlightLog, now: float, seen: _LoggedState) -> None:
-        before, mission = self._seen, self._vehicle.mission
-        if seen.origin is not None and seen.origin != before.origin:
-            log.origin(now, *_coordinates(seen.origin))
-        if seen.home is not None and seen.home != before.home:
-            log.home(now, *_coordinates(seen.home))
-        if seen.armed != before.armed:
-            log.armed(now, seen.armed)
-        if seen.mode != before.mode:
-            log.mode(now, seen.mode)
-        if seen.airborne != before.airborne:
-            log.landed(now, not seen.airborne)
-        for kind, is_active, was_active in zip(LOGGED_FAILSAFES, seen.failed, before.failed, strict=True):
+    def _log_changes(self, log: FlightLog, now: float, state: _LoggedState) -> None:
+        before, mission = self._logged, self._vehicle.mission
+        if state.origin is not None and state.origin != before.origin:
+            log.origin(now, *_coordinates(state.origin))
+        if state.home is not None and state.home != before.home:
+            log.home(now, *_coordinates(state.home))
+        if state.armed != before.armed:
+            log.armed(now, state.armed)
+        if state.mode != before.mode:
+            log.mode(now, state.mode)
+        if state.airborne != before.airborne:
+            log.landed(now, not state.airborne)
+        for kind, is_active, was_active in zip(LOGGED_FAILSAFES, state.failed, before.failed, strict=True):
             if is_active != was_active:
                 log.failsafe(now, kind, is_active)
-        item = seen.mission_item
+        item = state.mission_item
         if item is not None and item != before.mission_item and item < mission.count:
             log.command(now, item, mission.count, mission.item(item))
 
