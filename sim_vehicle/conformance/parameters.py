@@ -24,7 +24,7 @@ _FORMATS = {
     mavlink.MAV_PARAM_TYPE_INT32: "i",
     mavlink.MAV_PARAM_TYPE_REAL32: "f",
 }
-WHOLE_RANGES = {  # of integer types
+INTEGER_RANGES = {
     mavlink.MAV_PARAM_TYPE_UINT8: (0, 255),
     mavlink.MAV_PARAM_TYPE_INT8: (-128, 127),
     mavlink.MAV_PARAM_TYPE_UINT16: (0, 65_535),
@@ -54,7 +54,7 @@ def byte_wise(vehicle: VehicleUnderTest) -> bool:
 
 def decode(vehicle: VehicleUnderTest, message: Any) -> ParameterValue:
     raw, kind = message.param_value, message.param_type
-    if byte_wise(vehicle) and kind in WHOLE_RANGES:
+    if byte_wise(vehicle) and kind in INTEGER_RANGES:
         size = struct.calcsize(_FORMATS[kind])
         raw = struct.unpack(f"<{_FORMATS[kind]}", struct.pack("<f", raw)[:size])[0]
     return ParameterValue(message.param_id, raw, kind, message.param_index, message.param_count)
@@ -63,7 +63,7 @@ def decode(vehicle: VehicleUnderTest, message: Any) -> ParameterValue:
 def set_message(vehicle: VehicleUnderTest, name: str, value: float, kind: int) -> Any:
     """Return PARAM_SET in the encoding of the vehicle."""
     wire = value
-    if byte_wise(vehicle) and kind in WHOLE_RANGES:
+    if byte_wise(vehicle) and kind in INTEGER_RANGES:
         packed = struct.pack(f"<{_FORMATS[kind]}", int(value)).ljust(4, b"\0")
         wire = struct.unpack("<f", packed)[0]
     return mavlink.MAVLink_param_set_message(*vehicle.target, name.encode(), wire, kind)

@@ -39,8 +39,8 @@ def flies_every_item(vehicle: VehicleUnderTest) -> str:
     holds(off_m < 4, f"the vehicle landed {off_m:.1f} m from the last waypoint")
     reached = [m.seq for m in vehicle.since(mark, "MISSION_ITEM_REACHED")]
     first = missions.first_waypoint(vehicle)
-    wanted = set(range(first, first + len(missions.CORNERS)))
-    holds(wanted <= set(reached), f"expected MISSION_ITEM_REACHED {sorted(wanted)}, saw {reached}")
+    waypoints = set(range(first, first + len(missions.CORNERS)))
+    holds(waypoints <= set(reached), f"expected MISSION_ITEM_REACHED {sorted(waypoints)}, saw {reached}")
     equal(reached, sorted(reached), "order of MISSION_ITEM_REACHED")
     return f"{took_s:.0f} s, reached {reached}"
 

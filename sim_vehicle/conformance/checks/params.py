@@ -15,12 +15,13 @@ NO_SUCH = "NO_SUCH_PARAM"
 SILENT_S = 1.5  # a request without an answer for this time counts as unanswered
 
 
-def _whole(vehicle: VehicleUnderTest) -> tuple[str, int]:
-    name, value = parameters.harmless_change(vehicle, vehicle.dialect.whole_parameters)
+def _integer_change(vehicle: VehicleUnderTest) -> tuple[str, int]:
+    """Return name and new value of an integer parameter that is safe to change."""
+    name, value = parameters.harmless_change(vehicle, vehicle.dialect.integer_parameters)
     return name, int(value)
 
 
-def _real(vehicle: VehicleUnderTest) -> tuple[str, float]:
+def _real_change(vehicle: VehicleUnderTest) -> tuple[str, float]:
     return parameters.harmless_change(vehicle, vehicle.dialect.real_parameters)
 
 
@@ -60,7 +61,7 @@ def names_are_valid(vehicle: VehicleUnderTest) -> str:
 def types_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every type is a MAV_PARAM_TYPE of at most 32 bits; on PX4, INT32 or REAL32."""
     types = {found.type for found in parameters.listed(vehicle).values()}
-    allowed = {*parameters.WHOLE_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
+    allowed = {*parameters.INTEGER_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
     if vehicle.dialect.name == "px4":
         allowed = {mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32}
     holds(types <= allowed, f"expected types of {sorted(allowed)}, saw {sorted(types - allowed)}")
@@ -71,9 +72,9 @@ def types_are_valid(vehicle: VehicleUnderTest) -> str:
 def values_fit_types(vehicle: VehicleUnderTest) -> str:
     """An integer parameter has a whole value within the range of its type; no value is NaN."""
     for found in parameters.listed(vehicle).values():
-        low, high = parameters.WHOLE_RANGES.get(found.type, (-math.inf, math.inf))
-        whole = found.type not in parameters.WHOLE_RANGES or float(found.value).is_integer()
-        holds(whole and low <= found.value <= high, f"{found.name} of type {found.type} is {found.value}")
+        low, high = parameters.INTEGER_RANGES.get(found.type, (-math.inf, math.inf))
+        valid = found.type not in parameters.INTEGER_RANGES or float(found.value).is_integer()
+        holds(valid and low <= found.value <= high, f"{found.name} of type {found.type} is {found.value}")
     return f"{len(vehicle.catalogue)} values"
 
 
@@ -165,7 +166,7 @@ def ignores_read_for_other_system(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.is_acknowledged")
 def set_acknowledged(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers PARAM_SET with the new value in PARAM_VALUE."""
-    name, value = _whole(vehicle)
+    name, value = _integer_change(vehicle)
     with parameters.changed(vehicle, name, value) as answer:
         equal(answer.value, value, name)
     return f"{name} = {value}"
@@ -174,7 +175,7 @@ def set_acknowledged(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.is_kept")
 def set_kept(vehicle: VehicleUnderTest) -> str:
     """A new value is read back, and the old value can be restored."""
-    name, value = _whole(vehicle)
+    name, value = _integer_change(vehicle)
     before = parameters.read(vehicle, name).value
     with parameters.changed(vehicle, name, value):
         equal(parameters.read(vehicle, name).value, value, name)
@@ -185,7 +186,7 @@ def set_kept(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.fraction")
 def set_fraction(vehicle: VehicleUnderTest) -> str:
     """A real parameter keeps its fraction in single precision."""
-    name, value = _real(vehicle)
+    name, value = _real_change(vehicle)
     with parameters.changed(vehicle, name, value):
         near(
             parameters.read(vehicle, name).value, struct.unpack("<f", struct.pack("<f", value))[0], 0.0, name
@@ -196,7 +197,7 @@ def set_fraction(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.same_value")
 def set_same(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with the current value is acknowledged."""
-    name, _ = _whole(vehicle)
+    name, _ = _integer_change(vehicle)
     found = parameters.read(vehicle, name)
     equal(parameters.write(vehicle, name, found.value, found.type).value, found.value, name)
     return f"{name} = {found.value:g}"
@@ -205,7 +206,7 @@ def set_same(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.repeated")
 def set_repeated(vehicle: VehicleUnderTest) -> str:
     """A repeated PARAM_SET, as after a lost answer, is acknowledged again."""
-    name, value = _whole(vehicle)
+    name, value = _integer_change(vehicle)
     with parameters.changed(vehicle, name, value):
         again = parameters.write(vehicle, name, value, parameters.read(vehicle, name).type)
         equal(again.value, value, name)
@@ -224,7 +225,7 @@ def set_unknown(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.nan_is_refused", dialects=("ardupilot",))
 def set_nan(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with NaN does not change the value."""
-    name, _ = _real(vehicle)
+    name, _ = _real_change(vehicle)
     with parameters.restored(vehicle, name) as before:
         vehicle.send(parameters.set_message(vehicle, name, math.nan, before.type))
         vehicle.wait(0.5)
@@ -237,8 +238,8 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
     """An integer parameter stays whole after PARAM_SET with a fraction."""
     if parameters.byte_wise(vehicle):
         raise Skip("integers are sent as their bytes, which have no fraction")
-    name, value = _whole(vehicle)
-    if parameters.read(vehicle, name).type not in parameters.WHOLE_RANGES:
+    name, value = _integer_change(vehicle)
+    if parameters.read(vehicle, name).type not in parameters.INTEGER_RANGES:
         raise Skip(f"{name} is no integer parameter of this vehicle")
     with parameters.changed(vehicle, name, value + 0.7):
         seen = parameters.read(vehicle, name).value
@@ -250,7 +251,7 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
 def set_wrong_type(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with another type is accepted by ArduPilot and refused by PX4."""
     accepts = known_behaviour(vehicle, ardupilot=True, px4=False)
-    name, value = _whole(vehicle)
+    name, value = _integer_change(vehicle)
     with parameters.restored(vehicle, name) as before:
         vehicle.send(parameters.set_message(vehicle, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
         vehicle.wait(0.5)

@@ -222,8 +222,8 @@ def estimator(vehicle: VehicleUnderTest) -> str:
     flying.wait_ready(vehicle)
     kind = "EKF_STATUS_REPORT" if vehicle.dialect.name == "ardupilot" else "ESTIMATOR_STATUS"
     flags = vehicle.request(kind).flags
-    wanted = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
-    equal(flags & wanted, wanted, f"{kind} flags {flags:#x} of attitude and position")
+    needed = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
+    equal(flags & needed, needed, f"{kind} flags {flags:#x} of attitude and position")
     return f"{kind} {flags:#x}"
 
 
