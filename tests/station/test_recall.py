@@ -126,11 +126,9 @@ def test_an_impossible_position_counts_as_unknown(
 
 
 def test_an_impossible_position_gives_no_duration_of_a_return() -> None:
-    agents = Agents(
-        {1: place(), 2: msgspec.structs.replace(place(), speed_m_s=0.0), 3: None}, lambda uav, _: uav != 3
-    )
+    agents = Agents({1: msgspec.structs.replace(place(), speed_m_s=0.0), 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
-    assert FALLBACK_RETURN_S < agents.last(1) < 2.0 * FALLBACK_RETURN_S + 1000.0
+    assert agents.last(1) >= 2.0 * FALLBACK_RETURN_S
 
 
 def test_a_silent_agent_does_not_delay_the_others() -> None:
