@@ -232,5 +232,5 @@ def command(
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:
     """Release the vehicle to another operator: the agent sends no further commands of its own."""
-    outcome = f"{why}; this program commands the vehicle no more"
+    outcome = f"{why}; the program no longer commands it"
     return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=outcome), [ev.Release()]

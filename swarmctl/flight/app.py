@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from swarmctl.agent.state import AgentState
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.bus import external_observations
 from swarmctl.bus.network import Network, RunClock
@@ -163,6 +163,7 @@ class _Run:
             if simulator_failed and m.spec.simulated
             else describe_final_state(m)
             for m in self.members
+            if m.state.outcome != ARRIVED
         )
         content = self._summary(states) if states else {}
         trouble = tuple(self.trouble)

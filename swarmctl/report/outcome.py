@@ -20,7 +20,7 @@ class Report:
     trouble: tuple[str, ...]
     """lines about errors of the run, and about output files that ended early"""
     final_states: tuple[str, ...]
-    """a line for each vehicle"""
+    """a line for each vehicle that has not arrived"""
     states: dict[int, AgentState]
     statistics: FlightStatistics
     summary: dict[str, Any]

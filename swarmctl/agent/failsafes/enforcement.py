@@ -48,7 +48,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     if strongest is not None and strongest.kind is DemandKind.RELEASE:
         return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
-        ev.NotifyOperator(f"the cause of this warning has gone {_code(active)}")
+        ev.NotifyOperator(f"this warning no longer applies {_code(active)}")
         for active, previous, demand in zip(state.task.rules, before, demands, strict=True)
         if previous is not None and previous.kind is DemandKind.WARN and demand is None
     ]
