@@ -1,6 +1,6 @@
-"""Remote control failsafe of one vehicle: a loss has a long stage and, with `rc_short_action`, a short stage.
+"""Remote control failsafe of one vehicle: with `rc_short_action`, a short stage precedes the long stage.
 
-When the remote control returns, only the mode change of the short stage is undone.
+The end of a loss undoes only the mode change of the short stage.
 """
 
 import math
@@ -16,10 +16,10 @@ class RemoteWatch:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self.lost = False
-        self._since_s = math.inf
+        self.lost = False  # no frame for rc_timeout_s
+        self._since_s = math.inf  # start of the time without frames; inf: frames arrive
         self._loss_counts = True  # the failsafe acts on the present loss
-        self._stage: str | None = None
+        self._stage: str | None = None  # SHORT or LONG, once begun
         self._long_due_s = math.inf
         self._mode_before, self._mode_after = 0, 0
 
@@ -31,10 +31,10 @@ class RemoteWatch:
         return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc_timeout_s
 
     def update(self, now: float) -> str | None:
-        """Check the link; return the stage that begins now, and announce the end of a loss."""
+        """Check the link; return the stage that begins now, or None. Announce the end of a loss."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        silent = flight_parameters.rc_failed or vehicle.injected_faults.rc_lost
-        if not (silent and flight_parameters.rc_watched):
+        no_frames = flight_parameters.rc_failed or vehicle.injected_faults.rc_lost
+        if not (no_frames and flight_parameters.rc_watched):
             self._end_loss()
             return None
         if math.isinf(self._since_s):
@@ -54,7 +54,7 @@ class RemoteWatch:
         return None
 
     def record_mode_change(self, before: int, after: int) -> None:
-        """Record the mode change of the short stage; the end of the loss undoes this change."""
+        """Record the mode change of the short stage, by mode numbers, for the end of the loss."""
         self._mode_before, self._mode_after = before, after
 
     def _end_loss(self) -> None:

@@ -158,7 +158,7 @@ class Setpoints:
         self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _acceleration(self, message: Any, since_s: float) -> None:
-        """Apply an acceleration: a copter tilts and climbs or sinks, a plane follows the integrated velocity."""
+        """Apply an acceleration: a copter tilts and climbs or sinks, a plane integrates the velocity."""
         north, east, down = message.afx, message.afy, message.afz
         if not all(math.isfinite(a) for a in (north, east, down)):
             return

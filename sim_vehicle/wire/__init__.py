@@ -1,1 +1,1 @@
-"""Columns and messages to frames and back: encoding, streams, telemetry, signing, impaired links. Pure."""
+"""MAVLink frames of a fleet: encoding, parsing, streams, telemetry, signing, impaired links; no I/O."""

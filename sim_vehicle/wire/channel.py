@@ -1,7 +1,7 @@
 """The impaired link between one vehicle and its ground stations.
 
-Frames pass a list of stages, which can drop, delay, copy or corrupt frames, and leave at their due times. A
-vehicle with an unimpaired link has no channel.
+Frames pass a list of stages and leave the channel at their due times. A stage can drop, delay, copy or
+corrupt frames. A vehicle with an unimpaired link has no channel.
 """
 
 import heapq
@@ -75,7 +75,7 @@ class Channel:
             self.inject(direction, output, due_s)
 
     def inject(self, direction: Direction, frame: bytes, due_s: float) -> None:
-        """Add a frame that skips the stages and arrives at `due_s` [s], such as a radio's RADIO_STATUS."""
+        """Add a frame that skips the stages, such as RADIO_STATUS, and arrives at `due_s` [s]."""
         heapq.heappush(self._lanes[direction].in_transit, (due_s, next(self._order), frame))
 
     def take(self, direction: Direction, now: float) -> TimedFrames:
@@ -94,5 +94,5 @@ class Channel:
 
     @property
     def idle(self) -> bool:
-        """True if the channel has no stages and no frames in transit, so that it can be removed."""
+        """True if the channel has no stages and no frames in transit."""
         return not any(lane.stages or lane.in_transit for lane in self._lanes.values())

@@ -34,7 +34,7 @@ _NUMPY_TYPES = {
     "double": "<f8",
     "uint8_t_mavlink_version": "u1",
 }
-# Limits of integer fields, as floats that convert back without an overflow.
+# Smallest and largest float that each integer type can hold.
 _LIMITS = {
     np.dtype(kind).str: (float(np.iinfo(kind).min), np.nextafter(float(np.iinfo(kind).max) + 1, 0))
     for kind in (np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64)
@@ -85,8 +85,8 @@ class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
 def pack_payloads(layout: Layout, n: int, columns: Mapping[str, Any]) -> Payloads:
     """Return the payloads of `n` vehicles; fields without a column are 0.
 
-    A column is a scalar or an array, (n,) or (n, length). Numbers for integer fields are rounded and limited
-    to the field's range. NaN becomes 0 in an integer field.
+    A column is a scalar or an array, (n,) or (n, length). Floats for an integer field are rounded and limited
+    to the field's range; NaN becomes 0.
     """
     payloads = np.zeros(n, layout.dtype)
     for name, values in columns.items():

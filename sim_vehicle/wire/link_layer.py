@@ -18,7 +18,7 @@ class LinkLayer:
     ----------
     signings: the signing state of each vehicle.
     links: the link number of each vehicle.
-    trusted_links: numbers of the links that require no signatures, like an autopilot's USB.
+    trusted_links: numbers of the links that require no signatures, as an autopilot's USB does.
     """
 
     def __init__(

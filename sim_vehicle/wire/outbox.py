@@ -23,33 +23,33 @@ class Outbox:
         self._frames: Frames = []
 
     def take(self) -> Frames:
-        """Return and forget the frames since the last call."""
+        """Return and forget the queued frames."""
         frames, self._frames = self._frames, []
         return frames
 
     def message(self, vehicle: int, message: Any) -> None:
-        """Pack one message of one vehicle."""
+        """Queue one message of one vehicle."""
         self._frames.append((vehicle, self._encoder.pack(vehicle, message)))
 
     def raw(self, vehicle: int, data: bytes) -> None:
-        """Append bytes that are not a MAVLink frame, such as a boot text."""
+        """Queue bytes that are not a MAVLink frame, such as a boot text."""
         self._frames.append((vehicle, data))
 
     def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Pack one message of STREAMS; return False if the vehicle has no data for the message yet."""
+        """Queue one message of STREAMS; return False if the vehicle has no data for the message."""
         return self._send(message_id, np.array([vehicle]), now) == 1
 
     def stream(self, streams: Streams, now: float) -> None:
-        """Pack all due messages of all vehicles."""
+        """Queue all due messages of all booted vehicles."""
         for message_id, vehicles in streams.due(now):
             self._send(message_id, vehicles[self._status.booted[vehicles]], now)
 
     def _send(self, message_id: int, vehicles: npt.NDArray[np.int64], now: float) -> int:
         stream = STREAMS[message_id]
         view = View(self._world, self._status, vehicles, now)
-        has = stream.has(view)
-        if not has.all():
-            view.i = vehicles = vehicles[has]
+        has_data = stream.has_data(view)
+        if not has_data.all():
+            view.i = vehicles = vehicles[has_data]
         if len(vehicles):
             frames = self._encoder.frames(stream.layout, stream.payloads(view), vehicles)
             self._frames.extend(zip(vehicles.tolist(), frames, strict=True))

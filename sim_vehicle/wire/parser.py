@@ -1,4 +1,4 @@
-"""Parser of the bytes of one stream."""
+"""Parser of one byte stream."""
 
 import struct
 from typing import Any
@@ -14,7 +14,10 @@ _UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
 
 
 class Parser:
-    """Parser of a stream in pieces of any length; unreadable parts become BAD_DATA or UNKNOWN_n."""
+    """Parser of a stream in pieces of any length.
+
+    Unreadable bytes become BAD_DATA, messages with an unknown id n UNKNOWN_n.
+    """
 
     def __init__(self) -> None:
         self._codec = mavlink.MAVLink(None)

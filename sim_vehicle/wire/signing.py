@@ -20,10 +20,9 @@ NO_KEY = bytes(32)
 
 
 def _crc_changes() -> list[int]:
-    """Return the change of a checksum by the bit SIGNED, indexed by the number of bytes after that flag.
+    """Return the change of a checksum by the bit SIGNED, indexed by the number of bytes after its byte.
 
-    The checksum is linear, so the effect of a changed bit depends only on its place. The CRC_EXTRA of the
-    message need not be known.
+    The checksum is linear, so the change depends only on the bit's place. CRC_EXTRA need not be known.
     """
     changes = []
     crc, byte = 0, SIGNED
@@ -40,7 +39,7 @@ CRC_CHANGES = _crc_changes()
 
 
 class Signing:
-    """One vehicle's key, time stamps and known streams; without a key every frame passes unchanged."""
+    """One vehicle's key, time stamps and known streams; without a key, signing is off."""
 
     def __init__(self) -> None:
         self._key: bytes | None = None
@@ -51,13 +50,13 @@ class Signing:
 
     @property
     def active(self) -> bool:
-        """True while a key is set: sent messages are signed, received messages need a signature."""
+        """True while a key is set."""
         return self._key is not None
 
     def set_key(self, key: bytes, timestamp: int, now: float) -> None:
-        """Set a key of 32 bytes and the present time stamp [10 us]; a zero key at time 0 ends signing.
+        """Set a key of 32 bytes and the present time stamp [10 us]; both zero: end signing.
 
-        Only the lower 48 bits of the time stamp are used.
+        The lower 48 bits of the time stamp count. Raise ValueError if the key has another length.
         """
         if len(key) != len(NO_KEY):
             raise ValueError(f"a signing key has {len(NO_KEY)} bytes, found {len(key)}")
@@ -67,7 +66,7 @@ class Signing:
         self._timestamp_at_zero = timestamp - int(now * TICKS_PER_S)
 
     def set_up(self, message: Any, now: float, *, armed: bool) -> bool:
-        """Process SETUP_SIGNING; return False and keep the key while the vehicle is armed."""
+        """Process SETUP_SIGNING; return False without a change if the vehicle is armed."""
         if not armed:
             self.set_key(bytes(message.secret_key), message.initial_timestamp, now)
         return not armed
@@ -80,10 +79,10 @@ class Signing:
         """Return an unsigned MAVLink 2 frame with a signature, or any other frame unchanged."""
         if self._key is None or not _is_unsigned_mavlink2(frame):
             return frame
-        # The time stamp stays at its limit; receivers reject all later messages of the vehicle.
+        # A time stamp at its limit stays there, so receivers reject all later messages of the vehicle.
         self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
-        crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flag: CRC_EXTRA in place of the checksum
+        crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flag's byte, CRC_EXTRA in place of the checksum
         covered = b"".join(
             (
                 frame[:2],
@@ -96,7 +95,7 @@ class Signing:
         return covered + self._hash(covered)
 
     def accepts(self, frame: bytes, now: float) -> bool:
-        """Return True if a vehicle may obey a frame with a valid checksum, received at `now` [s]."""
+        """Return True if a vehicle may obey a frame; the caller has verified the checksum."""
         if self._key is None:
             return True
         signed = frame[0] == MAVLINK2 and bool(frame[2] & SIGNED)
@@ -111,8 +110,8 @@ class Signing:
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
         if last is None:
-            own = max(self._timestamp, self._clock(now))
-            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE_TICKS < own:
+            present = max(self._timestamp, self._clock(now))
+            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE_TICKS < present:
                 return False
         elif timestamp <= last:
             return False

@@ -1,4 +1,4 @@
-"""State of the autopilots as arrays over the fleet: all columns of telemetry except physics."""
+"""State of the autopilots as arrays over the fleet: the columns of telemetry without physics."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 
 class Status:
-    """Columns over n vehicles; each vehicle writes its own row (`publish.publish`) after changes."""
+    """Columns over n vehicles; `publish.publish` writes most columns of a vehicle's row."""
 
     def __init__(self, n: int) -> None:
         def column(kind: str, value: float = 0) -> npt.NDArray[Any]:
@@ -27,11 +27,11 @@ class Status:
         self.system_status = column("u1")
         self.standard_mode = column("u1")
         # SYS_STATUS
-        self.sensors = column("u4")  # present
+        self.sensors = column("u4")  # present sensors
         self.sensors_enabled = column("u4")
         self.health = column("u4")
         # state of the vehicle
-        self.gps_seen = column("?")  # a GPS fix since the boot
+        self.gps_seen = column("?")  # the first GPS fix after the boot is due
         self.position_known = column("?")
         self.armed_since_s = column("f8", np.nan)  # nan: not armed
         self.flying_since_s = column("f8", np.nan)  # latest take-off since arming; nan: none

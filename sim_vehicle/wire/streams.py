@@ -31,7 +31,7 @@ class Streams:
     def set_interval(
         self, vehicle: int, message_id: int, interval_s: float, now: float, *, first_s: float | None = None
     ) -> None:
-        """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops the stream.
+        """Send `message_id` every `interval_s` [s]; 0 or less stops the stream.
 
         first_s: time of the first message [s]; None: one interval after `now`.
         Raise KeyError if STREAMS lacks the message.
@@ -77,20 +77,19 @@ class Rates:
     ) -> None:
         self._streams, self._vehicle, self._unsupported = streams, vehicle, unsupported
         self._default_hz = {**default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
-        # since the boot, strike messages have begun or a ground station has set their rate
-        self._strikes_decided = False
+        self._strikes_configured = False  # strike messages have begun, or a ground station has set their rate
 
     def can_stream(self, message_id: int) -> bool:
         """Return True if this autopilot can stream a message."""
         return message_id in STREAMS and message_id not in self._unsupported
 
     def set(self, message_id: int, interval_s: float, now: float) -> None:
-        """Set an interval; the first stream after a boot also starts the strike messages."""
+        """Set an interval [s]; the first stream set after a boot also starts the strike messages."""
         self._streams.set_interval(self._vehicle, message_id, interval_s, now)
         if message_id == STRIKES:
-            self._strikes_decided = True
-        elif interval_s > 0 and not self._strikes_decided:
-            self._strikes_decided = True
+            self._strikes_configured = True
+        elif interval_s > 0 and not self._strikes_configured:
+            self._strikes_configured = True
             if self.interval_s(STRIKES) is None:
                 self._streams.set_interval(self._vehicle, STRIKES, STRIKES_INTERVAL_S, now)
 
@@ -106,6 +105,6 @@ class Rates:
     def boot(self, now: float, first_s: float) -> None:
         """Reset to the default streams, from `first_s` [s] on."""
         self._streams.clear(self._vehicle)
-        self._strikes_decided = False
+        self._strikes_configured = False
         for message_id, rate_hz in self._default_hz.items():
             self._streams.set_interval(self._vehicle, message_id, 1.0 / rate_hz, now, first_s=first_s)

@@ -1,8 +1,8 @@
 """The mission protocol of ArduPilot: three independent servers.
 
-The vehicle requests an upload item by item with MISSION_REQUEST. Each store (`stores`) decides when to write.
-Missions and rally points are written as items arrive, so an aborted upload leaves a mixture of old and new
-items. A fence is written at the end. Downloads have no state.
+The vehicle requests each item of an upload with MISSION_REQUEST. The stores of missions and rally points
+write items as they arrive, so an aborted upload leaves a mixture of old and new items. The fence store writes
+at the end. Downloads have no state.
 """
 
 import math
@@ -28,7 +28,7 @@ from sim_vehicle.vehicle.transfer.wire import (
 
 REQUEST_AGAIN_S = 1.0
 ABANDON_AFTER_S = 8.0
-GUIDED, ALTITUDE = 2, 3  # MISSION_ITEM.current: a target for guided flight, not a mission item
+GUIDED, ALTITUDE = 2, 3  # MISSION_ITEM.current: the item is a target for guided flight
 ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 ERROR = int(mavlink.MAV_MISSION_ERROR)
 DENIED = int(mavlink.MAV_MISSION_DENIED)
@@ -79,7 +79,7 @@ class _Server:
             self._upload = None
             self._store.abandon()
 
-    def count(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def on_count(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._upload is not None:
             if self._upload.peer != peer:
                 self.acknowledge(peer, DENIED)
@@ -98,7 +98,7 @@ class _Server:
         else:
             self._begin(peer, 0, message.count - 1, now)
 
-    def write_partial(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def on_write_partial(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._upload is not None and self._upload.peer != peer:
             self.acknowledge(peer, DENIED)
             return
@@ -110,7 +110,7 @@ class _Server:
         self._store.begin_update()
         self._begin(peer, first, last, now)
 
-    def item(self, message: Any, peer: MissionPeer, now: float, refusal: int | None = None) -> None:
+    def on_item(self, message: Any, peer: MissionPeer, now: float, refusal: int | None = None) -> None:
         upload = self._upload
         if upload is None:
             self.acknowledge(peer, ERROR)
@@ -139,17 +139,17 @@ class _Server:
             self._upload = None
             self.acknowledge(upload.peer, self._store.complete())
 
-    def clear(self, peer: MissionPeer) -> None:
+    def on_clear(self, peer: MissionPeer) -> None:
         cleared = self._upload is None and self._store.clear()
         self.acknowledge(peer, ACCEPTED if cleared else ERROR)
 
-    def request_list(self, peer: MissionPeer) -> None:
+    def on_request_list(self, peer: MissionPeer) -> None:
         if self._upload is not None:
             self.acknowledge(peer, DENIED)
         else:
             self._send(count_message(peer, self._store.count, self._kind))
 
-    def request(self, message: Any, peer: MissionPeer) -> None:
+    def on_request(self, message: Any, peer: MissionPeer) -> None:
         if self._upload is not None:
             self.acknowledge(peer, DENIED)
             return
@@ -192,7 +192,7 @@ class ArduPilotTransfer:
     send: receives each outgoing message.
     send_text: sends a STATUSTEXT (severity, text).
     stored: called with MAV_MISSION_TYPE and the new value of MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL.
-    guided: flies to an item (`current` 2), or changes only the altitude if its second argument is True
+    guided: flies to an item (`current` 2), or with True as second argument changes only the altitude
         (`current` 3); returns False if the vehicle refuses.
     refusal: returns a fault that refuses uploads, or None.
     """
@@ -215,14 +215,14 @@ class ArduPilotTransfer:
             kind: _Server(kind, store, send=send, send_text=send_text) for kind, store in stores.items()
         }
         self._handlers: dict[str, Callable[[_Server, Any, MissionPeer, float], None]] = {
-            "MISSION_COUNT": self._count,
-            "MISSION_ITEM_INT": self._item,
-            "MISSION_ITEM": self._item,
-            "MISSION_WRITE_PARTIAL_LIST": lambda server, m, peer, now: server.write_partial(m, peer, now),
-            "MISSION_REQUEST_LIST": lambda server, _m, peer, _now: server.request_list(peer),
-            "MISSION_REQUEST_INT": lambda server, m, peer, _now: server.request(m, peer),
-            "MISSION_REQUEST": lambda server, m, peer, _now: server.request(m, peer),
-            "MISSION_CLEAR_ALL": lambda server, _m, peer, _now: server.clear(peer),
+            "MISSION_COUNT": self._on_count,
+            "MISSION_ITEM_INT": self._on_item,
+            "MISSION_ITEM": self._on_item,
+            "MISSION_WRITE_PARTIAL_LIST": lambda server, m, peer, now: server.on_write_partial(m, peer, now),
+            "MISSION_REQUEST_LIST": lambda server, _m, peer, _now: server.on_request_list(peer),
+            "MISSION_REQUEST_INT": lambda server, m, peer, _now: server.on_request(m, peer),
+            "MISSION_REQUEST": lambda server, m, peer, _now: server.on_request(m, peer),
+            "MISSION_CLEAR_ALL": lambda server, _m, peer, _now: server.on_clear(peer),
         }
 
     @property
@@ -232,7 +232,7 @@ class ArduPilotTransfer:
 
     @property
     def next_deadline_s(self) -> float:
-        """Time at which `tick` has work [s]; inf: no transfer."""
+        """Time at which `tick` has work [s]; inf: no upload."""
         return min(server.next_deadline_s for server in self._servers.values())
 
     def handles(self, message_type: str) -> bool:
@@ -256,24 +256,24 @@ class ArduPilotTransfer:
             server.tick(now)
 
     def reset(self) -> None:
-        """Forget transfers after a reboot; stored lists stay."""
+        """Forget uploads after a reboot; stored lists stay."""
         for server in self._servers.values():
             server.reset()
 
-    def _count(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_count(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
         refusal = self._refusal()
         if refusal is not None and refusal.at_item is None:
             server.acknowledge(peer, refusal.result)
         else:
-            server.count(message, peer, now)
+            server.on_count(message, peer, now)
 
-    def _item(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_item(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
         if message.mission_type == MISSION and message.current in (GUIDED, ALTITUDE):
             server.acknowledge(peer, self._fly_guided(message))
             return
         refusal = self._refusal()
         refused = refusal is not None and refusal.at_item == message.seq
-        server.item(message, peer, now, refusal.result if refusal is not None and refused else None)
+        server.on_item(message, peer, now, refusal.result if refusal is not None and refused else None)
 
     def _fly_guided(self, message: Any) -> int:
         item = item_from_message(message)
@@ -283,5 +283,5 @@ class ArduPilotTransfer:
         if not isinstance(stored, Item):
             return stored
         altitude_only = message.current == ALTITUDE
-        obeyed = self._guided(stored, altitude_only)
-        return ACCEPTED if obeyed or altitude_only else ERROR
+        accepted = self._guided(stored, altitude_only)
+        return ACCEPTED if accepted or altitude_only else ERROR

@@ -1,8 +1,9 @@
 """The mission protocol of PX4: one state machine and one partner for missions, fences and rally points.
 
 A complete new list replaces the stored list; a failed upload changes nothing. The vehicle requests items with
-MISSION_REQUEST until the ground station has sent an _INT message. The vehicle sends a STATUSTEXT if another
-system than the partner of the last transfer sends an item, a request or an acknowledgement.
+MISSION_REQUEST, or with MISSION_REQUEST_INT if the last item or request of a ground station was an _INT
+message. The vehicle answers an item, a request or an acknowledgement of a system that is not the partner of
+the last transfer with a STATUSTEXT.
 """
 
 import dataclasses
@@ -73,10 +74,10 @@ class Px4Transfer:
     sysid: own system id; broadcasts and messages to other systems are ignored.
     store_item: converts an item of any list to its stored form, or returns the MAV_MISSION_RESULT of a
         refusal.
-    max_items: number of items in the largest accepted mission; a longer mission is refused with NO_SPACE.
+    max_items: largest accepted number of mission items; a longer mission is refused with NO_SPACE.
     send: receives each outgoing message.
     send_text: sends a STATUSTEXT (severity, text).
-    replace: takes a complete new mission and the index of its item marked as current; -1: no item.
+    replace: takes a complete new mission and the index of the item marked as current; -1: no item.
     set_current: receives MISSION_SET_CURRENT for an existing index.
     changed: called with MAV_MISSION_TYPE after a change of the fence or the rally points.
     refusal: returns a fault that refuses uploads, or None.
@@ -109,15 +110,15 @@ class Px4Transfer:
         self._max_items = {MISSION: max_items, FENCE: MAX_FENCE_POINTS, RALLY: MAX_RALLY_POINTS}
         self._ids = {MISSION: 0, FENCE: 0, RALLY: 0}
         self._handlers: dict[str, Callable[[Any, MissionPeer, float], None]] = {
-            "MISSION_COUNT": self._count,
-            "MISSION_ITEM_INT": self._item,
-            "MISSION_ITEM": self._item,
-            "MISSION_REQUEST_LIST": self._request_list,
-            "MISSION_REQUEST_INT": self._request,
-            "MISSION_REQUEST": self._request,
-            "MISSION_CLEAR_ALL": self._clear,
-            "MISSION_ACK": self._ack,
-            "MISSION_SET_CURRENT": self._current,
+            "MISSION_COUNT": self._on_count,
+            "MISSION_ITEM_INT": self._on_item,
+            "MISSION_ITEM": self._on_item,
+            "MISSION_REQUEST_LIST": self._on_request_list,
+            "MISSION_REQUEST_INT": self._on_request,
+            "MISSION_REQUEST": self._on_request,
+            "MISSION_CLEAR_ALL": self._on_clear,
+            "MISSION_ACK": self._on_ack,
+            "MISSION_SET_CURRENT": self._on_set_current,
         }
         self.reset()
 
@@ -135,7 +136,7 @@ class Px4Transfer:
 
     @property
     def ids(self) -> tuple[int, int, int]:
-        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: checksums, 0 if empty."""
+        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: checksum of each list, 0 if empty."""
         return self._ids[MISSION], self._ids[FENCE], self._ids[RALLY]
 
     @property
@@ -171,7 +172,7 @@ class Px4Transfer:
 
     # -- upload ------------------------------------------------------------------------------------------
 
-    def _count(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_count(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._state is _State.SENDING:
             self._send_text(CRITICAL, "WPM: IGN MISSION_COUNT: Busy")
             self._acknowledge(peer, ERROR)
@@ -184,7 +185,7 @@ class Px4Transfer:
                 self._send_text(CRITICAL, "WPM: REJ. CMD: Busy")
                 self._acknowledge(peer, ERROR)
             else:
-                self._request_item(now)  # the first request was probably lost; the announced count stays
+                self._request_item(now)  # the first request was probably lost; the first count stays valid
             return
         self._partner, self._kind = peer, message.mission_type
         refusal = self._refusal()
@@ -210,7 +211,7 @@ class Px4Transfer:
         )
         self._send(request(*self._partner, self._seq, self._kind))
 
-    def _item(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_item(self, message: Any, peer: MissionPeer, now: float) -> None:
         self._as_int = message.get_type() == "MISSION_ITEM_INT"
         if peer != self._partner:
             self._send_text(CRITICAL, "REJ. MIS ITEM: partner id mismatch")
@@ -283,7 +284,7 @@ class Px4Transfer:
             self._ids[kind] = 0
             self._store(kind, [], 0)
 
-    def _clear(self, message: Any, peer: MissionPeer, _now: float) -> None:
+    def _on_clear(self, message: Any, peer: MissionPeer, _now: float) -> None:
         if self._state is not _State.IDLE:
             self._send_text(CRITICAL, "WPM: IGN CLEAR CMD: Busy")
             return
@@ -299,7 +300,7 @@ class Px4Transfer:
             return tuple(self._mission.items)
         return {FENCE: self._fence.items, RALLY: self._rally.items}.get(self._kind, ())
 
-    def _request_list(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_request_list(self, message: Any, peer: MissionPeer, now: float) -> None:
         all_sent = self._state is _State.SENDING and self._seq == len(self._items())
         again = peer == self._partner and message.mission_type == self._kind
         if not (self._state is _State.IDLE or all_sent or (self._state is _State.SENDING and again)):
@@ -310,7 +311,7 @@ class Px4Transfer:
         self._seq, self._announced = 0, len(self._items())
         self._send(count_message(peer, self._announced, self._kind, self._ids.get(self._kind, 0)))
 
-    def _request(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_request(self, message: Any, peer: MissionPeer, now: float) -> None:
         self._as_int = message.get_type() == "MISSION_REQUEST_INT"
         if peer != self._partner:
             self._send_text(CRITICAL, "WPM: REJ. CMD: partner id mismatch")
@@ -344,19 +345,19 @@ class Px4Transfer:
             )
         )
 
-    def _ack(self, message: Any, peer: MissionPeer, now: float) -> None:
+    def _on_ack(self, message: Any, peer: MissionPeer, now: float) -> None:
         if peer != self._partner:
             self._send_text(CRITICAL, "REJ. WP CMD: partner id mismatch")
         elif self._state is _State.SENDING and message.mission_type == self._kind:
             self._state = _State.IDLE
         elif self._state is _State.GETTING:
-            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the partner does not support this request
+            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # of MISSION_REQUEST or MISSION_REQUEST_INT
                 self._as_int = not self._as_int
                 self._request_item(now)
             elif message.type == mavlink.MAV_MISSION_OPERATION_CANCELLED:
                 self._state = _State.IDLE
 
-    def _current(self, message: Any, _peer: MissionPeer, _now: float) -> None:
+    def _on_set_current(self, message: Any, _peer: MissionPeer, _now: float) -> None:
         if self._state is not _State.IDLE:
             self._send_text(CRITICAL, "WPM: IGN WP CURR CMD: Busy")
         elif message.seq >= self._mission.count:
@@ -369,7 +370,7 @@ class Px4Transfer:
 
 
 def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
-    """Return the item with its frame for a download: an _INT frame if `as_int`, else a frame without _INT."""
+    """Return the item with the frame of a download: `as_int` selects _INT, `absolute` the global frame."""
     if item.frame in _ABSOLUTE or (absolute and item.frame in _RELATIVE):
         frame = _ABSOLUTE[as_int]
     elif item.frame in _RELATIVE:
@@ -380,7 +381,7 @@ def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
 
 
 def _checksum(message: Any, before: int) -> int:
-    """Return the CRC-32 of a list after its next item; `before`: CRC-32 so far, 0 at first. No inversion."""
+    """Return a list's CRC-32, without inversion, after the next item; `before`: CRC-32 so far, 0 at first."""
     parameters = (message.param1, message.param2, message.param3, message.param4)
     layout = _CHECKSUM_LAYOUT_INT if message.get_type() == "MISSION_ITEM_INT" else _CHECKSUM_LAYOUT
     head = (message.frame, message.command, message.autocontinue)

@@ -16,9 +16,9 @@ ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 ERROR = int(mavlink.MAV_MISSION_ERROR)
 INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
-LATITUDE_E7, LONGITUDE_E7 = 900_000_000, 1_800_000_000
+MAX_LATITUDE_E7, MAX_LONGITUDE_E7 = 900_000_000, 1_800_000_000
 
-FENCE_STORAGE_BYTES = 560  # of a simulated copter
+FENCE_STORAGE_BYTES = 560  # as in ArduPilot's simulated copter
 MAX_RALLY_POINTS = 46
 _STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
@@ -52,15 +52,19 @@ class Store(Protocol):
         """Begin an upload that replaces some stored items."""
 
     def put(self, index: int, item: Item, last: int) -> int:
-        """Store one item; `last` is the last index of the upload."""
+        """Take one item; `last` is the last index of the upload."""
         ...
 
-    def complete(self) -> int: ...
+    def complete(self) -> int:
+        """End an upload with all items."""
+        ...
 
     def abandon(self) -> None:
         """End an aborted upload."""
 
-    def clear(self) -> bool: ...
+    def clear(self) -> bool:
+        """Delete all items; return False if the vehicle refuses."""
+        ...
 
     def read(self, index: int) -> Item | int:
         """Return an item, or the MAV_MISSION_RESULT of a refused request."""
@@ -68,7 +72,11 @@ class Store(Protocol):
 
 
 class MissionStore:
-    """Mission store: items are written one by one, and a shorter count truncates the list at once."""
+    """Mission store: items are written one by one, and a shorter count truncates the list at once.
+
+    store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
+    changed: called with the index of a changed item; -1: the list became shorter.
+    """
 
     name, autocontinue = "Mission", 1
 
@@ -200,54 +208,56 @@ class FenceStore:
 
 
 def _stored_radius_m(radius_m: float) -> float:
-    """Return a radius as stored [m]: an integer if the radius is less than 1 mm above an integer."""
+    """Return a radius as stored [m]: cut to whole metres if the cut is below 1 mm, else a 32-bit float."""
     if math.isfinite(radius_m) and 0 <= radius_m - int(radius_m) < 0.001:
         return float(int(radius_m))
     return as_float32(radius_m)
 
 
 def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
-    """Return the error of a fence as (severity, text), None for a valid fence."""
-    missing = expected = 0  # vertices of the current polygon: missing, in total
-    wanted: int | None = None
-    seen_return_point = False
+    """Return the error of a fence as (severity, text); None for a valid fence."""
+    n_missing = n_expected = 0  # vertices of the current polygon: missing, in total
+    expected_command: int | None = None
+    has_return_point = False
     for item in items:
-        vertices = int(item.param1) if item.command in POLYGONS else 0
-        if item.command in POLYGONS and vertices < 3:
-            return WARNING, f"Invalid vertex count ({vertices})"
-        if missing and item.command != wanted:
-            return WARNING, f"Received incorrect vertex type (want={wanted} got={item.command})"[:50]
-        if missing and vertices != expected:
-            return WARNING, f"Unexpected vertex count want={expected} got={vertices}"
+        n_vertices = int(item.param1) if item.command in POLYGONS else 0
+        if item.command in POLYGONS and n_vertices < 3:
+            return WARNING, f"Invalid vertex count ({n_vertices})"
+        if n_missing and item.command != expected_command:
+            return WARNING, f"Received incorrect vertex type (want={expected_command} got={item.command})"[
+                :50
+            ]
+        if n_missing and n_vertices != n_expected:
+            return WARNING, f"Unexpected vertex count want={n_expected} got={n_vertices}"
         if item.command in POLYGONS:
-            if not missing:
-                missing = expected = vertices
-                wanted = item.command
-            missing -= 1
+            if not n_missing:
+                n_missing = n_expected = n_vertices
+                expected_command = item.command
+            n_missing -= 1
         elif item.command in CIRCLES and not item.param1 > 0:
             return WARNING, "Non-positive circle radius"
         elif item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
-            if seen_return_point:
+            if has_return_point:
                 return WARNING, "Multiple return points"
-            seen_return_point = True
-        if abs(item.x) > LATITUDE_E7 or abs(item.y) > LONGITUDE_E7:
+            has_return_point = True
+        if abs(item.x) > MAX_LATITUDE_E7 or abs(item.y) > MAX_LONGITUDE_E7:
             return WARNING, "Bad lat or lon"
-    return (int(mavlink.MAV_SEVERITY_INFO), "Incorrect item count") if missing else None
+    return (int(mavlink.MAV_SEVERITY_INFO), "Incorrect item count") if n_missing else None
 
 
 def _fence_storage_bytes(items: list[Item]) -> int:
-    """Return the storage of a valid fence [bytes]: 4, 2 + 8 per vertex for a polygon, 13 for a circle."""
-    size, index = 4, 0
+    """Return the storage of a valid fence [bytes]."""
+    n_bytes, index = 4, 0
     while index < len(items):
         item = items[index]
         if item.command in POLYGONS:
-            vertices = int(item.param1)
-            size += 2 + 8 * vertices
-            index += vertices
+            n_vertices = int(item.param1)
+            n_bytes += 2 + 8 * n_vertices
+            index += n_vertices
         else:
-            size += 13 if item.command in CIRCLES else 9
+            n_bytes += 13 if item.command in CIRCLES else 9  # 9: return point
             index += 1
-    return size
+    return n_bytes
 
 
 class RallyStore:
@@ -275,9 +285,9 @@ class RallyStore:
     def put(self, index: int, item: Item, last: int) -> int:
         if item.command != mavlink.MAV_CMD_NAV_RALLY_POINT:
             return int(mavlink.MAV_MISSION_UNSUPPORTED)
-        if abs(item.x) > LATITUDE_E7:
+        if abs(item.x) > MAX_LATITUDE_E7:
             return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
-        if abs(item.y) > LONGITUDE_E7:
+        if abs(item.y) > MAX_LONGITUDE_E7:
             return int(mavlink.MAV_MISSION_INVALID_PARAM6_Y)
         if not -32_768 <= item.z <= 32_767:
             return int(mavlink.MAV_MISSION_INVALID_PARAM7)

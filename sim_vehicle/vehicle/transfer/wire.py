@@ -1,4 +1,4 @@
-"""Mission items and acknowledgements as messages."""
+"""Conversion of mission items, counts and acknowledgements to messages, and of messages to items."""
 
 import math
 import struct
@@ -15,7 +15,7 @@ FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 
-# Commands without coordinates in x and y: the legacy MISSION_ITEM has unscaled x and y.
+# Commands with other numbers than coordinates in x and y, which the legacy MISSION_ITEM does not scale.
 _NO_COORDINATES = frozenset(
     {
         mavlink.MAV_CMD_DO_DIGICAM_CONTROL,

@@ -22,11 +22,11 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One streamable message: `columns` builds its fields, `has` masks the vehicles with data for it."""
+    """One streamable message: `has_data` masks the vehicles with data for the message."""
 
     layout: Layout
     columns: Builder
-    has: Callable[[View], Mask]
+    has_data: Callable[[View], Mask]
 
     def payloads(self, view: View) -> Payloads:
         return pack_payloads(self.layout, len(view.i), self.columns(view))
@@ -104,7 +104,7 @@ _MISSING_IN_DIALECT: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] 
     (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _all_vehicles),
     (px4.CURRENT_MODE, px4.current_mode, _all_vehicles),
 )
-# Extension fields missing in the dialect; the checksum does not cover an extension's definition.
+# Extension fields missing in the dialect; CRC_EXTRA does not cover extension fields.
 _EXTENSIONS = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: ("mission_id", "fence_id", "rally_points_id"),
 }
@@ -118,7 +118,7 @@ def _layout(message_id: int) -> Layout:
 
 
 STREAMS: dict[int, Stream] = {
-    message_id: Stream(_layout(message_id), columns, has) for message_id, (columns, has) in _TABLE.items()
-} | {layout.message_id: Stream(layout, columns, has) for layout, columns, has in _MISSING_IN_DIALECT}
+    message_id: Stream(_layout(message_id), columns, mask) for message_id, (columns, mask) in _TABLE.items()
+} | {layout.message_id: Stream(layout, columns, mask) for layout, columns, mask in _MISSING_IN_DIALECT}
 
 __all__ = ["STREAMS", "Stream", "View"]

@@ -121,14 +121,14 @@ def nav_controller_output(v: View) -> Columns:
     }
 
 
-# POSITION_TARGET_TYPEMASK: ignored parts of a target. ArduPilot also sets the unused bits.
+# POSITION_TARGET_TYPEMASK: ignored parts of a target.
 IGNORE_XYZ, IGNORE_Z, IGNORE_VELOCITY = 0x0007, 0x0004, 0x0038
-IGNORE_ACCELERATION, IGNORE_YAW = 0x01C0, 0x0C00  # yaw and its rate
-IGNORE_BUT_POSITION = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW
-UNUSED_BITS = 0xF000
-PLACE_BITS = np.array([[1], [2], [4]])
+IGNORE_ACCELERATION, IGNORE_YAW = 0x01C0, 0x0C00  # IGNORE_YAW includes the yaw rate
+POSITION_ONLY = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW
+UNUSED_BITS = 0xF000  # set by ArduPilot in POSITION_TARGET_GLOBAL_INT
+XYZ_BITS = np.array([[1], [2], [4]])
 SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
-SIGNS = np.array([[1.0], [1.0], [-1.0]])  # signs of north, east, down for up positive
+NED_SIGNS = np.array([[1.0], [1.0], [-1.0]])  # factors from north, east, up to north, east, down
 
 
 def _is_px4(v: View) -> Bools:
@@ -140,21 +140,27 @@ def _flying(v: View) -> Bools:
 
 
 def has_global_target(v: View) -> Bools:
-    """Return the mask of vehicles with a global target: moving ArduCopter, flying PX4, every ArduPlane."""
+    """Return the mask of vehicles with a global target.
+
+    With `has_place`, ArduPlane always has a global target, PX4 in flight, ArduCopter in flight to a position.
+    """
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
-    goes = px4 | (dynamics.order[i] == MotionOrder.POSITION)
-    return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (goes & _flying(v))))
+    has_position = px4 | (dynamics.order[i] == MotionOrder.POSITION)
+    return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (has_position & _flying(v))))
 
 
 def has_local_target(v: View) -> Bools:
-    """Return the mask of vehicles with a local target: no attitude set-point; PX4 only in the air."""
+    """Return the mask of vehicles with a local target.
+
+    A copter under MotionOrder.TILT and a PX4 vehicle on the ground have no local target.
+    """
     status, i = v.status, v.i
-    controlled = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
-    return np.asarray(status.has_setpoint[i] & status.has_origin[i] & controlled)
+    reports = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
+    return np.asarray(status.has_setpoint[i] & status.has_origin[i] & reports)
 
 
 def _set_points(v: View, px4: Bools) -> Floats:
-    """Return the velocity, acceleration and yaw that PX4 reports with a position, (8, n); NaN for planes."""
+    """Return the values of SET_POINT beside a position, (8, n): 0 on ArduPilot, NaN for PX4 planes."""
     dynamics, i = v.world.dynamics, v.i
     set_points = np.zeros((len(SET_POINT), len(i)))
     if px4.any():
@@ -169,7 +175,7 @@ def _set_points(v: View, px4: Bools) -> Floats:
 
 def _ned(east_north_up: Floats) -> Floats:
     """Convert east, north, up to north, east, down, (3, n)."""
-    return np.asarray(east_north_up[[1, 0, 2]] * SIGNS)
+    return np.asarray(east_north_up[[1, 0, 2]] * NED_SIGNS)
 
 
 def position_target_global_int(v: View) -> Columns:
@@ -178,7 +184,7 @@ def position_target_global_int(v: View) -> Columns:
     return {
         "time_boot_ms": v.since_boot_ms(),
         "coordinate_frame": np.where(px4, mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL),
-        "type_mask": np.where(px4, 0, IGNORE_BUT_POSITION | UNUSED_BITS),
+        "type_mask": np.where(px4, 0, POSITION_ONLY | UNUSED_BITS),
         "lat_int": lat_deg * 1e7,
         "lon_int": lon_deg * 1e7,
         "alt": dynamics.target_m[i, 2],
@@ -186,36 +192,41 @@ def position_target_global_int(v: View) -> Columns:
     }
 
 
-def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
-    """Return POSITION_TARGET_TYPEMASK: a velocity set-point for vehicles in `moves`, else a position."""
+def _local_mask(v: View, px4: Bools, flies_velocity: Bools) -> Ints:
+    """Return POSITION_TARGET_TYPEMASK.
+
+    ArduPilot reports a position during take-off or flight to a position, else velocity and acceleration.
+    PX4 ignores the position in `flies_velocity` and z under MotionOrder.RATE; a plane reports a position.
+    """
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
-    mask = np.where(moves, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
-    mask[dynamics.planes[i]] = IGNORE_BUT_POSITION
+    mask = np.where(flies_velocity, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
+    mask[dynamics.planes[i]] = POSITION_ONLY
     if not px4.all():
-        climbs = status.landed_state[i] == mavlink.MAV_LANDED_STATE_TAKEOFF
-        goes = climbs | (status.has_place[i] & (order == MotionOrder.POSITION) & _flying(v))
-        mask = np.where(px4, mask, np.where(goes, IGNORE_BUT_POSITION, IGNORE_XYZ | IGNORE_YAW))
+        takes_off = status.landed_state[i] == mavlink.MAV_LANDED_STATE_TAKEOFF
+        has_position = takes_off | (status.has_place[i] & (order == MotionOrder.POSITION) & _flying(v))
+        mask = np.where(px4, mask, np.where(has_position, POSITION_ONLY, IGNORE_XYZ | IGNORE_YAW))
     return mask
 
 
 def position_target_local_ned(v: View) -> Columns:
     """Return a position target or a velocity set-point; an ignored position is 0 on ArduPilot, NaN on PX4."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
-    moves = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
-    mask, set_points = _local_mask(v, px4, moves), _set_points(v, px4)
-    place = _ned(dynamics.target[:, i] - v.status.origin_m[i].T)
-    ignored = mask & PLACE_BITS != 0
+    flies_velocity = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
+    mask, set_points = _local_mask(v, px4, flies_velocity), _set_points(v, px4)
+    position_m = _ned(dynamics.target[:, i] - v.status.origin_m[i].T)
+    ignored = mask & XYZ_BITS != 0
     if ignored.any():
-        place = np.where(ignored, np.where(px4, np.nan, 0.0), place)
-    if moves.any():
-        wanted = dynamics.wanted_velocity[:, i[moves]]
-        set_points[:3, moves] = _ned(np.vstack([wanted, dynamics.rate_m_s[i[moves]]]))
+        position_m = np.where(ignored, np.where(px4, np.nan, 0.0), position_m)
+    if flies_velocity.any():
+        horizontal_m_s = dynamics.wanted_velocity[:, i[flies_velocity]]
+        vertical_m_s = dynamics.rate_m_s[i[flies_velocity]]
+        set_points[:3, flies_velocity] = _ned(np.vstack([horizontal_m_s, vertical_m_s]))
     return {
         "time_boot_ms": v.since_boot_ms(),
         "coordinate_frame": mavlink.MAV_FRAME_LOCAL_NED,
         "type_mask": mask,
-        **dict(zip("xyz", place, strict=True)),
+        **dict(zip("xyz", position_m, strict=True)),
         **dict(zip(SET_POINT, set_points, strict=True)),
     }
 

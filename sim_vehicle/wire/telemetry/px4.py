@@ -1,7 +1,4 @@
-"""Messages that only PX4 streams, and the definitions that pymavlink's ArduPilot dialect lacks.
-
-As with a real autopilot, a ground station without these definitions receives frames with unknown ids.
-"""
+"""Messages that only PX4 streams, and the definitions that pymavlink's ArduPilot dialect lacks."""
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -43,13 +40,13 @@ CURRENT_MODE = Layout(
 
 
 def time_estimate_to_target(v: View) -> Columns:
-    """Return the flight time to the origin [s] at the present speed (5 m/s or more); no other times."""
+    """Return the flight time to the origin [s], at 5 m/s or faster; -1 on the ground and for other times."""
     status, dynamics = v.status, v.world.dynamics
     distance_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
     speed_m_s = np.maximum(np.hypot(dynamics.velocity_m_s[v.i, 0], dynamics.velocity_m_s[v.i, 1]), 5.0)
     others = ("land", "mission_next_item", "mission_end", "commanded_action")
-    home_s = np.where(dynamics.airborne[v.i], distance_m / speed_m_s, UNKNOWN_TIME_S)
-    return {"safe_return": home_s, **dict.fromkeys(others, UNKNOWN_TIME_S)}
+    return_s = np.where(dynamics.airborne[v.i], distance_m / speed_m_s, UNKNOWN_TIME_S)
+    return {"safe_return": return_s, **dict.fromkeys(others, UNKNOWN_TIME_S)}
 
 
 def current_event_sequence(_v: View) -> Columns:
@@ -127,7 +124,7 @@ def odometry(v: View) -> Columns:
 
 
 def actuator_output_status(v: View) -> Columns:
-    """Return the pulse widths of the motors [us], 1000 at rest."""
+    """Return the pulse widths of the outputs [us]: 1000 disarmed, 1100 to 1900 by throttle if armed."""
     pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = np.zeros((len(v.i), 32))
     outputs[:, :OUTPUTS] = pulse_us[:, None]

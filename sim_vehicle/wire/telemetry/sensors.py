@@ -42,7 +42,7 @@ def battery_status(v: View) -> Columns:
     voltages = np.full((len(i), 10), UNKNOWN_U16)
     voltages[:, 0] = np.rint(batteries.voltage_v[i] * 1000).clip(0, UNKNOWN_U16 - 1)
     share, current_a = batteries.remaining[i], batteries.current_a[i]
-    left_s = share * batteries.capacity_mah[i] * 3.6 / np.maximum(current_a, 0.01)
+    remaining_s = share * batteries.capacity_mah[i] * 3.6 / np.maximum(current_a, 0.01)
     counts_energy = v.status.autopilot[i] != mavlink.MAV_AUTOPILOT_PX4
     return {
         "battery_function": mavlink.MAV_BATTERY_FUNCTION_ALL,
@@ -53,7 +53,7 @@ def battery_status(v: View) -> Columns:
         "current_consumed": batteries.used_mah[i],
         "energy_consumed": np.where(counts_energy, batteries.used_j[i] / 100, UNKNOWN),
         "battery_remaining": share * 100,
-        "time_remaining": left_s,
+        "time_remaining": remaining_s,
         "charge_state": v.status.battery_state[i],
     }
 
@@ -69,7 +69,7 @@ def timesync(v: View) -> Columns:
 
 
 def wind(v: View) -> Columns:
-    """Return the true wind in ArduPilot's WIND; `direction` is the direction of its origin."""
+    """Return the true wind in ArduPilot's WIND; `direction` is the direction from which the wind blows."""
     east, north, up = v.world.wind_m_s[v.i].T
     return {
         "direction": np.rad2deg(np.arctan2(-east, -north)),
@@ -103,7 +103,7 @@ def scaled_pressure(v: View) -> Columns:
 
 
 def _magnetic_field_mgauss(v: View) -> Floats:
-    """Return the earth's magnetic field in the horizontal frame of each vehicle's heading, (n, 3)."""
+    """Return the earth's magnetic field: forward, right and down of each vehicle's heading, (n, 3)."""
     yaw = v.world.dynamics.attitude_rad[v.i, 2]
     north, east, down = FIELD_MGAUSS
     forward = north * np.cos(yaw) + east * np.sin(yaw)
@@ -167,7 +167,7 @@ def power_status(_v: View) -> Columns:
 
 
 def rc_channels(v: View) -> Columns:
-    """Return no channels: no vehicle has an RC receiver."""
+    """Return RC_CHANNELS without channels: stick positions are not simulated."""
     channels = {f"chan{n}_raw": UNKNOWN_U16 for n in range(1, 19)}
     return {"time_boot_ms": v.since_boot_ms(), "chancount": 0, "rssi": 255, **channels}
 
@@ -178,6 +178,6 @@ def distance_sensor(_v: View) -> Columns:
 
 
 def servo_output_raw(v: View) -> Columns:
-    microseconds = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
-    outputs = {f"servo{n}_raw": microseconds for n in range(1, 5)}
+    pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
+    outputs = {f"servo{n}_raw": pulse_us for n in range(1, 5)}
     return {"time_usec": np.asarray(v.since_boot_us() % (1 << 32), dtype=np.uint32), **outputs}

@@ -48,7 +48,7 @@ def mission_current(v: View) -> Columns:
 
 
 def home_position(v: View) -> Columns:
-    """Return home; local coordinates are 0 unless the autopilot reports local coordinates."""
+    """Return home; local coordinates are 0 unless `home_is_local`."""
     s, i = v.status, v.i
     east_m, north_m = v.world.frame.to_local(s.home_e7[i, 0] * 1e-7, s.home_e7[i, 1] * 1e-7)
     local_m = np.column_stack([east_m, north_m, s.home_amsl_m[i]]) - s.origin_m[i]

@@ -20,7 +20,7 @@ UNKNOWN = -1
 
 @dataclass(slots=True)
 class View:
-    """The fleet's columns at one time."""
+    """The fleet's columns at one time, for a selection of vehicles."""
 
     world: World
     status: Status
@@ -50,9 +50,9 @@ class View:
         return np.asarray(np.rad2deg(self.world.dynamics.attitude_rad[self.i, 2]) % 360.0)
 
     def height_m(self) -> Floats:
-        """Return the height above home [m]."""
+        """Return the height above home, or above the ground before home is set [m]."""
         status = self.status
-        home = np.where(
+        reference_m = np.where(
             status.has_home[self.i], status.home_amsl_m[self.i], self.world.dynamics.ground_m[self.i]
         )
-        return np.asarray(self.world.estimate_m[self.i, 2] - home)
+        return np.asarray(self.world.estimate_m[self.i, 2] - reference_m)
