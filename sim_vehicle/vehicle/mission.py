@@ -78,7 +78,7 @@ class Pilot(Protocol):
     def armed(self) -> bool: ...
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
-        """Begin a navigation command; `following` is the next navigation command, None if unknown."""
+        """Begin a navigation command; `following` is the next navigation command, if known."""
 
     def navigation_done(self, now: float) -> bool:
         """Return True once the current navigation command (`Mission.flown`) is done."""
@@ -214,10 +214,7 @@ class Mission:
         return min(found)[1] if found else None
 
     def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:
-        """Return the index of the next navigation command from `start`, or None.
-
-        Count the followed jumps in `jumps`; append the do and condition commands on the way to `passed`.
-        """
+        """Return the index of the next navigation command from `start`; update `jumps` and `passed`."""
         index, jumps_in_a_row = start, 0
         while 1 <= index < self.count:
             item = self.items[index]

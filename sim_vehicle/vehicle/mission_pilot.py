@@ -54,8 +54,7 @@ class MissionPilot:
         self._target_m: LocalPoint = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
         self._under_way = False  # on a leg to a waypoint
-        # speed at the end of the leg that begins after braking; None: the vehicle does not brake
-        self._after_braking_m_s: float | None = None
+        self._after_braking_m_s: float | None = None  # pass speed of the leg that begins after braking
         self._following: Item | None = None
 
     # -- state --------------------------------------------------------------------------------------------

@@ -27,10 +27,7 @@ class Modes:
         return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
 
     def set(self, number: int, now: float) -> bool:
-        """Change the mode as a ground station does; return False if the vehicle refuses the command.
-
-        A fault can accept the command without a change.
-        """
+        """Change the mode as a ground station does; return False if the vehicle refuses the command."""
         vehicle = self._vehicle
         if vehicle.injected_faults.mode_stuck is not None:
             return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED

@@ -24,7 +24,7 @@ def publish(vehicle: Vehicle, now: float) -> None:
     status, i = vehicle.status, vehicle.index
     status.booted[i] = vehicle.booted
     status.boot_s[i] = vehicle.readiness.boot_s
-    status.gps_seen[i] = vehicle.readiness.gps_fix(now)
+    status.gps_seen[i] = vehicle.readiness.gps_fix_ready(now)
     status.position_known[i] = vehicle.position_known(now)
     _heartbeat(vehicle)
     _health(vehicle, now)
@@ -75,7 +75,7 @@ def _landed_state(vehicle: Vehicle) -> int:
 
 def _health(vehicle: Vehicle, now: float) -> None:
     present = health = SENSORS
-    if not (vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix):
+    if not (vehicle.readiness.gps_fix_ready(now) and vehicle.body.gps_fix):
         health &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
         if vehicle.personality.gps_present_with_fix:
             present &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS

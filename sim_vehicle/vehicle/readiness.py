@@ -23,7 +23,7 @@ class Readiness:
     def _passed(self, milestone_s: float, now: float) -> bool:
         return now - self.boot_s >= milestone_s * self.ready_s / FULL_READY_S - EPSILON_S
 
-    def gps_fix(self, now: float) -> bool:
+    def gps_fix_ready(self, now: float) -> bool:
         return self._passed(GPS_FIX_S, now)
 
     def home_ready(self, now: float) -> bool:

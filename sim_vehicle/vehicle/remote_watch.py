@@ -12,7 +12,7 @@ SHORT, LONG = "rc_short", "rc"
 
 
 class RemoteWatch:
-    """The state of the remote control link; call `update` at each decision of the vehicle."""
+    """The state of the remote control link."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle

@@ -10,16 +10,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 
-TEXT_BYTES = 50  # length of the text in one STATUSTEXT
+TEXT_BYTES = 50  # largest length of the text in one STATUSTEXT
 ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
 
 
 class Sender:
-    """Sender of messages.
-
-    clock: returns the simulated time [s].
-    record: receives the time [s], severity and text of every STATUSTEXT.
-    """
+    """Sender of messages; `clock` returns the simulated time [s], `record` receives every STATUSTEXT."""
 
     def __init__(
         self,

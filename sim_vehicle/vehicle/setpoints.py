@@ -53,11 +53,11 @@ class Setpoints:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._last_received_s = NEVER_S
-        self._expires = False  # the current set-point is not a position
+        self._expires = False  # the current set-point is a velocity, an acceleration or an attitude
         self._attitude = AttitudeSetpoints(vehicle)
 
     def reset(self) -> None:
-        """Forget the set-point after a mode change or a reboot."""
+        """Forget the current set-point; the time of the last message stays."""
         self._expires = False
         self._attitude.reset()
 

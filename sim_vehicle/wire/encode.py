@@ -44,7 +44,7 @@ Payloads = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The layout of one message: its id and the dtype of its payload in wire order, without padding."""
+    """The layout of one message; `dtype` has the fields of the payload in wire order, without padding."""
 
     message_id: int
     name: str

@@ -14,10 +14,7 @@ _UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
 
 
 class Parser:
-    """Parser of a stream in pieces of any length.
-
-    Unreadable bytes become BAD_DATA, messages with an unknown id n UNKNOWN_n.
-    """
+    """Parser of a stream in pieces of any length, with BAD_DATA for unreadable bytes."""
 
     def __init__(self) -> None:
         self._codec = mavlink.MAVLink(None)

@@ -42,12 +42,12 @@ def refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 def _position_refusals(vehicle: Vehicle, now: float) -> list[str]:
     if vehicle.params["COM_ARM_WO_GPS"] == 0 and not (
-        vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix
+        vehicle.readiness.gps_fix_ready(now) and vehicle.body.gps_fix
     ):
         return ["GPS fix too low"]
     if not vehicle.mode.needs_position or vehicle.position_known(now):
         return []
-    if not vehicle.readiness.gps_fix(now):
+    if not vehicle.readiness.gps_fix_ready(now):
         return ["ekf2 missing data"]
     return ["No valid global position estimate"]
 

@@ -78,7 +78,7 @@ class Px4Transfer:
     send: receives each outgoing message.
     send_text: sends a STATUSTEXT (severity, text).
     replace: takes a complete new mission and the index of the item marked as current; -1: no item.
-    set_current: receives MISSION_SET_CURRENT for an existing index.
+    set_current: takes an existing index from MISSION_SET_CURRENT.
     changed: called with MAV_MISSION_TYPE after a change of the fence or the rally points.
     refusal: returns a fault that refuses uploads, or None.
     """

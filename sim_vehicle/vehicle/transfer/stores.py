@@ -49,22 +49,18 @@ class Store(Protocol):
         """Begin an upload of `count` items, which replaces the list."""
 
     def begin_update(self) -> None:
-        """Begin an upload that replaces some stored items."""
+        """Begin a partial upload."""
 
     def put(self, index: int, item: Item, last: int) -> int:
         """Take one item; `last` is the last index of the upload."""
         ...
 
-    def complete(self) -> int:
-        """End an upload with all items."""
-        ...
+    def complete(self) -> int: ...
 
     def abandon(self) -> None:
         """End an aborted upload."""
 
-    def clear(self) -> bool:
-        """Delete all items; return False if the vehicle refuses."""
-        ...
+    def clear(self) -> bool: ...  # False: refused
 
     def read(self, index: int) -> Item | int:
         """Return an item, or the MAV_MISSION_RESULT of a refused request."""
@@ -75,7 +71,7 @@ class MissionStore:
     """Mission store: items are written one by one, and a shorter count truncates the list at once.
 
     store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
-    changed: called with the index of a changed item; -1: the list became shorter.
+    changed: called with the index of a new or changed item; -1: the list became shorter.
     """
 
     name, autocontinue = "Mission", 1
@@ -217,22 +213,20 @@ def _stored_radius_m(radius_m: float) -> float:
 def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
     """Return the error of a fence as (severity, text); None for a valid fence."""
     n_missing = n_expected = 0  # vertices of the current polygon: missing, in total
-    expected_command: int | None = None
+    vertex_type: int | None = None
     has_return_point = False
     for item in items:
         n_vertices = int(item.param1) if item.command in POLYGONS else 0
         if item.command in POLYGONS and n_vertices < 3:
             return WARNING, f"Invalid vertex count ({n_vertices})"
-        if n_missing and item.command != expected_command:
-            return WARNING, f"Received incorrect vertex type (want={expected_command} got={item.command})"[
-                :50
-            ]
+        if n_missing and item.command != vertex_type:
+            return WARNING, f"Received incorrect vertex type (want={vertex_type} got={item.command})"[:50]
         if n_missing and n_vertices != n_expected:
             return WARNING, f"Unexpected vertex count want={n_expected} got={n_vertices}"
         if item.command in POLYGONS:
             if not n_missing:
                 n_missing = n_expected = n_vertices
-                expected_command = item.command
+                vertex_type = item.command
             n_missing -= 1
         elif item.command in CIRCLES and not item.param1 > 0:
             return WARNING, "Non-positive circle radius"

@@ -61,7 +61,6 @@ def ack_message(peer: MissionPeer, result: int, kind: int, opaque_id: int = 0) -
 
 
 def count_message(peer: MissionPeer, count: int, kind: int, opaque_id: int = 0) -> Any:
-    """Return MISSION_COUNT."""
     message = _MissionCount(*peer, count, kind)
     message.opaque_id = opaque_id
     return message

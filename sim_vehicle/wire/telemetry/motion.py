@@ -140,20 +140,14 @@ def _flying(v: View) -> Bools:
 
 
 def has_global_target(v: View) -> Bools:
-    """Return the mask of vehicles with a global target.
-
-    With `has_place`, ArduPlane always has a global target, PX4 in flight, ArduCopter in flight to a position.
-    """
+    """Return the mask of vehicles with a global target: ArduCopter and PX4 only in flight."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     has_position = px4 | (dynamics.order[i] == MotionOrder.POSITION)
     return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (has_position & _flying(v))))
 
 
 def has_local_target(v: View) -> Bools:
-    """Return the mask of vehicles with a local target.
-
-    A copter under MotionOrder.TILT and a PX4 vehicle on the ground have no local target.
-    """
+    """Return the mask of vehicles with a local target: none under MotionOrder.TILT, PX4 only in flight."""
     status, i = v.status, v.i
     reports = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
     return np.asarray(status.has_setpoint[i] & status.has_origin[i] & reports)
@@ -193,11 +187,7 @@ def position_target_global_int(v: View) -> Columns:
 
 
 def _local_mask(v: View, px4: Bools, flies_velocity: Bools) -> Ints:
-    """Return POSITION_TARGET_TYPEMASK.
-
-    ArduPilot reports a position during take-off or flight to a position, else velocity and acceleration.
-    PX4 ignores the position in `flies_velocity` and z under MotionOrder.RATE; a plane reports a position.
-    """
+    """Return POSITION_TARGET_TYPEMASK; ArduPilot sends a position only during take-off and flight to a point."""
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
     mask = np.where(flies_velocity, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
