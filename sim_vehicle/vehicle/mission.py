@@ -81,7 +81,7 @@ class Pilot(Protocol):
         """Begin a navigation command; `following` is the next navigation command, if known."""
 
     def navigation_done(self, now: float) -> bool:
-        """Return True once the current navigation command (`Mission.flown`) is done."""
+        """Return True once the current navigation command (`Mission.current_item`) is done."""
         ...
 
     def do(self, item: Item) -> None:
@@ -111,7 +111,7 @@ class Mission:
 
     home: Callable[[], Item]
     index: int = 0  # index of the current navigation command; 0: none
-    flown: Item | None = None  # current navigation command, kept if the item changes or is deleted
+    current_item: Item | None = None  # current navigation command, kept if the item changes or is deleted
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
     without_approach: bool = False  # the vehicle did not fly the item before the current item
@@ -265,9 +265,9 @@ class Mission:
     def resume(self, pilot: Pilot) -> bool:
         """Continue after a pause; return False if no command can continue."""
         self.paused = False
-        if not self.restart_current(pilot) and self.flown is not None:
-            pilot.start_navigation(self.flown, None)  # the item was deleted or replaced
-        return self.flown is not None
+        if not self.restart_current(pilot) and self.current_item is not None:
+            pilot.start_navigation(self.current_item, None)  # the item was deleted or replaced
+        return self.current_item is not None
 
     def next_navigation(self, count: int) -> list[int]:
         """Return the indices of at most `count` navigation commands, beginning with the current command."""
@@ -286,7 +286,7 @@ class Mission:
 
     def reset(self) -> None:
         """Reset progress; the next start is at the first command."""
-        self.index, self.flown = 0, None
+        self.index, self.current_item = 0, None
         self.paused = self.in_landing = False
         self._jumps.clear()
         self._pending.clear()
@@ -335,7 +335,7 @@ class Mission:
         if self.items[self.index].command not in NAVIGATION:
             return False
         if self.paused:
-            self.flown = self.items[self.index]
+            self.current_item = self.items[self.index]
         else:
             self._start(pilot, self.index)
         return True
@@ -345,8 +345,8 @@ class Mission:
         if self.state is not MissionState.ACTIVE or self.paused:
             return
         self._run_pending(pilot, now)
-        if self.flown is not None and pilot.navigation_done(now):
-            pilot.mission_item_reached(self.index, self.flown)
+        if self.current_item is not None and pilot.navigation_done(now):
+            pilot.mission_item_reached(self.index, self.current_item)
             self._advance(pilot, self.index + 1)
 
     def _run_pending(self, pilot: Pilot, now: float) -> None:
@@ -381,16 +381,16 @@ class Mission:
                 pilot.do(self.items[self._pending[0]])
                 self._pending.clear()
             self.state, self.in_landing = MissionState.COMPLETE, False
-            self.flown = None
+            self.current_item = None
             pilot.mission_ended()
             return
         self.state = MissionState.ACTIVE
         self._start(pilot, found)
 
     def _start(self, pilot: Pilot, index: int) -> None:
-        self.index, self.flown, self.paused = index, self.items[index], False
-        lands = self.flown.command in LANDINGS
-        self.in_landing = (self.in_landing or lands) and self.flown.command not in TAKEOFFS
+        self.index, self.current_item, self.paused = index, self.items[index], False
+        lands = self.current_item.command in LANDINGS
+        self.in_landing = (self.in_landing or lands) and self.current_item.command not in TAKEOFFS
         following = self._find_navigation(index + 1, dict(self._jumps), [])
-        pilot.mission_item_started(index, self.flown)
-        pilot.start_navigation(self.flown, None if following is None else self.items[following])
+        pilot.mission_item_started(index, self.current_item)
+        pilot.start_navigation(self.current_item, None if following is None else self.items[following])

@@ -169,7 +169,7 @@ class MissionPilot:
         return self._flight.body.corner_speed_m_s(turn_rad)
 
     def navigation_done(self, now: float) -> bool:
-        item = self._flight.mission.flown
+        item = self._flight.mission.current_item
         if item is None:
             return False
         if item.command in TAKEOFFS:

@@ -64,7 +64,7 @@ class Px4Mission(Mission):
 
     @property
     def waiting(self) -> bool:
-        return self.flown is not None and self.flown.command not in NAVIGATION
+        return self.current_item is not None and self.current_item.command not in NAVIGATION
 
     def item(self, index: int) -> Item:
         return self.items[index]
@@ -100,12 +100,12 @@ class Px4Mission(Mission):
     def stop(self) -> None:
         self._in_mission_mode = False
         super().stop()
-        self.flown = None
+        self.current_item = None
 
     def reset(self) -> None:
         """Stop after disarming or a reboot; the index stays."""
         self._disarmed_after_active = self._disarmed_after_active or self._was_active
-        self.flown, self.paused = None, False
+        self.current_item, self.paused = None, False
         if self.state is not MissionState.COMPLETE:
             self.state = MissionState.NOT_STARTED
 
@@ -131,13 +131,13 @@ class Px4Mission(Mission):
         if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_after_active:
             self._activate(pilot)
         for _ in range(MAX_ITEMS_PER_UPDATE):
-            item = self.flown
+            item = self.current_item
             if self.state is not MissionState.ACTIVE or item is None or not self._done(pilot, item, now):
                 return
             self._condition_begun_s = None
             pilot.mission_item_reached(self.index, item)
             if not item.autocontinue:
-                self.flown = None  # the vehicle stays at this item
+                self.current_item = None  # the vehicle stays at this item
                 return
             self._continue(pilot)
 
@@ -153,7 +153,7 @@ class Px4Mission(Mission):
         self._valid = self._valid or self._feasible(self.items)
         found = None if self._at_end or not self._valid else self._resolve(self.index, count_jumps=False)
         if found is None:
-            self.state, self.flown = MissionState.COMPLETE, None
+            self.state, self.current_item = MissionState.COMPLETE, None
             pilot.no_mission()
             return
         self._was_active = True
@@ -168,19 +168,19 @@ class Px4Mission(Mission):
             return
         if self.index + 1 >= self.count:
             self._jumps.clear()
-        self.state, self.flown, self._at_end = MissionState.COMPLETE, None, True
+        self.state, self.current_item, self._at_end = MissionState.COMPLETE, None, True
         pilot.mission_ended()
 
     def _begin(self, pilot: Pilot, index: int) -> None:
-        self.index, self.flown, self._condition_begun_s = index, self.items[index], None
+        self.index, self.current_item, self._condition_begun_s = index, self.items[index], None
         self.paused = False
-        pilot.mission_item_started(index, self.flown)
-        if self.flown.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+        pilot.mission_item_started(index, self.current_item)
+        if self.current_item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._go_home()
-        elif self.flown.command in NAVIGATION:
-            pilot.start_navigation(self.flown, self._following(index))
+        elif self.current_item.command in NAVIGATION:
+            pilot.start_navigation(self.current_item, self._following(index))
         else:
-            pilot.do(self.flown)
+            pilot.do(self.current_item)
 
     def _done(self, pilot: Pilot, item: Item, now: float) -> bool:
         if item.command in NAVIGATION:

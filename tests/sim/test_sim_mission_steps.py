@@ -100,13 +100,13 @@ def test_px4_starts_a_new_mission_after_a_flight_at_the_kept_or_requested_index(
     mission.replace(pilot, [Item(TAKEOFF, z=9.0), Item(WP), Item(LAND)])
     pilot.armed = True
     mission.update(pilot, 1.0)
-    assert mission.flown == Item(LAND)
+    assert mission.current_item == Item(LAND)
     pilot.armed = False
     mission.reset()
     assert mission.set_current(pilot, 1)
     pilot.armed = True
     mission.update(pilot, 2.0)
-    assert (mission.index, mission.flown) == (1, Item(WP))
+    assert (mission.index, mission.current_item) == (1, Item(WP))
 
 
 def test_px4_stays_at_an_item_without_autocontinue() -> None:
@@ -139,7 +139,7 @@ def test_px4_in_flight_takes_a_new_mission_at_its_index_and_an_empty_one_ends_it
     assert mission.index == 3
     mission.replace(pilot, [Item(TAKEOFF), *[Item(WP, z=9.0)] * 4])
     assert pilot.log[-2:] == [("started", 3), ("fly", WP)]
-    assert mission.flown == Item(WP, z=9.0)
+    assert mission.current_item == Item(WP, z=9.0)
     mission.replace(pilot, [])
     assert pilot.log[-1] == ("no mission", -1)
     assert mission.index == 0
@@ -283,7 +283,7 @@ def test_no_order_of_events_breaks_a_mission(
             happen(event, mission, pilot, index)
         mission.update(pilot, float(step))
         assert mission.reported_state in MissionState
-        if mission.flown is not None and isinstance(mission, Px4Mission):
-            assert mission.flown == mission.items[mission.index]
-        if mission.state is MissionState.ACTIVE and mission.flown is not None:
-            assert mission.flown.command != mavlink.MAV_CMD_DO_JUMP
+        if mission.current_item is not None and isinstance(mission, Px4Mission):
+            assert mission.current_item == mission.items[mission.index]
+        if mission.state is MissionState.ACTIVE and mission.current_item is not None:
+            assert mission.current_item.command != mavlink.MAV_CMD_DO_JUMP

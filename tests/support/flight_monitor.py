@@ -118,7 +118,7 @@ class FlightMonitor:
                 mission = vehicle.mission
                 items = [mission.item(i) for i in range(mission.count)]
                 way, seen = items_from(items, mission.index), self.ways.setdefault(uav, [])
-                if mission.flown is not None and (not seen or seen[-1][1] != way):
+                if mission.current_item is not None and (not seen or seen[-1][1] != way):
                     seen.append((now, way, (float(truth.lat_deg[index]), float(truth.lon_deg[index]))))
         self._look_apart(now, truth)
 

@@ -106,7 +106,7 @@ class FlyingBench(WireBench):
     @property
     def aim(self) -> tuple[int, int] | None:
         """The place (degE7) of the item that it flies; None where it flies none, or one without a place."""
-        flown = self.vehicle.mission.flown
+        flown = self.vehicle.mission.current_item
         flies = flown is not None and self.mode == self.session.dialect.mission_mode
         return (flown.x, flown.y) if flies and flown.x else None
 

@@ -187,7 +187,7 @@ def position_target_global_int(v: View) -> Columns:
 
 
 def _local_mask(v: View, px4: Bools, flies_velocity: Bools) -> Ints:
-    """Return POSITION_TARGET_TYPEMASK; ArduPilot sends a position only during take-off and flight to a point."""
+    """Return POSITION_TARGET_TYPEMASK; ArduPilot sends a position in take-off and flight to a point only."""
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
     mask = np.where(flies_velocity, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
