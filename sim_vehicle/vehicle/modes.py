@@ -130,7 +130,7 @@ class Modes:
             vehicle.flight.go(target_m)  # completes the climb
 
     def mission_over(self) -> None:
-        """Change mode after the last item of a mission, if the personality does so in flight."""
+        """Change mode in flight after the last item of a mission, if `mission_ends_in` is set."""
         ends_in = self._vehicle.personality.mission_ends_in
         if ends_in is not None and self._vehicle.flight.flying:
             self.enter_behaviour(ends_in)

@@ -107,7 +107,7 @@ class Parameters:
 
     @property
     def listing(self) -> bool:
-        """True while the vehicle sends the list, so that `tick` has work."""
+        """True while the vehicle sends the list."""
         return self._list_index < len(self._names)
 
     def tick(self, send: Callable[[Any], None], now: float) -> None:

@@ -25,7 +25,7 @@ class RemoteWatch:
 
     @property
     def next_s(self) -> float:
-        """Time of the next stage [s]; inf: no further stage."""
+        """Time of the loss or of the next stage [s]; inf: neither is due."""
         if math.isinf(self._since_s) or not self._loss_counts or self._stage == LONG:
             return math.inf
         return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc_timeout_s

@@ -2,8 +2,7 @@
 
 A complete new list replaces the stored list; a failed upload changes nothing. The vehicle requests items with
 MISSION_REQUEST, or with MISSION_REQUEST_INT if the last item or request of a ground station was an _INT
-message. The vehicle answers an item, a request or an acknowledgement of a system that is not the partner of
-the last transfer with a STATUSTEXT.
+message. An item, a request or an acknowledgement of another peer than the last partner causes a STATUSTEXT.
 """
 
 import dataclasses

@@ -1,8 +1,7 @@
 """Telemetry: the fields of each message, for any set of vehicles at once.
 
 A builder receives the fleet's columns and the selected vehicles, and returns the columns of its message.
-Fields without a column are 0. Units are those of the message definitions. `STREAMS` is the table of all
-streamable messages.
+Fields without a column are 0. Units are those of the message definitions.
 """
 
 from collections.abc import Callable

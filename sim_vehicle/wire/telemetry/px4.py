@@ -40,7 +40,7 @@ CURRENT_MODE = Layout(
 
 
 def time_estimate_to_target(v: View) -> Columns:
-    """Return the flight time to the origin [s], at 5 m/s or faster; -1 on the ground and for other times."""
+    """Return the time to the origin [s] at the present speed, at least 5 m/s; unknown times are -1."""
     status, dynamics = v.status, v.world.dynamics
     distance_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
     speed_m_s = np.maximum(np.hypot(dynamics.velocity_m_s[v.i, 0], dynamics.velocity_m_s[v.i, 1]), 5.0)

@@ -103,7 +103,7 @@ def scaled_pressure(v: View) -> Columns:
 
 
 def _magnetic_field_mgauss(v: View) -> Floats:
-    """Return the earth's magnetic field: forward, right and down of each vehicle's heading, (n, 3)."""
+    """Return the earth's magnetic field forward and right of each vehicle's heading, and down, (n, 3)."""
     yaw = v.world.dynamics.attitude_rad[v.i, 2]
     north, east, down = FIELD_MGAUSS
     forward = north * np.cos(yaw) + east * np.sin(yaw)
