@@ -118,12 +118,13 @@ def test_after_the_gps_is_lost_it_reckons_drifts_and_gives_up_its_position() -> 
     assert off_m(world) < 0.5
 
 
-def test_the_duration_of_dead_reckoning_depends_on_the_autopilot() -> None:
-    world = physics_bench.world(2)
-    world.estimator.lost_after_s[:] = (5.0, 8.0)
+def test_dead_reckoning_lasts_eight_seconds() -> None:
+    world = physics_bench.world()
     world.gps_lost[:] = True
-    physics_bench.wait(world, 6.0)
-    assert world.position_ok.tolist() == [False, True]
+    physics_bench.wait(world, 7.5)
+    assert world.position_ok[0]
+    physics_bench.wait(world, 1.0)
+    assert not world.position_ok[0]
 
 
 def test_estimated_and_true_places_are_those_of_the_map() -> None:

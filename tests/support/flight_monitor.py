@@ -252,7 +252,7 @@ def _untrue(monitor: FlightMonitor, report: Report) -> Iterator[str]:
     assert truth is not None
     final_states = dict(line.split(": ", 1) for line in report.final_states)
     for index, task in enumerate(monitor.drawn.scenario.tasks):
-        state, line = report.states[task.uav], final_states[task.name]
+        state, line = report.states[task.uav], final_states.get(task.name, "")
         armed, height_m = bool(truth.armed[index]), float(truth.height_m[index])
         place = (float(truth.lat_deg[index]), float(truth.lon_deg[index]))
         if armed and not any(words in line for words in ("in the air", "lost", "armed on the ground")):
