@@ -24,7 +24,7 @@ TERMINAL_FALL_M_S = 15.0
 BRAKING_SHARE = 0.7  # share of the acceleration limit planned for braking; the rest corrects the path
 POSITION_GAIN_HZ = 2.0  # speed per distance near a stopping point; the braking speed would oscillate there
 DRAG_PER_M = 0.016  # deceleration by drag [m/s2] per square of the airspeed [m2/s2]
-TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
+MAX_TILT_SLOPE = np.tan(np.deg2rad(40.0))  # horizontal thrust by lift
 TILT_TIME_S = 0.15  # time constant of the attitude
 SPIN_RAD_S = FULL_TURN_RAD  # yaw rate with a lost motor
 SPINNING_LIMIT_M_S2 = 0.5  # horizontal acceleration limit with a lost motor
@@ -49,12 +49,13 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     tilts = order == MotionOrder.TILT
     if np.count_nonzero(tilts):
         np.copyto(tilt, m.wanted_thrust_acceleration[:, i], where=tilts & has_thrust)
-    size = np.hypot(tilt[0], tilt[1])
-    if size.max(initial=0.0) > TILT_LIMIT_M_S2:
-        tilt *= np.minimum(1.0, TILT_LIMIT_M_S2 / np.maximum(size, 1e-9))
-    change = (tilt - drag) * (dt_s * m.airborne[i])
     climb = _climb(m, i, order, climb_error_m, dt_s)
     lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * has_thrust
+    tilt_limit = MAX_TILT_SLOPE * np.maximum(lift, 0.0)
+    size = np.hypot(tilt[0], tilt[1])
+    if np.any(size > tilt_limit):
+        tilt *= np.minimum(1.0, tilt_limit / np.maximum(size, 1e-9))
+    change = (tilt - drag) * (dt_s * m.airborne[i])
     m.velocity[:2, i] += change
     m.velocity[2][i] = climb
     m.airspeed_m_s[i] = airspeed * m.airborne[i]

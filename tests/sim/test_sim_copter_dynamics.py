@@ -5,7 +5,7 @@ import math
 import numpy as np
 import physics_bench
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
@@ -205,6 +205,7 @@ NUMBERS = st.floats(-1e6, 1e6)
 
 @settings(max_examples=examples(25), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 5), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
+@example([(3, 12.0, 3.0, 35.0), (0, 0.0, 120.0, 0.0), (5, 1.0, 0.0, 0.0)])  # tilts while its lift falls
 def test_any_orders_keep_the_state_finite_and_within_limits(
     orders: list[tuple[int, float, float, float]],
 ) -> None:
