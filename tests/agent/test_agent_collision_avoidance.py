@@ -12,6 +12,7 @@ from collision_stories import MID_M, Approached, operator_texts
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
 from swarmctl.agent.step import needs_tick
+from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import Landed
@@ -81,6 +82,19 @@ def test_an_alarm_is_reported_once() -> None:
     assert operator_texts(story.at(125.0)) != []
     story.crossing(3)
     assert operator_texts(story.at(130.0)) == []
+
+
+def test_a_vehicle_that_has_landed_is_not_taken_for_a_silent_one() -> None:
+    story = Approached()
+    story.crossing(1)
+    story.at(125.0)
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.other(1, MID_M[0], MID_M[1] + 90.0, (0.0, 0.0, 0.0), alt_rel_m=30.0)
+    story.at(140.0)
+    story.other(1, MID_M[0], MID_M[1] + 90.0, (0.0, 0.0, 0.0), alt_rel_m=0.0, phase="done")
+    for _ in range(8):
+        story.at(140.0)
+    assert silent_neighbours(story.state) == {}
 
 
 def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:

@@ -161,8 +161,6 @@ def ceiling_m(state: AgentState) -> float:
 def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
     """Resume with a new plan if the route is clear; otherwise hold, or try another height."""
     now_s = state.vehicle.time_boot_s
-    gave_way_to = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
-    state = replace(state, gave_way_to=gave_way_to)
     if now_s < state.resume_earliest_boot_s:
         return state, []
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)

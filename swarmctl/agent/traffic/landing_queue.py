@@ -230,9 +230,8 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     is_holding = state.order_followed and state.vehicle.landed is not Landed.LANDING
     if not is_holding or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
         return state, []
-    reports = {uav: state.neighbours.get(uav, report) for uav, report in state.gave_way_to.items()}
     # A silent vehicle with LANDING in its last report counts as landed.
-    reports = {uav: report for uav, report in reports.items() if report.state.phase != Phase.LANDING}
+    reports = {uav: r for uav, r in state.gave_way_to.items() if r.state.phase != Phase.LANDING}
     state = replace(state, gave_way_to=reports)
     clashes = _descent_conflicts(state, _flights_waited_for(state, here))
     if not clashes:
