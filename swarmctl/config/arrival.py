@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class ArrivalSection(Section):
-    """Arrival of all vehicles at their goals at one time, or in order. The slowest vehicle sets the time."""
+    """Arrival of all vehicles at their goals, at one time or in order, as early as all vehicles can."""
 
     mode: Literal["simultaneous", "staggered"] = Field(
         description="simultaneous: all vehicles arrive at one time. staggered: the vehicles arrive in the "
@@ -20,7 +20,7 @@ class ArrivalSection(Section):
         None,
         gt=0.0,
         le=600.0,
-        description="Time between two arrivals [s]. Required with staggered, refused with simultaneous.",
+        description="Time between two arrivals [s]. Required if mode is staggered, otherwise not allowed.",
     )
     tolerance_s: float = Field(
         3.0, gt=0.0, description="Greatest deviation from the agreed time that the report accepts [s]."

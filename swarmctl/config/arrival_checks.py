@@ -48,9 +48,9 @@ def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
     for here, section in bounded:
         after_s, within_s = section.arrive_after_s, section.arrive_within_s
         if within_s is not None:
-            yield from _check_keeping(config, (*here, "arrive_within_s"), _keeps_latest)
+            yield from _check_support(config, (*here, "arrive_within_s"), _rejects_long_routes)
         if after_s > 0.0:
-            yield from _check_keeping(config, (*here, "arrive_after_s"), _keeps_earliest)
+            yield from _check_support(config, (*here, "arrive_after_s"), _rejects_short_routes)
         if (within_s is not None or after_s > 0.0) and section.speed_m_s is None:
             text = "is missing: a time bound needs the vehicle's speed over ground [m/s]; add it"
             yield ConfigProblem((*here, "speed_m_s"), text)
@@ -60,17 +60,19 @@ def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
             yield ConfigProblem((*here, "arrive_after_s"), text)
 
 
-def _check_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool]) -> Iterator[ConfigProblem]:
+def _check_support(
+    config: Config, path: KeyPath, supports: Callable[[Method], bool]
+) -> Iterator[ConfigProblem]:
     chosen = config.planner
-    if keeps(method(chosen.name, PLANNERS[chosen.name], chosen.options)):
+    if supports(method(chosen.name, PLANNERS[chosen.name], chosen.options)):
         return
-    others = [name for name, planner in PLANNERS.items() if keeps(method(name, planner, {}))]
-    text = f"planner {chosen.name} does not keep this bound; set planner.name: {' or '.join(others)}"
+    others = [name for name, planner in PLANNERS.items() if supports(method(name, planner, {}))]
+    text = f"planner {chosen.name} ignores this bound; set planner.name: {' or '.join(others)}"
     yield ConfigProblem(path, text, depends_on=("planner", "name"))
 
 
 def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
-    """Yield the problem of a bound that no route meets; `nearest` is the route nearest to the bound."""
+    """Yield the problem of a bound that no route meets; `nearest` comes closest to the bound."""
     arrival, lead_in = task.arrival, before_takeoff(task.arrival, task.altitude_m)
     takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
     climb_s, lead_s = task.altitude_m / CLIMB_M_S, lead_in.lead_m / arrival.speed_m_s
@@ -84,16 +86,16 @@ def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Conf
         yield ConfigProblem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); raise the bound")
     else:
         text = f"no route of planner {task.method.name} takes {task.name} {arrival} from take-off to goal: "
-        text += f"the nearest route takes {takes_s:.1f} s ({parts}); widen the window"
+        text += f"the closest route takes {takes_s:.1f} s ({parts}); widen the window"
         yield ConfigProblem((*here, "arrive_after_s"), text)
 
 
-def _keeps_latest(chosen: Method) -> bool:
+def _rejects_long_routes(chosen: Method) -> bool:
     """Return whether the planner rejects routes that are too long."""
     return math.isinf(chosen.measure(_two_cells(max_length_cells=0.5), TWO_CELLS))
 
 
-def _keeps_earliest(chosen: Method) -> bool:
+def _rejects_short_routes(chosen: Method) -> bool:
     """Return whether the planner accepts a lower bound, and rejects routes that are too short."""
     try:
         chosen.plan(_two_cells(min_length_cells=0.5))

@@ -86,7 +86,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 
 def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:
-    """Return the least greater value of `max_exposure` with a route; None if no value gives a route."""
+    """Return the least `max_exposure` above the configured value that gives a route; None: no value does."""
     exposure = first_problem(task, scenario.prior).exposure
     levels = np.unique(exposure[np.isfinite(exposure) & (exposure > task.max_exposure)])
 
@@ -170,7 +170,10 @@ def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Co
 
 
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:
-    """Yield problems of keys without effect. psi_per_cell affects at least the paper's routes in `plan`."""
+    """Yield problems of keys without effect.
+
+    `psi_per_cell` always has an effect: it changes the paper's routes, which `swarmctl plan` shows too.
+    """
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
@@ -297,7 +300,7 @@ def _check_given_entry(
 
 
 def _check_identities(config: Config) -> Iterator[ConfigProblem]:
-    """Yield problems of vehicles with the name or system id of an earlier vehicle."""
+    """Yield problems of two vehicles with one name or one system id."""
     simulate = config.simulate
     url, count = (str(parse_url(simulate.url)), simulate.count) if simulate is not None else ("", 0)
     # sysid -> (name, link); the bus and the beliefs identify a UAV by its system id, on any link.

@@ -176,7 +176,7 @@ class Communication(Section):
     sync_every_s: float = Field(
         3.0,
         ge=0.0,
-        description="Period at which a UAV compares observations with a neighbour and requests its missing "
+        description="Period at which a UAV compares observations with a neighbour and requests the missing "
         "observations [s]. 0: never, as in the paper; lost messages stay lost.",
     )
     penalty_per_m: float = Field(

@@ -102,7 +102,7 @@ flight:
   altitude_step_m: 5         # each vehicle flies this much higher than the previous one
   on_exit: return            # on Ctrl-C: return, land or hold
 
-separation:                  # two vehicles closer than both distances are too close
+separation:                  # two vehicles keep at least one of these distances
   horizontal_m: 10
   vertical_m: 3
 
@@ -129,9 +129,9 @@ simulate:
   count: {n_vehicles}
   speedup: 10                # simulated seconds in a second of real time
   autopilot: ardupilot       # or px4, or mixed
-  start_side: west           # along this side of the area,
-  start_distance_m: 60       # at this distance
-  goal_side: east
+  start_side: west           # side of the area along which the vehicles start
+  start_distance_m: 60       # distance of the starts from the area
+  goal_side: east            # side of the area along which the goals are
 """
 
 

@@ -29,7 +29,7 @@ class NoNetwork(ValueError):
 
 
 def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
-    """Return the keys of `name` (`uav3`, `operator`) or None without keys. Raises KeyringError."""
+    """Return the keys of `name` (`uav3`, `operator`); None if no keys are configured. Raises KeyringError."""
     folder = swarm.communication.keys
     return None if folder is None else load_keyring(Path(folder), name, now)
 

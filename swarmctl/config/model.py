@@ -154,22 +154,22 @@ def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProble
         config = Config.model_validate(data)
     except ValidationError as error:
         problems = _merged(_problem(dict(e), data) for e in error.errors(include_url=False))
-        return None, problems + list(_check_rest(data, [p.path for p in problems], check))
+        return None, problems + list(_check_valid_part(data, [p.path for p in problems], check))
     return config, list(check(config))
 
 
-def _check_rest(data: Any, wrong: list[yaml_lines.KeyPath], check: Check) -> Iterator[ConfigProblem]:
-    """Yield problems between the other values, so that one run reports as many problems as possible."""
+def _check_valid_part(data: Any, wrong: list[yaml_lines.KeyPath], check: Check) -> Iterator[ConfigProblem]:
+    """Yield problems between the valid values, so that one run reports as many problems as possible."""
     if not isinstance(data, dict):
         return
     vehicles = data.get("vehicles")
     kept = list(range(len(vehicles))) if isinstance(vehicles, tuple) else []
     kept = [i for i in kept if not any(_touches(("vehicles", i), w) for w in wrong)]
-    rest = _without(data, wrong)
-    if isinstance(vehicles, tuple) and "vehicles" in rest:
-        rest["vehicles"] = tuple(vehicles[i] for i in kept)
+    valid = _without(data, wrong)
+    if isinstance(vehicles, tuple) and "vehicles" in valid:
+        valid["vehicles"] = tuple(vehicles[i] for i in kept)
     try:
-        config = Config.model_validate(rest)
+        config = Config.model_validate(valid)
     except ValidationError:
         return
     for problem in check(config):
@@ -206,7 +206,10 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
 
 
 def _in_file(path: yaml_lines.KeyPath, data: Any, *, keep_last: bool) -> yaml_lines.KeyPath:
-    """Return the path without names of union members, which pydantic inserts; `keep_last`: a missing key."""
+    """Return the path without names of union members, which pydantic inserts.
+
+    `keep_last`: keep the last part of the path even if the file lacks this key.
+    """
     kept: list[str | int] = []
     for i, part in enumerate(path):
         if isinstance(data, dict):

@@ -12,7 +12,10 @@ MAX_LOST_LINK_S = 120
 
 
 class Policy(Section):
-    """Declared reactions of each vehicle's autopilot. A vehicle with other parameters fails preflight."""
+    """Declared reactions of each vehicle's autopilot.
+
+    A vehicle with other parameters fails preflight, unless `set_parameters` lets a flight write them first.
+    """
 
     lost_link: Literal["return", "land", "hold", "continue"] = Field(
         "continue",
@@ -46,8 +49,8 @@ class FenceSection(Section):
         50.0,
         gt=0.0,
         le=5000.0,
-        description="Distance of the default polygon from the area and the starts, and of the default "
-        "ceiling from the highest altitude [m].",
+        description="Distance of the default polygon from the area, the starts and the landing patterns of "
+        "planes, and of the default ceiling from the highest altitude [m].",
     )
     max_altitude_m: float | None = Field(
         None,
@@ -59,7 +62,8 @@ class FenceSection(Section):
         None,
         min_length=3,
         max_length=60,
-        description="Corners of the fence, in order. Default: margin_m around area, starts and landings.",
+        description="Corners of the fence, in order. Default: margin_m around area, starts and landing "
+        "patterns.",
     )
 
 
@@ -80,7 +84,10 @@ class PreflightSection(Section):
         "check `battery`; vehicles of the built-in simulator have a known endurance.",
     )
     clock_tolerance_s: float = Field(
-        2.0, gt=0.0, description="Greatest difference of a vehicle's clock from the ground station's [s]."
+        2.0,
+        gt=0.0,
+        description="Greatest difference of a vehicle's clock from the ground station's [s]; for simulated "
+        "vehicles times the speedup, and in real time from the median of their clocks.",
     )
     fence: FenceSection = Field(FenceSection(), description="The fence around all vehicles.")
     set_parameters: bool = Field(

@@ -61,7 +61,7 @@ class Scenario:
     prior: Belief
     """the belief of every vehicle before take-off"""
     swarm: tuple[Spec, ...]
-    """all vehicles, also with agents in other processes"""
+    """the vehicles of all processes"""
 
     def only(self, uav: int) -> Scenario:
         """Return the scenario of a process that flies only vehicle `uav`."""

@@ -10,7 +10,7 @@ from swarmctl.core.section import Section
 
 
 class SeparationSection(Section):
-    """The least distances between vehicles. A conflict is a moment at which both distances are smaller."""
+    """The least distances between vehicles, over ground and in height. In a conflict both are smaller."""
 
     horizontal_m: float = Field(
         10.0, gt=0.0, le=1000.0, description="Least distance between two vehicles over ground [m]."
@@ -31,6 +31,7 @@ class SeparationSection(Section):
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
         description="Reaction of the vehicle that gives way in a predicted conflict, usually the vehicle "
-        "with the higher system id. hold: a hold until the way is clear, or a climb for a fixed wing or if "
-        "a hold is too close. climb: a climb. none: only the alarm.",
+        "with the higher system id. hold: a copter holds until the way is clear; it climbs if its hold would "
+        "be too close to another vehicle, and a fixed wing always climbs. climb: a climb. none: only the "
+        "alarm.",
     )

@@ -37,7 +37,7 @@ class Spec:
     speed_m_s: float = DEFAULT_SPEED_M_S
     arrive_after_s: float = 0.0
     arrive_within_s: float = math.inf
-    """infinite without a latest arrival"""
+    """infinite if no latest arrival is configured"""
     turn_radius_m: float = 0.0
     airframe: Airframe = "copter"
 

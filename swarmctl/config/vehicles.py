@@ -97,7 +97,9 @@ class Vehicle(Section):
     start: Start = Field(description="Position before take-off, usually outside the area.")
     goal: Cells = Field(description="Goal: a cell [row, col], or a list of cells (a target zone).")
     entry: Cell | None = Field(
-        None, description="Border cell [row, col] of the entry. Default: the nearest outside no_fly."
+        None,
+        description="Border cell [row, col] of the entry. Default: the border cell nearest to the start, "
+        "outside no_fly.",
     )
     altitude_m: float | None = Field(
         None,
@@ -112,15 +114,15 @@ class Vehicle(Section):
     turn_radius_m: float = Field(
         0.0,
         ge=0.0,
-        description="Turn radius, with flight.any_angle [m]. 0: a copter turns on the spot, and a plane has "
-        "wings.turn_radius_m.",
+        description="Turn radius [m]. A value above 0 requires flight.any_angle: true. 0: a copter turns on "
+        "the spot, and a plane has wings.turn_radius_m.",
     )
     speed_m_s: float | None = Field(
         None,
         gt=0.5,
         le=35.0,
-        description="Speed over ground; a plane's airspeed [m/s]. Required with a time bound or `arrival`. "
-        "Default: 10 m/s (a plane: wings.speed_m_s).",
+        description="Speed over ground; a plane's airspeed [m/s]. Required if the vehicle has a time bound, "
+        "or the configuration has `arrival`. Default otherwise: 10 m/s (a plane: wings.speed_m_s).",
     )
     arrive_within_s: float | None = Field(None, gt=0.0, description=ARRIVE_WITHIN)
     arrive_after_s: float = Field(0.0, ge=0.0, description=ARRIVE_AFTER)

@@ -88,7 +88,7 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
 
 
 def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """Yield the problem of the first two fixed wings with landings that meet, at any times."""
+    """Yield the problem of the first two fixed wings with landings that come too close, at whatever times."""
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
     limit_m = scenario.config.separation.horizontal_m
     landings = [(spec, list(_outlines(task))) for spec, task in planes]

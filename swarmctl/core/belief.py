@@ -31,10 +31,10 @@ ADD, SUBTRACT = np.int32(1), np.int32(-1)
 
 
 class ObservationLog:
-    """Observations in merge order, each name once. The log only grows.
+    """Observations in merge order. Each name (observer, incarnation, seq) occurs once. The log only grows.
 
-    A belief and its successors share one log, so most merges copy nothing. A merge into an older belief
-    copies the log, because the log has newer entries.
+    A belief and the beliefs merged from it share one log, so most merges copy nothing. A merge into a belief
+    copies the log if another belief has added entries to the log.
     """
 
     __slots__ = ("index_of", "items", "n_covered")
@@ -44,7 +44,8 @@ class ObservationLog:
         self.index_of = {item.name: index for index, item in enumerate(self.items)}
         """name -> index in `items`"""
         self.n_covered = 0
-        """approximate number of observations replaced by checkpoints; above one half a new log omits them"""
+        """approximate number of observations that checkpoints replace; if these are more than half of a
+        belief's observations, the belief gets a new log without them"""
 
     def indices(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
@@ -102,7 +103,8 @@ class Belief:
     sensor: SensorModel
     """assumed error rates of the sensors"""
     _base: LookCounts
-    """counts of the checkpoints and of the first `_counted` observations of the log"""
+    """counts of the checkpoints, and of those of the log's first `_counted` observations that no checkpoint
+    replaces"""
     _counted: int
     _log: ObservationLog
     _n: int
@@ -118,8 +120,8 @@ class Belief:
     ) -> Belief:
         """Return the belief before any observation.
 
-        For a number of hostiles and a perfect sensor the result is the paper's belief. Raises ValueError for
-        an area without cells or for more hostiles than cells.
+        If the number of hostiles is exact and the sensor is perfect, the result is the paper's belief. Raises
+        ValueError for an area without cells or for more hostiles than cells.
         """
         if rows < 1 or cols < 1:
             raise ValueError(f"an area of {rows} × {cols} cells: expected at least 1 × 1")
@@ -148,7 +150,7 @@ class Belief:
         new = tuple(new)
         for item in new:
             if isinstance(item, Checkpoint):
-                belief = self._advance([item for item in new if isinstance(item, Checkpoint)])
+                belief = self._add_checkpoints([item for item in new if isinstance(item, Checkpoint)])
                 return belief._append([item for item in new if isinstance(item, Observation)])
         return self._append(new)
 
@@ -184,11 +186,11 @@ class Belief:
         items = self._log.items[: self._n]
         return ObservationLog(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
-    def _advance(self, new: list[Checkpoint]) -> Belief:
-        """Return the belief with new checkpoints in place of older items.
+    def _add_checkpoints(self, new: list[Checkpoint]) -> Belief:
+        """Return the belief with new checkpoints in place of the items that they replace.
 
-        If the counts stay equal, the result is this belief, compacted in place. So the agent has no reason to
-        plan again.
+        If observations are replaced and the counts stay equal, the result is this belief, compacted in place.
+        So the agent has no reason to plan again.
         """
         checkpoints = dict(self._checkpoints)
         counts, size, n_covered = self._all_counts.copy(), self._base.looks.size, 0
@@ -278,9 +280,9 @@ class Belief:
         return p_occupied
 
     def uncertain(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Return the cells of a look that are not certain yet. Only these cells add information.
+        """Return the observed `cells` that are not certain yet. Only these cells add information.
 
-        With the paper's sensor one look makes a cell certain (section 3).
+        A look of the paper's sensor makes a cell certain (section 3).
         """
         return tuple(
             (r, c, occupied)
@@ -289,7 +291,7 @@ class Belief:
         )
 
     def contradicted(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Return the cells of a look that contradict a certain cell of this belief."""
+        """Return the observed `cells` that contradict a certain cell of this belief."""
         return tuple(
             (r, c, occupied)
             for r, c, occupied in cells
@@ -307,7 +309,10 @@ class Belief:
         return self._classes[0]
 
     def items(self) -> Iterator[BeliefItem]:
-        """Return all checkpoints and observations, in order of observer, incarnation and sequence."""
+        """Return the checkpoints and the observations that no checkpoint replaces.
+
+        The order is by observer, incarnation and sequence number.
+        """
         items: list[BeliefItem] = [
             *self._checkpoints.values(),
             *(item.seen for item in self._own_log().items),

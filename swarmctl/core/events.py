@@ -140,9 +140,9 @@ class OperatorCommand(_Record, frozen=True):
     command: int | None = None
     """number from the operator service, repeated in the `Answer`; None: an order of the agent's process"""
     after_s: float = 0.0
-    """with return: time of a hold before the return, by the vehicle's clock [s]"""
+    """time of a hold before a return, by the vehicle's clock [s]"""
     ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
-    """with launch: vehicles that the launch does not wait for"""
+    """vehicles that a launch does not wait for"""
 
 
 class WeightsChanged(_Record, frozen=True):
@@ -209,8 +209,8 @@ class SwapMission(_Record, frozen=True):
     safety_factor: float
     length_m: float
     track: Track | None = None
-    """straight track flown in place of the lattice route. With a track, exposure_sum, safety_factor and
-    length_m are the track's; cost is the route's"""
+    """straight track flown in place of the lattice route; None: the route is flown. exposure_sum,
+    safety_factor and length_m are those of the flown path; cost is always the route's"""
 
 
 class Command(_Record, frozen=True):
@@ -218,7 +218,7 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """True for an order that an operator or a recall has just given; it does not wait for a heartbeat"""
+    """True if an operator or a recall has just given the order; the order then waits for no heartbeat"""
 
 
 class SetSpeed(_Record, frozen=True):

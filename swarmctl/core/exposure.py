@@ -19,7 +19,7 @@ RouteCells = Sequence[Cell] | NDArray[np.int64]
 def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArray[np.float64]:
     """Return P_s of every cell, shape (rows, cols): Eq. 3, and Eq. 2 if p_O is 0 or 1 everywhere.
 
-    Cells on the border have fewer neighbours, so at equal p_O a lower P_s: the area contains all threats.
+    Cells on the border have fewer neighbours, so at equal p_O their P_s is lower: no threat is outside.
 
     ERRATUM: the paper calls P_s a probability. It is a sum over threats and may exceed 1: nine occupied
     cells at 0.9/0.5/0.3 give 4.1.

@@ -8,7 +8,7 @@
 | `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists the sender's observations |
 | `inform/snapshot` | Snapshot | the answer: frames as received, with observations, states and intents |
 | `inform/relayed` | Relayed | new frames of other UAVs, passed on at once; or a checkpoint of the sender |
-| `inform/checkpoint` | Checkpoint | inside the last two: replaces an observer's observations up to a number |
+| `inform/checkpoint` | Checkpoint | in a snapshot or relayed: replaces an observer's first observations |
 
 A frame is the byte VERSION, a flag byte (signed or not), a 64-byte Ed25519 signature if signed, and a
 MessagePack map. The signature covers the swarm's name and the map. Unknown fields are ignored. A frame is
@@ -103,7 +103,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     plan_id: int = 0
     replans: int = 0
     late_s: float | None = None
-    """predicted arrival after take-off [s]; None while within the time bound"""
+    """predicted time from take-off to arrival [s], if outside the time bound; else None"""
     outcome: Text = ""
     trouble: Text = ""
     refused: int = 0
@@ -114,7 +114,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """east, north, up [m/s]"""
     earliest_in_s: float | None = None
-    """for simultaneous arrival: least time to the goal [s]; negative after the arrival; else None"""
+    """least time to the goal [s], negative after the arrival; None if no simultaneous arrival is planned"""
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_ACKNOWLEDGED)] = ()
     """nearby UAVs whose messages arrived recently; an acknowledgement to each of them"""
     returns_to: tuple[float, float] | None = None
@@ -263,7 +263,7 @@ _frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)
 
 
 class FrameCodec:
-    """A codec of frames. Without `sign`, frames are unsigned; without `verify`, signatures are ignored."""
+    """A codec of frames. `sign` None: frames are unsigned. `verify` None: signatures are ignored."""
 
     def __init__(self, swarm: str, sign: Sign | None = None, verify: Verify | None = None) -> None:
         self._domain = b"swarmctl\0" + swarm.encode() + b"\0"

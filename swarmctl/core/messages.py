@@ -58,9 +58,9 @@ class GiveOrder(
     """system ids or names; None: all of the swarm"""
     order: Literal["launch", "hold", "return", "land"]
     after_s: float = 0.0
-    """with return: time for which the vehicle holds first, while other vehicles return [s]"""
+    """time for which the vehicle holds before a return, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
-    """with launch: vehicles that the launch does not wait for"""
+    """vehicles that a launch does not wait for"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:

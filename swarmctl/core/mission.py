@@ -40,7 +40,7 @@ class FlightPlan:
     """A take-off, a flight along `track`, and a landing at `landing`.
 
     `landing.alt_rel_m` is the altitude at which the descent begins. Some firmwares refuse a mission without a
-    take-off, so a plan made in flight has a take-off, too. The vehicle then starts at the first waypoint.
+    take-off, so a plan made in flight has a take-off, too. A flying vehicle skips the take-off.
     """
 
     takeoff_alt_m: float
@@ -55,7 +55,7 @@ class FlightPlan:
     begins: Waypoint | None = None
     """position at the time of planning; None on the ground"""
     leaves_ahead: bool = False
-    """True if `track` follows the present plan at first, and leaves this plan at a later point"""
+    """True if `track` begins with waypoints ahead in the plan being flown, and then leaves that plan"""
     from_hold: bool = False
     """True if the vehicle is in hold mode by its agent's order at the time of planning"""
 

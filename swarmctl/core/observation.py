@@ -84,7 +84,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """exclusive or of `mark_of` over these observations, for comparison with another UAV's observations"""
+    """exclusive or of `mark_of` over the replaced observations, for comparison with those of another UAV"""
 
     @property
     def source(self) -> Source:
@@ -164,7 +164,7 @@ MAX_CACHED_OBSERVATIONS = 16_384
 
 
 def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
-    """Return the indexed observation, one for all UAVs of a process.
+    """Return the indexed observation; all UAVs of a process share one object.
 
     Raises ValueError if a cell lies outside the area.
     """
@@ -188,7 +188,7 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
     return item
 
 
-@lru_cache(maxsize=128)  # half a megabyte each for a large area
+@lru_cache(maxsize=128)  # 16 bytes for each cell with a look
 def _unpacked(packed: bytes, n_cells: int) -> CellCounts:
     unpacker = zlib.decompressobj()
     try:

@@ -30,7 +30,7 @@ def distance_to_track(point: PlanarPoint, track: Sequence[PlanarPoint]) -> float
 
 
 def padded_hull(points: Sequence[PlanarPoint], margin_m: float) -> tuple[PlanarPoint, ...]:
-    """Return a convex polygon, counter-clockwise, with each point `margin_m` inside, exact to 1 cm."""
+    """Return a convex polygon, counter-clockwise, with all points at least `margin_m` (to 1 cm) inside."""
     m = margin_m
     return convex_hull([(e + de, n + dn) for e, n in points for de in (-m, m) for dn in (-m, m)])
 

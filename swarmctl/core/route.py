@@ -10,8 +10,8 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan, Waypoint
 
 CORNER_TOLERANCE = 0.02
-"""Greatest distance from a leg to the shared corner of two diagonal cells [cells]: about the error with which
-a vehicle follows a leg. A leg between the centres meets the corner exactly."""
+"""Greatest distance at which a leg may pass the corner that two diagonal cells share [cells]. A vehicle
+follows a leg with about this error. A leg between the centres meets the corner exactly."""
 
 LANDING_SPACING_M = 12.0
 """Greatest distance between the landing spots in one cell [m]."""
@@ -44,8 +44,8 @@ def flight_plan(
     """Return the plan to fly a route over neighbouring cells and land.
 
     Waypoints are the centres of the first and the last cell, and of the cells with a turn. From a `position`
-    within cells[0] the vehicle flies straight to the next centre, not back to the centre of cells[0].
-    Exception: the straight leg would cross a cell off the route, and `may_cross` forbids this cell.
+    within cells[0] the vehicle flies straight ahead, not back to the centre of cells[0]. Exception: the
+    straight leg would cross a cell off the route, and `may_cross` forbids this cell.
     """
     if not cells:
         raise ValueError("a route without cells cannot be flown: expected at least the goal cell")
@@ -129,8 +129,8 @@ def _crossed(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
 def _leg(grid: Grid, here: Cell, there: Cell, position: LatLon) -> tuple[float, float]:
     """Return the length [cells] of the leg from `position` to the centre of `there`, and a cross product.
 
-    The cross product is leg × corner, with the corner that `here` shares with its diagonal neighbour. A
-    positive product: the corner is to the left of the leg.
+    The cross product is leg × corner, with the corner that `here` and `there` share. If the product is
+    positive, the corner is to the left of the leg.
     """
     (row, col), (next_row, next_col) = here, there
     x, y = (metres / grid.cell_size_m for metres in grid.frame.to_local(*position))

@@ -69,11 +69,11 @@ class VehicleState:
     status_text: str = ""
     """last STATUSTEXT of severity WARNING or worse"""
     heartbeat_s: float | None = None
-    """arrival of the last heartbeat by this program's clock [s]: the time of mode and arming"""
+    """arrival of the last heartbeat by this program's clock [s]: the time of `mode` and `armed`"""
     status_s: float | None = None
-    """arrival of the last SYS_STATUS by the same clock [s]: the time of battery, GPS and readiness"""
+    """arrival of the last SYS_STATUS by this program's clock [s]: the time of battery, GPS and readiness"""
     position_s: float | None = None
-    """arrival of the last position by the same clock [s]"""
+    """arrival of the last position by this program's clock [s]"""
 
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:

@@ -27,7 +27,7 @@ from swarmctl.report.final_state import FlightEnd, describe_final_state, is_rele
 START_TOLERANCE_M = 100.0
 """greatest distance between a vehicle and its configured start [m]"""
 NOT_READY_S = 20.0
-"""time between two messages about a vehicle that is not ready [s]; a healthy estimator starts in this time"""
+"""time between two messages about a vehicle that is not ready [s]; a shorter wait gives no message"""
 PARTIAL_CHECKS_S = 10.0
 """time limit for the checks of the vehicles that have answered, when preflight is stopped [s]"""
 EARLY_CHECKS_S = 3.0
@@ -202,7 +202,10 @@ class Director:
             await self._clear([member])
 
     def _permit(self) -> None:
-        """Make all vehicles armable, after a permission for those not simulated. Raises PreflightFailed."""
+        """Ask for permission to arm vehicles that are not simulated, then make all vehicles armable.
+
+        Raises PreflightFailed.
+        """
         external = self._not_simulated()
         if external:
             self._permission(external)
@@ -227,7 +230,7 @@ class Director:
         return external
 
     async def _run_for_all_reported(self, step: Callable[[Member], Coroutine[None, None, None]]) -> None:
-        """Run one preflight step as `_run_for_all`, and report each failure while other vehicles are busy."""
+        """Run a preflight step as `_run_for_all` does; report failures at once if other vehicles are busy."""
         under_way = {m.name for m in self._members if not self._is_released(m)}
 
         async def reported(member: Member) -> None:
@@ -247,7 +250,7 @@ class Director:
             await cancelled(early)
 
     async def _report_early(self) -> None:
-        """Check each vehicle once, as soon as it is ready. All vehicles are checked again at the end."""
+        """Check each vehicle once, as soon as it is ready. `_prepare_all` checks all vehicles again."""
         unchecked = {m.name: m for m in self._members}
         while unchecked:
             await asyncio.sleep(EARLY_CHECKS_S)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from swarmctl.core.any_angle.corners import CostWeights, ExposureMeasure, Unflyable
-from swarmctl.core.any_angle.pull import Track, may_join, pull_straight, route_index_at, still_holds
+from swarmctl.core.any_angle.pull import Track, is_still_good, may_join, pull_straight, route_index_at
 from swarmctl.core.any_angle.track import WALL_MARGIN, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import rounded, tangent_length
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
@@ -261,7 +261,7 @@ def test_new_exposure_ahead_ends_a_track(news: dict[Cell, float], over: Cell, ho
     index = route_index_at(TRACK, over)
     assert index is not None
     now, before = ThreatMap.of(p_s), ThreatMap.of(FIELD)
-    verdict = still_holds(
+    verdict = is_still_good(
         now, before, ExposureMeasure.ENTERED, ROUTE, TRACK, radius_cells=0.0, cell=over, index=index
     )
     assert verdict is holds
@@ -275,7 +275,7 @@ def test_a_track_stays_good_along_its_length_without_new_exposure(
 ) -> None:
     track = pull_straight(case.threat, case.route, measure)
     for cell, index in zip(track.over, track.abreast, strict=True):
-        assert still_holds(
+        assert is_still_good(
             case.threat, case.threat, measure, case.route, track, radius_cells=0.0, cell=cell, index=index
         )
 

@@ -221,7 +221,7 @@ def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], route_cell:
     task, swap = state.task, state.route
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True
-    return pull.still_holds(
+    return pull.is_still_good(
         ThreatMap.of(p_s, task.max_exposure),
         ThreatMap.of(state.route_exposure, task.max_exposure),
         task.any_angle,

@@ -13,14 +13,14 @@ from swarmctl.core.any_angle.track import CrossedCells, Floats, ThreatMap, centr
 from swarmctl.core.any_angle.turns import arc
 
 MAX_FIRST_SPAN = 32
-"""Longest leg of the first search [steps of the route]. Later searches join legs at the corners found so far.
-For a route of at most this many steps the number of legs is minimal."""
+"""Longest leg in the first round of a search [steps of the route]. Each further round joins legs at the
+corners found by the round before. For a route of at most this many steps the number of legs is minimal."""
 
 TIE_TOLERANCE = 1e-9
 """relative difference below which sums count as equal, because of rounding"""
 
 MAX_SEARCHES = 50
-"""greatest number of searches; a search is repeated if an arc of its track meets a wall or is worse"""
+"""greatest number of searches; a search is repeated if an arc meets a wall or is worse than its corner"""
 
 
 class ExposureMeasure(StrEnum):
@@ -68,8 +68,8 @@ def choose_corners(
     """Return the corners of a track, both ends included, as indices into `route`.
 
     `route` is (n, 2) rows and columns of neighbouring cells. The result has the fewest corners with legs and
-    arcs no worse than the route (long routes: see MAX_FIRST_SPAN). If turns need room and no such corners are
-    found, the result has the least cost by `weights`. Raises Unflyable.
+    arcs no worse than the route (long routes: see MAX_FIRST_SPAN). If no such corners are found, the result
+    has the least cost by `weights`. Raises Unflyable.
     """
     search = _Search(threat, route, measure, radius_cells)
     corners = search.no_worse()
@@ -93,25 +93,25 @@ class _Search:
 
     def no_worse(self) -> tuple[int, ...] | None:
         """Return the fewest corners with legs and arcs no worse than the route, or None."""
-        corners = self._with_good_arcs(None)
+        corners = self._corners_with_good_arcs(None)
         if corners is None or self._radius > 0.0:
             return corners
         # On a long route the search skips some legs, so the lattice route may have fewer corners.
-        return min(corners, self._turns(), key=len)
+        return min(corners, self._lattice_corners(), key=len)
 
     def least_cost(self, weights: CostWeights) -> tuple[int, ...] | None:
         """Return the corners with the least cost of the legs by Eq. 5, or None."""
         self._forbidden.clear()
-        return self._with_good_arcs(weights)
+        return self._corners_with_good_arcs(weights)
 
-    def _turns(self) -> tuple[int, ...]:
+    def _lattice_corners(self) -> tuple[int, ...]:
         steps = np.diff(self._route, axis=0)
         turns = 1 + np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1))
         return (0, *turns.tolist(), len(self._route) - 1)
 
-    def _with_good_arcs(self, weights: CostWeights | None) -> tuple[int, ...] | None:
+    def _corners_with_good_arcs(self, weights: CostWeights | None) -> tuple[int, ...] | None:
         for _ in range(MAX_SEARCHES):
-            corners = self._corners(weights)
+            corners = self._cheapest_corners(weights)
             if corners is None or self._radius == 0.0:
                 return corners
             turns = zip(corners, corners[1:], corners[2:], strict=False)
@@ -132,10 +132,10 @@ class _Search:
             return True
         return bool(_no_worse(self._measure.of(self._threat, inside), self._measure.of(self._threat, around)))
 
-    def _corners(self, weights: CostWeights | None) -> tuple[int, ...] | None:
+    def _cheapest_corners(self, weights: CostWeights | None) -> tuple[int, ...] | None:
         nodes = np.arange(len(self._route))
         while True:
-            chosen = self._best(nodes, self._costs(nodes, weights))
+            chosen = self._cheapest_chain(nodes, self._costs(nodes, weights))
             if chosen is None:
                 return None
             if len(nodes) <= MAX_FIRST_SPAN + 1 or len(chosen) == len(nodes):
@@ -170,7 +170,7 @@ class _Search:
             cost = (1.0 - weights.w) * weights.psi_per_cell * length + weights.w * exposure + TIE_TOLERANCE
         return np.where((length > 0.0) & (on_lattice | (legs.clear & good)), cost, np.inf)
 
-    def _best(self, nodes: Ints, costs: Floats) -> Ints | None:
+    def _cheapest_chain(self, nodes: Ints, costs: Floats) -> Ints | None:
         """Return the nodes of the cheapest chain of legs from the first node to the last, or None.
 
         The search is over legs, not over nodes, because a leg must fit the previous leg.
@@ -198,7 +198,7 @@ class _Search:
         return nodes[chosen[::-1]]
 
     def _may_turn(self, nodes: Ints, i: int, span: int, reach: int) -> Bools:
-        """Return (span, reach) flags: a chain may turn at node i, from i − 1 − row to i + 1 + column."""
+        """Return (span, reach) flags; [s, r]: a chain may turn at node i, from i − 1 − s to i + 1 + r."""
         if self._radius == 0.0:
             return np.ones((span, reach), dtype=bool)
         before, after = np.maximum(i - 1 - np.arange(span), 0), i + 1 + np.arange(reach)

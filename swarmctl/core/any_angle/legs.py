@@ -42,7 +42,7 @@ def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
     fields = np.stack([threat.p_s, threat.hazard])
     integral, entered, clear = np.zeros((2, n)), np.zeros((2, n)), np.ones(n, dtype=bool)
     for k in range(int(walk.major[0]) + 1 if n else 0):
-        # Each step along the longer axis of a leg is a strip of cells; the leg crosses one or two of them.
+        # Each step along the longer axis of a leg is a strip, in which the leg crosses one or two cells.
         m = int(np.count_nonzero(walk.major >= k))
         low, high, q_in, q_out = walk.strip(k, m)
         two = q_out > q_in

@@ -23,8 +23,8 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.route import CORNER_TOLERANCE
 
 TOLERATED_EXCESS = 0.05
-"""Tolerated excess of exposure of the rest of a track over the rest of its route [share]. A smaller excess
-does not justify a swap of the mission."""
+"""Greatest share by which a track ahead of the vehicle may be more exposed than the route ahead. A smaller
+excess does not justify a swap of the mission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Track:
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
     safety_factor: float
-    """∏(1 − P_s) over the same cells"""
+    """∏(1 − P_s) over the cells entered after the first"""
 
 
 def pull_straight(
@@ -52,11 +52,12 @@ def pull_straight(
     radius_cells: float = 0.0,
     weights: CostWeights | None = None,
 ) -> Track:
-    """Return the track of fewest straight legs for a route over neighbouring cells; the shortest of equals.
+    """Return the track of fewest straight legs for a route over neighbouring cells.
 
-    With a turn radius of `radius_cells` [cells] each turn is an arc inside its corner. The arc takes at most
-    half of a leg between two turns. If all tracks found with this room are worse than the route, the result
-    has the least cost by `weights` (Eq. 5), or the least exposure without `weights`. Raises Unflyable.
+    Of several such tracks the result is the shortest. If the turn radius `radius_cells` [cells] is above 0,
+    each turn is an arc inside its corner. The arc takes at most half of a leg between two turns. If all such
+    tracks found are worse than the route, the result has the least cost by `weights` (Eq. 5). If `weights` is
+    None, the result has the least exposure. Raises Unflyable.
     """
     if len(cells) < 3:
         return track(threat, cells, tuple(range(len(cells))), radius_cells)
@@ -91,7 +92,7 @@ def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
     return next((k for k in found if k >= since), found[-1] if found else None)
 
 
-def still_holds(
+def is_still_good(
     now: ThreatMap,
     before: ThreatMap,
     measure: ExposureMeasure,
@@ -102,11 +103,12 @@ def still_holds(
     cell: Cell,
     index: int,
 ) -> bool:
-    """Return whether the rest of a track is as good as the rest of its route by the present threat, `now`.
+    """Return whether the track ahead of the vehicle is as good as the route ahead, by the threat `now`.
 
     The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
-    the threat by which the track was last found good. By `before`, the rest of the track may already be more
-    exposed than the rest of the route. This difference and TOLERATED_EXCESS are allowed; a new wall is not.
+    the threat at the last decision for this track. The track ahead may be more exposed than the route ahead:
+    by the excess under the threat `before`, and by TOLERATED_EXCESS. A wall that `before` lacks is not
+    allowed.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)
@@ -117,14 +119,14 @@ def still_holds(
     walls = ThreatMap(now.p_s, now.hazard, now.blocked & ~before.blocked)
     if not is_clear(walls, flown[under.legs[here] :]):
         return False
-    ahead = crossed_cells([centre(at) for at in route[index:]])
-    rest, lattice = _rest_of(under, here), _rest_of(ahead, 0)
-    on_track, on_route = measure.of(now, rest), measure.of(now, lattice)
-    excess_before = np.maximum(measure.of(before, rest) - measure.of(before, lattice), 0.0)
+    track_ahead = _cells_ahead(under, here)
+    route_ahead = _cells_ahead(crossed_cells([centre(at) for at in route[index:]]), 0)
+    on_track, on_route = measure.of(now, track_ahead), measure.of(now, route_ahead)
+    excess_before = np.maximum(measure.of(before, track_ahead) - measure.of(before, route_ahead), 0.0)
     return bool((on_track <= on_route * (1.0 + TOLERATED_EXCESS) + excess_before + TIE_TOLERANCE).all())
 
 
-def _rest_of(under: CrossedCells, here: int) -> CrossedCells:
+def _cells_ahead(under: CrossedCells, here: int) -> CrossedCells:
     """Return the cells ahead of a vehicle that leaves the cell with this index."""
     return CrossedCells(under.cells[here:], (0.0, *under.lengths[here + 1 :]), under.legs[here:])
 

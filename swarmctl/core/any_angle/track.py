@@ -113,7 +113,7 @@ class ThreatMap:
 
     @classmethod
     def of(cls, p_s: Floats, max_exposure: float = math.inf) -> ThreatMap:
-        """Return the map for `p_s` (rows, cols); infinite cells and cells above `max_exposure` are walls."""
+        """Return the map for `p_s` (rows, cols); cells above `max_exposure` and infinite cells are walls."""
         blocked = ~np.isfinite(p_s) | (p_s > max_exposure)
         finite = np.where(np.isfinite(p_s), p_s, 0.0)
         return cls(finite, -np.log(np.maximum(1.0 - finite, MIN_SURVIVAL)), blocked)

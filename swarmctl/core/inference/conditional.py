@@ -92,7 +92,10 @@ class HostileGroups:
         return means
 
     def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
-        """Return (size, n_groups) draws of the numbers in the first `n_groups` groups, in no random order."""
+        """Return (size, n_groups) draws of the numbers in the first `n_groups` groups.
+
+        The draws are in the order of the ranges of totals, which is not random.
+        """
         shares = rng.multinomial(size, self._weight).tolist()
         parts = zip(shares, self._ranges, strict=True)
         return np.concatenate([total_range.draw(rng, n, n_groups) for n, total_range in parts if n])
@@ -115,29 +118,29 @@ class _TotalRange:
         top = float(tilted.max())
         weight = np.zeros(last.values.size)
         weight[totals[inside] - last.lo] = np.exp(tilted - top)
-        self._given = _Window(last.lo, weight)
+        self._total_weight = _Window(last.lo, weight)
         self._sum = float(last.values @ weight)
         self.log_evidence = math.log(self._sum) + top + float(n_cells @ np.logaddexp(0.0, log_ratio + t))
 
     def means(self) -> Floats:
         means = np.zeros(len(self._groups))
-        given = self._given
+        backward = self._total_weight
         for g in range(len(self._groups) - 1, -1, -1):
             before, group = self._forward[g], self._groups[g]
-            wide = given.spread(before.lo + group.lo, before.end + group.end - 1)
+            wide = backward.spread(before.lo + group.lo, before.end + group.end - 1)
             number = np.arange(group.lo, group.end)
             means[g] = before.values @ np.correlate(wide, number * group.values, "valid") / self._sum
-            given = _Window(before.lo, np.correlate(wide, group.values, "valid"))
+            backward = _Window(before.lo, np.correlate(wide, group.values, "valid"))
         return means
 
     def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
-        given = self._given
+        backward = self._total_weight
         for g in range(len(self._groups) - 1, n_groups - 1, -1):
             before, group = self._forward[g], self._groups[g]
-            wide = given.spread(before.lo + group.lo, before.end + group.end - 1)
-            given = _Window(before.lo, np.correlate(wide, group.values, "valid"))
+            wide = backward.spread(before.lo + group.lo, before.end + group.end - 1)
+            backward = _Window(before.lo, np.correlate(wide, group.values, "valid"))
         first = self._forward[n_groups]
-        chance = np.cumsum(first.values * given.values)
+        chance = np.cumsum(first.values * backward.values)
         remaining = first.lo + np.searchsorted(chance, rng.random(size) * chance[-1], side="right")
         numbers = np.zeros((size, n_groups), dtype=np.int64)
         for g in range(n_groups - 1, 0, -1):
@@ -205,7 +208,7 @@ def _clipped(expected: Floats, n_cells: Ints) -> Floats:
 
 
 def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
-    """Return the indices of the totals that are not surely negligible.
+    """Return the indices of all totals except those that are certainly negligible.
 
     Let e_J(λ) be the weight of all sets of J cells, and U(J) = min over t of Σ m log(1 + λ e^t) − J t. Then
     e_J(λ) < e^U(J), and the ratio of both is bounded by a power of J. U is concave. Between knots its chord
@@ -214,7 +217,7 @@ def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight:
     if totals.size <= 2:
         return np.arange(totals.size)
     cells = float(n_cells.sum())
-    # An angle of 1 is 2 √cells standard deviations of a binomial distribution, wherever it begins.
+    # An angle of 1 is 2 √cells standard deviations of a binomial distribution, at every total.
     first, last = np.arcsin(np.sqrt(np.array([totals[0], totals[-1]]) / cells)).tolist()
     n_knots = min(2 + math.ceil((last - first) * 2.0 * math.sqrt(cells) / KNOT_SIGMA), MAX_KNOTS)
     at = np.unique(_clipped(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))

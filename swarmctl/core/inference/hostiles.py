@@ -20,7 +20,7 @@ class HostileCount:
     n: NDArray[np.int64]
     """(k,) possible numbers, ascending"""
     log_weight: NDArray[np.float64]
-    """(k,) logarithm of the weight of each, up to a common constant"""
+    """(k,) logarithm of the weight of each number, up to a common constant"""
 
     def __post_init__(self) -> None:
         if self.n.size == 0 or self.n.shape != self.log_weight.shape:

@@ -71,8 +71,8 @@ def posterior(
 ) -> tuple[NDArray[np.bool_], HostileGroups | None]:
     """Return the mask (k,) of uncertain classes, and their hostiles' distribution; None if all are certain.
 
-    If all numbers of `count` contradict the certain cells, one number replaces `count`: of the possible
-    numbers, the nearest to its least number.
+    If all numbers of `count` contradict the certain cells, the number of hostiles is taken as `count.least`,
+    clipped to the numbers that the certain cells allow.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     is_uncertain = np.isfinite(log_ratio)

@@ -2,8 +2,8 @@
 
 For each cell that a vehicle enters, each hostile in reach shoots once, independently, and hits with the
 probability of Eq. 1. Among known hostiles the probability of survival is ∏(1 − fs). But the hostiles' cells
-are unknown, and one hostile threatens several cells of a route. So worlds are drawn from the belief, and
-their survival probabilities are averaged.
+are unknown, and one hostile threatens several cells of a route. So possible placements of the hostiles
+("worlds") are drawn from the belief, and their survival probabilities are averaged.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ N_WORLDS = 4096
 Z_95 = 1.959964
 """two-sided 95 % of a normal distribution"""
 MIN_EFFECTIVE_WORLDS = 100.0
-"""Least effective number of worlds, n·mean²/mean of squares, for the normal interval: if the average rests on
-fewer worlds, this interval is too narrow. Wilson's interval holds for any spread between 0 and 1."""
+"""Least effective number of worlds, n·mean²/mean of squares. If the average rests on fewer worlds, the normal
+interval is too narrow. Wilson's interval is valid for all values in [0, 1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +64,8 @@ def survival_probability(
     The shots are not drawn. For given hostiles the survival probability is a product. The product's average
     over the worlds has the same mean as the share of surviving vehicles, and a smaller variance
     (Rao-Blackwell). The interval is the normal interval of this average. If the average rests on few worlds,
-    the interval includes Wilson's. If every cell in reach is certain, the interval is a point. Raises
-    ValueError for fewer than 2 worlds.
+    the interval is widened to cover Wilson's interval. If every cell in reach is certain, the interval is a
+    point. Raises ValueError for fewer than 2 worlds.
     """
     if n_worlds < 2:
         raise ValueError(f"{n_worlds} worlds: expected 2 or more")
@@ -116,7 +116,7 @@ def survival_among(
 
 
 class _Worlds:
-    """The possible numbers of hostiles in some kinds of cells."""
+    """Random numbers of hostiles in the kinds of cells `near` a route, by a belief."""
 
     def __init__(self, belief: Belief, near: CellClasses) -> None:
         everywhere = belief.classes
@@ -146,9 +146,9 @@ class _Worlds:
 
 
 def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the cells from which a hostile can hit a vehicle on a route, and the entries into its reach.
+    """Return (m,) cells from which a hostile can hit a vehicle on a route, as row · cols + col.
 
-    (m,) cells as row · cols + col; (m, 3) numbers of entries: into the hostile's cell, adjacent, diagonal.
+    Also return (m, 3) numbers of entries into the hostile's cell, an adjacent cell, and a diagonal cell.
     """
     rows, cols = shape
     entered = np.array(cells[1:], dtype=np.int64).reshape(-1, 1, 2)
@@ -161,6 +161,6 @@ def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np
 
 
 def _survival(strength: FiringStrength, entries: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return (k,) probabilities of surviving one hostile after these `entries` (k, 3) into its reach."""
+    """Return (k,) probabilities of surviving one hostile; `entries` (k, 3) as from `_in_reach`."""
     fs = np.array([strength.direct, strength.first_neighbour, strength.second_neighbour])
     return np.asarray(np.prod((1.0 - fs) ** entries, axis=1))
