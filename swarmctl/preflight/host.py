@@ -21,21 +21,21 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
     for spec in scenario.specs:
         endpoints.setdefault(parse_url(spec.url), spec.name)
     # All ports are bound at the same time: 0.0.0.0 and 127.0.0.1 exclude each other on the same port.
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as sockets:
         for endpoint, name in endpoints.items():
-            yield from _endpoint_trouble(endpoint, name, held)
-        yield from _listen_trouble(scenario.config.communication, held)
+            yield from _endpoint_trouble(endpoint, name, sockets)
+        yield from _listen_trouble(scenario.config.communication, sockets)
     yield from _folder_trouble(runs)
 
 
-def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack) -> Iterator[str]:
+def _endpoint_trouble(endpoint: Endpoint, name: str, sockets: contextlib.ExitStack) -> Iterator[str]:
     if endpoint.kind == "serial":
         if not Path(endpoint.host).exists():
             yield f"{name}: {endpoint}: device {endpoint.host} does not exist; plug the radio in [no-device]"
     elif endpoint.listens:
         kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
         family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
-        probe = held.enter_context(contextlib.closing(socket.socket(family, kind)))
+        probe = sockets.enter_context(contextlib.closing(socket.socket(family, kind)))
         if kind is socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
         try:
@@ -49,11 +49,11 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack)
             yield f"{name}: {endpoint}: the host is unknown ({error.strerror or error}); correct the url"
 
 
-def _listen_trouble(communication: Communication, held: contextlib.ExitStack) -> Iterator[str]:
+def _listen_trouble(communication: Communication, sockets: contextlib.ExitStack) -> Iterator[str]:
     if communication.bus != "zenoh" or communication.listen == "none":
         return
     endpoint = parse_endpoint(communication.listen)
-    probe = held.enter_context(contextlib.closing(_stream_socket(endpoint.host)))
+    probe = sockets.enter_context(contextlib.closing(_stream_socket(endpoint.host)))
     try:
         probe.bind((endpoint.host, endpoint.port))
     except OSError as error:

@@ -12,7 +12,10 @@ from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_
 
 OUTCOME_WIDTH = 16
 BOUND = Column("over goal /\nbound [s]")
-LEGEND = "ΣP_s and ∏(1−P_s): cells entered, as believed in flight; chance: of no strike"
+LEGEND = (
+    "ΣP_s and ∏(1−P_s) are over the cells entered, by the belief in flight.\n"
+    "Both chances are for a flight without a strike. sent: messages"
+)
 
 
 def flight_table(summary: dict[str, Any]) -> FittedTable:
@@ -67,8 +70,8 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     first, plans = separation["first_routes"], separation["plans_in_flight"]
     if first is not None and first["predicted"]:
         lines.append(
-            f"first routes that cross over ground: {first['predicted']} pairs, {first['by_height']} of them "
-            "at different heights"
+            f"first routes: {first['predicted']} pairs come too close horizontally at the same time; height "
+            f"separates {first['by_height']} of them"
         )
     if plans["predicted"]:
         lines.append(

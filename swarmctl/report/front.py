@@ -99,8 +99,9 @@ class VehicleFront:
 def fronts(
     scenario: Scenario, names: Sequence[str] = (), max_labels: int | None = None
 ) -> tuple[VehicleFront, ...]:
-    """Return the fronts of the named vehicles, or of all. A front has routes outside the time bound, too.
+    """Return the fronts of the named vehicles; if `names` is empty, of all vehicles.
 
+    A front also has routes outside the time bound.
     `max_labels` as for `pareto_front`. Raises Unreachable.
     """
     specs = [(index, spec) for index, spec in enumerate(scenario.specs) if not names or spec.name in names]
@@ -141,24 +142,24 @@ def _equals(one: Route, other: Route) -> bool:
 
 
 def _shown_indices(front: Front, chosen_index: int | None) -> tuple[int, ...]:
-    """Return up to MAX_ROWS indices: the ends, the configured route, routes that some w finds, the rest.
+    """Return up to MAX_ROWS indices: both ends, the configured route, routes on the hull, other routes.
 
-    The next point of a group differs most in exposure from the line through the points selected so far, as in
-    Douglas and Peucker's algorithm.
+    Each step adds the point whose exposure differs most from the line through the selected points, as in
+    Douglas and Peucker's algorithm. Points inside the hull are added after all points on the hull.
     """
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
     points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), TOLERANCE)
-    kept = {0, n - 1} | ({chosen_index} if chosen_index is not None else set())
-    while len(kept) < min(MAX_ROWS, n):
-        line = sorted(kept)
+    selected = {0, n - 1} | ({chosen_index} if chosen_index is not None else set())
+    while len(selected) < min(MAX_ROWS, n):
+        line = sorted(selected)
         between = np.interp(points[:, 0], points[line, 0], points[line, 1])
         away = np.abs(points[:, 1] - between)
         away[line] = -1.0
-        if any(s and i not in kept for i, s in enumerate(front.supported)):
+        if any(s and i not in selected for i, s in enumerate(front.supported)):
             away[~np.array(front.supported)] = -1.0
-        kept.add(int(away.argmax()))
-    return tuple(sorted(kept))
+        selected.add(int(away.argmax()))
+    return tuple(sorted(selected))
 
 
 # --- the table
@@ -178,7 +179,9 @@ def front_table(found: Sequence[VehicleFront]) -> FittedTable:
         for row, index in enumerate(vehicle.shown):
             _add_row(table, vehicle, index, with_name=row == 0)
         if vehicle.chosen_index is None:
-            _add_numbers(table, "", vehicle, vehicle.chosen, "not on the front", _mark(vehicle), "bold")
+            _add_numbers(
+                table, "", vehicle, vehicle.chosen, "not on the front", _chosen_remark(vehicle), "bold"
+            )
         table.end_section()
     return table
 
@@ -186,14 +189,20 @@ def front_table(found: Sequence[VehicleFront]) -> FittedTable:
 def _add_row(table: FittedTable, vehicle: VehicleFront, index: int, *, with_name: bool) -> None:
     candidate = vehicle.candidates[index]
     is_chosen = index == vehicle.chosen_index
-    mark = _mark(vehicle) if is_chosen else _fault(vehicle, candidate)
-    style = "bold" if is_chosen else "bright_black" if mark else ""
+    remark = _chosen_remark(vehicle) if is_chosen else _fault(vehicle, candidate)
+    style = "bold" if is_chosen else "bright_black" if remark else ""
     name = vehicle.name if with_name else ""
-    _add_numbers(table, name, vehicle, candidate, weights(vehicle.front, index), mark, style)
+    _add_numbers(table, name, vehicle, candidate, w_range_text(vehicle.front, index), remark, style)
 
 
 def _add_numbers(
-    table: FittedTable, name: str, vehicle: VehicleFront, candidate: Candidate, w: str, mark: str, style: str
+    table: FittedTable,
+    name: str,
+    vehicle: VehicleFront,
+    candidate: Candidate,
+    w: str,
+    remark: str,
+    style: str,
 ) -> None:
     flown = candidate.flown
     table.add_row(
@@ -204,12 +213,12 @@ def _add_numbers(
         product_text(flown.safety_factor),
         *estimate_texts(candidate.chance),
         w,
-        mark,
+        remark,
         style=style,
     )
 
 
-def _mark(vehicle: VehicleFront) -> str:
+def _chosen_remark(vehicle: VehicleFront) -> str:
     fault = _fault(vehicle, vehicle.chosen)
     return f"← {vehicle.chosen_by}" + (f", {fault}" if fault else "")
 
@@ -221,8 +230,8 @@ def _fault(vehicle: VehicleFront, candidate: Candidate) -> str:
     return "" if vehicle.is_in_time(candidate.flown) else "outside the time bound"
 
 
-def weights(front: Front, index: int) -> str:
-    """Return the range of w for which the paper's planner finds the route `index`, as text; – for no w."""
+def w_range_text(front: Front, index: int) -> str:
+    """Return the range of w with which the paper's planner finds the route `index`; – if no w finds it."""
     w_range = front.w_ranges[index]
     if not front.supported[index] or w_range is None:
         return "–"
@@ -234,9 +243,9 @@ def weights(front: Front, index: int) -> str:
 
 
 def _weight(w: float, ends: set[float]) -> str:
-    """Return w as text, with an error of at most a quarter of the distance to the nearest other end.
+    """Return w as text, rounded by at most a quarter of its distance to the nearest other value in `ends`.
 
-    So each end has a different text, and only w = 0 and w = 1 have the texts 0 and 1.
+    So all values in `ends` have different texts, and only w = 0 and w = 1 have the texts 0 and 1.
     """
     max_error = min(abs(w - other) for other in ends if abs(w - other) >= TOLERANCE) / 4.0
     texts = (f"{w:.{digits}g}" for digits in range(2, 18))
@@ -306,7 +315,7 @@ def _vehicle_content(vehicle: VehicleFront) -> dict[str, Any]:
 
 
 def _numbers(vehicle: VehicleFront, candidate: Candidate) -> dict[str, Any]:
-    """Return the numbers of the track to fly, and those of its lattice route if the track is straightened."""
+    """Return the numbers of the track; for a straightened track also the numbers of the lattice route."""
     flown, route, chance = candidate.flown, candidate.route, candidate.chance
     pulled_from = {
         "length_m": route.length_cells * vehicle.task.grid.cell_size_m,
@@ -373,7 +382,7 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
 
 
 def _track(vehicle: VehicleFront, candidate: Candidate) -> list[LatLon]:
-    """Return the line from the start over the corners, with arcs if the vehicle needs wide turns."""
+    """Return the line from the start over the corners, with arcs if the track is flyable with wide turns."""
     grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
     points = [grid.frame.to_local(*grid.centre(cell)) for cell in candidate.flown.corners]
     if candidate.is_flyable and radius_m > 0.0:

@@ -1,4 +1,4 @@
-"""The result of a flight, the source of its reports."""
+"""The result of a flight."""
 
 from __future__ import annotations
 

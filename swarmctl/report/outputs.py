@@ -1,4 +1,4 @@
-"""The files of a flight or of first routes for people: summary, `.plan` files, layout for Foxglove, map."""
+"""Readable files of a flight, or of the first routes: summary, `.plan` files, Foxglove layout, map."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class BusRecord(msgspec.Struct, frozen=True):
 
 
 class Recorder:
-    """The recorder of one `run.mcap`, an `Observer` of runners. Without `close` the file has no index.
+    """The recorder of one `run.mcap`, an `Observer` of runners. Only `close` writes the index of the file.
 
     A replay reads the agents' events and effects. Positions, routes, hostiles and texts are also recorded in
     Foxglove's own schemas.

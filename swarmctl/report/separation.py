@@ -21,7 +21,7 @@ class SeparationStatistics:
     def __init__(self) -> None:
         self._flown: FlownSeparation | None = None
         self._at_flight_s: float | None = None
-        """flight time of the reporting vehicle at the least distance [s]; None: not known"""
+        """flight time of the vehicle whose agent recorded the least distance [s]; None: not known"""
         self._own_uavs: set[int] = set()
         """system ids of the vehicles that this process flies"""
 

@@ -33,7 +33,7 @@ from swarmctl.report.separation import SeparationStatistics
 from swarmctl.report.swaps import SwapStatistics
 
 MAX_WEIGHTS = 500
-"""number of a vehicle's last weight changes in the summary"""
+"""greatest number of a vehicle's weight changes in the summary; the newest are listed"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +63,9 @@ class VehicleStatistics:
     weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
         default_factory=lambda: deque(maxlen=MAX_WEIGHTS)
     )
-    """last changes: flight time [s], first plan with the new weights, w, firing strengths"""
+    """up to MAX_WEIGHTS changes: flight time [s], first plan with the new weights, w, firing strengths"""
     weight_changes: int = 0
-    """number of all changes"""
+    """number of all weight changes"""
     swaps: SwapStatistics = field(default_factory=SwapStatistics)
 
     @property
@@ -82,9 +82,9 @@ class FlightStatistics:
         self.separation = SeparationStatistics()
         self.arrivals = Arrivals()
         self._observed_s: dict[ev.ObservationId, float] = {}
-        self._believed_s: dict[ev.ObservationId, float] = {}
+        self._merged_s: dict[ev.ObservationId, float] = {}
         """time at which the last peer merged the observation"""
-        self._flown_s: dict[ev.ObservationId, float] = {}
+        self._mission_changed_s: dict[ev.ObservationId, float] = {}
         """time at which the last vehicle accepted a mission that was changed because of the observation"""
 
     def folded(
@@ -99,9 +99,7 @@ class FlightStatistics:
             case ev.Neighbours(states):
                 self.separation.neighbours_moved(after, states, vehicle.flight_time_s, now)
             case ev.ObservationsReceived(items) if after.belief is not before.belief:
-                self._believed_s.update(
-                    ((*o.source, o.seq), now) for o in items if isinstance(o, Observation)
-                )
+                self._merged_s.update(((*o.source, o.seq), now) for o in items if isinstance(o, Observation))
             case ev.MissionAccepted() if before.pending is not None and after.pending is None:
                 self._accepted(vehicle, before.pending, now)
             case _:
@@ -144,7 +142,7 @@ class FlightStatistics:
         if not vehicle.planned:
             vehicle.planned = [(p.lat_deg, p.lon_deg) for p in (*swap.plan.track, swap.plan.landing)]
         for observation in swap.because:
-            self._flown_s[observation] = now
+            self._mission_changed_s[observation] = now
 
     @property
     def longest_flight_s(self) -> float:
@@ -155,8 +153,8 @@ class FlightStatistics:
         """Return quantiles of the times from observations by `observer` (None: all) to their effects [s]."""
         observed_s = {o: t for o, t in self._observed_s.items() if observer in (None, o[0])}
         return {
-            "observation_to_last_peers_belief_s": _quantiles(observed_s, self._believed_s),
-            "observation_to_last_changed_mission_s": _quantiles(observed_s, self._flown_s),
+            "observation_to_last_peers_belief_s": _quantiles(observed_s, self._merged_s),
+            "observation_to_last_changed_mission_s": _quantiles(observed_s, self._mission_changed_s),
         }
 
 
@@ -232,7 +230,7 @@ def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[n
 
 
 def _merged_belief(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
-    """Return the merged beliefs of all vehicles; of two observations with one name, the first counts."""
+    """Return the merged beliefs; of observations with one (observer, incarnation, seq), the first counts."""
     merged = scenario.prior
     for state in states.values():
         for item in state.belief.items():
@@ -348,7 +346,7 @@ def _finite(number: float) -> float | None:
 def _weights(
     flight_time_s: float | None, from_plan: int, w: float, strength: FiringStrength
 ) -> dict[str, Any]:
-    """Return the weights from a plan on; `flight_time_s` is None before take-off."""
+    """Return the weights and the first plan with these weights; `flight_time_s` is None before take-off."""
     return {
         "flight_time_s": flight_time_s,
         "from_plan": from_plan,

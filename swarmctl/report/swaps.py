@@ -12,7 +12,7 @@ import numpy as np
 from swarmctl.core import events as ev
 
 MAX_FAILURES = 20
-"""number of a vehicle's last failed changes with a reason in the summary"""
+"""greatest number of a vehicle's failed changes in the summary; the newest are listed"""
 MAX_LISTED = 5
 """greatest number of failed changes below the table"""
 
@@ -24,7 +24,7 @@ class SwapStatistics:
     changed: int = 0
     failed: int = 0
     failures: list[dict[str, Any]] = field(default_factory=list)
-    """plan number and reason of the last failed changes"""
+    """plan number and reason of up to MAX_FAILURES failed changes"""
     stood: int = 0
     """number of changes for which the vehicle held or stood still"""
     stood_still_s: float = 0.0
@@ -61,7 +61,7 @@ class SwapStatistics:
 
 
 def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
-    """Return lines: the number of changes, up to MAX_LISTED failures, each vehicle that stood still."""
+    """Return lines: the number of changes, up to MAX_LISTED failures, vehicles that held or stood still."""
     by_name = [(v["name"], v["swaps"]) for v in vehicles]
     tried = sum(swaps["changed"] + swaps["failed"] for _, swaps in by_name)
     if not tried:
@@ -70,7 +70,7 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     stood = [(name, swaps) for name, swaps in by_name if swaps["stood_still"]]
     failures = [(name, failure) for name, swaps in by_name for failure in swaps["failures"]]
     lines = [
-        f"mission changes in flight: {tried}, {failed or 'none'} failed"
+        f"mission changes in flight: {tried}, of which {failed or 'none'} failed"
         + ("" if stood else "; no vehicle stopped for a change")
     ]
     lines += [
@@ -80,8 +80,8 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     if failed > MAX_LISTED:
         lines.append(f"  and {failed - MAX_LISTED} more: swaps.failures in summary.json")
     lines += [
-        f"  {name} stood still in {swaps['stood_still']} of {swaps['changed'] + swaps['failed']} changes: "
-        f"{swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"
+        f"  {name} held or stood still in {swaps['stood_still']} of {swaps['changed'] + swaps['failed']} "
+        f"changes: {swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"
         for name, swaps in stood
     ]
     return lines

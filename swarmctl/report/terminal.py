@@ -26,7 +26,7 @@ class Terminal(Ui, Protocol):
 
 
 class LiveTable:
-    """A table that changes in place, with the last message below; with `verbose`, a log above the table."""
+    """A table that changes in place. The last message is below; if `verbose`, a log is above the table."""
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._live = Live(console=console, auto_refresh=False)
@@ -72,7 +72,7 @@ class LiveTable:
 class PlainLines:
     """Lines for logs and pipes: one at each change of a phase, and one per vehicle every LINE_EVERY_S.
 
-    With `verbose`, `UiObserver` logs the changes of a phase instead.
+    If `verbose`, only `UiObserver` writes the changes of phases.
     """
 
     def __init__(self, console: Console, *, verbose: bool) -> None:

@@ -67,9 +67,10 @@ class UiObserver:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             text = (
-                "telemetry has stopped; orders wait until telemetry arrives again [telemetry-lost]"
+                "telemetry has stopped; an order to hold, return or land is sent now, and repeated when "
+                "telemetry is back [telemetry-lost]"
                 if after.lost
-                else "telemetry arrives again; orders no longer wait [telemetry-back]"
+                else "telemetry is back; an order that had no effect is repeated [telemetry-back]"
             )
             self.ui.say(f"{after.task.name}: {text}")
         for effect in effects:
@@ -80,7 +81,7 @@ class UiObserver:
         match event:
             case ev.OperatorCommand(order=order):
                 self.ui.say(order_line(order, answer))
-            # New weights equal to the present weights are not shown, unless the vehicle refuses them.
+            # If a command changes no weight, a line is shown only if the outcome is not `taken`.
             case ev.WeightsChanged(w=w, strength=strength) if changed or answer.outcome != "taken":
                 self.ui.say(weights_line(w, strength, answer))
 

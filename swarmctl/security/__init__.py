@@ -5,7 +5,7 @@ has the swarm's certificate authority. The authority's key stays on the machine 
 
 | file | contents |
 |---|---|
-| `ca/ca.pem`, `ca/key.pem` | the authority, and its key for making participants |
+| `ca/ca.pem`, `ca/key.pem` | the authority's certificate, and the key that signs all certificates |
 | `uav3/ca.pem` | the authority's certificate |
 | `uav3/cert.pem`, `uav3/key.pem` | a certificate for `uav3` and its hosts, and the private key |
 | `uav3/sign.pem` | the Ed25519 private key of `uav3`'s signatures |

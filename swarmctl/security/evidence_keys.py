@@ -18,14 +18,14 @@ class EvidenceSigner:
     """The signing key of one participant."""
 
     name: str
-    signer: Ed25519PrivateKey
+    signing_key: Ed25519PrivateKey
 
     @property
     def public_key(self) -> str:
-        return base64.b64encode(self.signer.public_key().public_bytes_raw()).decode()
+        return base64.b64encode(self.signing_key.public_key().public_bytes_raw()).decode()
 
     def sign(self, data: bytes) -> str:
-        return base64.b64encode(self.signer.sign(data)).decode()
+        return base64.b64encode(self.signing_key.sign(data)).decode()
 
 
 def load_evidence_signer(folder: Path, name: str) -> EvidenceSigner:

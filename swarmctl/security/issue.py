@@ -60,7 +60,7 @@ def make_keys(
     """Make the missing folders of the participants `names`, and check the existing folders.
 
     New certificates are valid until `days` after `now` (an aware datetime), and a new authority's certificate
-    for ten times as long. `hosts` are further hosts of the participants, by name. Raises KeyringError.
+    for ten times as long. `hosts`: participant's name -> hosts beside LOCAL_HOSTS. Raises KeyringError.
     """
     for name in names:
         if not PARTICIPANT_NAME.fullmatch(name):
@@ -159,13 +159,13 @@ def _distribute_public_keys(folder: Path) -> set[str]:
     }
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
     content = text.encode() + b"\n"
-    changed = [path for path in folders if not _holds(path / "signers.json", content)]
+    changed = [path for path in folders if not _has_content(path / "signers.json", content)]
     for path in changed:
         _write(path / "signers.json", content)
     return {path.name for path in changed}
 
 
-def _holds(path: Path, content: bytes) -> bool:
+def _has_content(path: Path, content: bytes) -> bool:
     return path.exists() and path.read_bytes() == content
 
 

@@ -1,4 +1,4 @@
-"""Files of MAVLink signing: the key, and a timestamp above all timestamps used with the key."""
+"""Files of MAVLink signing: the key, and the timestamp from which its use continues."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ class TimestampFile:
         self.path = key_file.with_name(f"{key_file.name}.timestamp")
 
     def load(self) -> int:
-        """Return the timestamp; 0 without a file. Raises OSError, and ValueError for other contents."""
+        """Return the timestamp; 0 if there is no file. Raises OSError, and ValueError for an invalid file."""
         try:
             text = self.path.read_text(encoding="ascii")
         except FileNotFoundError:
             return 0
         return _parse_timestamp(text, self.path)
 
-    def keep(self, timestamp: int) -> None:
+    def save(self, timestamp: int) -> None:
         """Store a timestamp, unless the file has a higher timestamp. Raises OSError and ValueError."""
         with os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="ascii") as file:
             fcntl.flock(file, fcntl.LOCK_EX)

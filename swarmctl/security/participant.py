@@ -35,12 +35,12 @@ class Keyring:
     credentials: Credentials
     until: dt.datetime
     """end of the certificate's validity"""
-    signer: Ed25519PrivateKey
-    signers: Mapping[str, Ed25519PublicKey]
+    signing_key: Ed25519PrivateKey
+    public_keys: Mapping[str, Ed25519PublicKey]
 
     def sign(self, uav: int, data: bytes) -> bytes | None:
         """Return a signature (64 bytes); None if the keyring does not belong to vehicle `uav`."""
-        return self.signer.sign(data) if name_of(uav) == self.name else None
+        return self.signing_key.sign(data) if name_of(uav) == self.name else None
 
     def verify(self, uav: int, signature: bytes, data: bytes) -> bool:
         """Return whether vehicle `uav` signed `data`."""
@@ -51,11 +51,11 @@ class Keyring:
         return self._is_signed_by(OPERATOR, signature, data)
 
     def _is_signed_by(self, name: str, signature: bytes, data: bytes) -> bool:
-        signer = self.signers.get(name)
-        if signer is None:
+        public_key = self.public_keys.get(name)
+        if public_key is None:
             return False
         try:
-            signer.verify(signature, data)
+            public_key.verify(signature, data)
         except InvalidSignature:
             return False
         return True
@@ -73,22 +73,23 @@ def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
             "machine where `swarmctl keys` ran"
         )
     files = Credentials(own_folder / "ca.pem", own_folder / "cert.pem", own_folder / "key.pem")
-    signer_file, signers_file = own_folder / "sign.pem", own_folder / "signers.json"
+    signing_key_file, public_keys_file = own_folder / "sign.pem", own_folder / "signers.json"
     ca, certificate = read_certificate(files.ca), read_certificate(files.certificate)
     check_name(files.certificate, certificate, name)
     check_issuer(files.certificate, certificate, ca, files.ca)
     check_validity(files.ca, ca, now)
     check_validity(files.certificate, certificate, now)
-    for private_file in (files.key, signer_file):
+    for private_file in (files.key, signing_key_file):
         check_private(private_file)
     check_key_pair(files.key, files.certificate, certificate)
-    signer, signers = read_signing_key(signer_file), read_public_keys(signers_file)
-    if signers.get(name) != signer.public_key():
+    signing_key, public_keys = read_signing_key(signing_key_file), read_public_keys(public_keys_file)
+    if public_keys.get(name) != signing_key.public_key():
         raise KeyringError(
-            f"the key of {name} in {signers_file} does not belong to {signer_file}: other participants would "
-            f"refuse messages of {name}; copy the whole folder from the machine where `swarmctl keys` ran"
+            f"the key of {name} in {public_keys_file} does not belong to {signing_key_file}: other "
+            f"participants would refuse messages of {name}; copy the whole folder from the machine where "
+            "`swarmctl keys` ran"
         )
-    return Keyring(name, files, certificate.not_valid_after_utc, signer, signers)
+    return Keyring(name, files, certificate.not_valid_after_utc, signing_key, public_keys)
 
 
 def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Iterator[str]:

@@ -75,8 +75,8 @@ class CommandVerifier:
     """Verifier of commands to an agent: checks signature, bus key and time, and refuses repeated commands.
 
     verify: function that checks the operator's signature
-    began_unix_s: start of this process; an earlier process may have executed older commands
-    tolerance_s: largest accepted lead of the operator's clock [s]
+    began_unix_s: start of this process; commands from before may have been executed by another process
+    tolerance_s: greatest time by which the operator's clock may be ahead [s]
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class CommandVerifier:
         self._verify = verify
         self._began_unix_s = began_unix_s
         self._tolerance_s = tolerance_s
-        self._taken: set[float] = set()
+        self._accepted_unix_s: set[float] = set()
 
     def verify(self, key: str, data: bytes, unix_s: float) -> bytes:
         """Return the command. Raises BadMessage, and no other exception, for a refused payload."""
@@ -103,10 +103,10 @@ class CommandVerifier:
         if signed.key != key:
             raise BadMessage(f"the command is for the key {signed.key}, but arrived under {key}")
         self._check_time(signed.unix_s, unix_s)
-        self._taken = {at_s for at_s in self._taken if at_s > unix_s - MAX_COMMAND_AGE_S}
-        if signed.unix_s in self._taken:
+        self._accepted_unix_s = {at_s for at_s in self._accepted_unix_s if at_s > unix_s - MAX_COMMAND_AGE_S}
+        if signed.unix_s in self._accepted_unix_s:
             raise BadMessage("the same command was received before: a replay [command-replayed]")
-        self._taken.add(signed.unix_s)
+        self._accepted_unix_s.add(signed.unix_s)
         return signed.command
 
     def _check_time(self, given_unix_s: float, unix_s: float) -> None:

@@ -43,8 +43,8 @@ class NoAnswer(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Station:
-    """Endpoints of a swarm, and the agents that answer at these endpoints."""
+class FlightEndpoints:
+    """Endpoints of a swarm in flight, and the agents that answer at these endpoints."""
 
     swarm: str
     endpoint: BusEndpoint
@@ -86,7 +86,7 @@ def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | No
 def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
     """Return the three firing strengths of the options; None without such an option. Raises BadOptions.
 
-    All three are required, because this program does not know the swarm's present strengths.
+    All three are required, because this program does not know the strengths that the swarm uses.
     """
     if text and any(value is not None for value in single):
         raise BadOptions(
@@ -112,7 +112,7 @@ def find(
     config: Swarm | None,
     connect: str | None,
     names: Mapping[int, str] | None = None,
-) -> Station:
+) -> FlightEndpoints:
     """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 
     `names` are the vehicles of `config`; each agent may run on a separate machine. Raises BadOptions, and
@@ -123,13 +123,13 @@ def find(
     if connect is not None:
         if swarm is None:
             raise BadOptions("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
-        return Station(swarm, _endpoint(connect), agents=names or {} if is_distributed else {})
+        return FlightEndpoints(swarm, _endpoint(connect), agents=names or {} if is_distributed else {})
     if config is not None and is_distributed:
         local = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
         if len(local) == 1:  # one process on this machine flies all vehicles
-            return Station(local[0].swarm, local[0].endpoint)
+            return FlightEndpoints(local[0].swarm, local[0].endpoint)
         points = entry_points(config)
-        return Station(config.name, points[0], tuple(points[1:]), names or {})
+        return FlightEndpoints(config.name, points[0], tuple(points[1:]), names or {})
     if config is not None:
         if config.communication.bus != "zenoh" or config.communication.listen == NO_ENDPOINT:
             raise BadOptions(
@@ -137,11 +137,11 @@ def find(
             )
         listen = parse_endpoint(config.communication.listen)
         if listen.port != 0:
-            return Station(config.name, listen.client_endpoint)
+            return FlightEndpoints(config.name, listen.client_endpoint)
     running = directory.running_swarms()
     named = [entry for entry in running if swarm in (None, entry.swarm)]
     if len(named) == 1:
-        return Station(named[0].swarm, named[0].endpoint)
+        return FlightEndpoints(named[0].swarm, named[0].endpoint)
     if named:
         flights = ", ".join(map(describe, named))
         raise BadOptions(
@@ -213,21 +213,21 @@ def _endpoint(text: str) -> BusEndpoint:
 
 
 async def send(
-    station: Station,
+    flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None = None,
     signing: CommandSigning = UNSIGNED,
 ) -> OperatorAnswer:
     """Send a command and return the answer. Raises BusError, BadOptions and NoAnswer."""
-    with connected(station, credentials) as bus:
-        return await ask(bus, station, command, signing)
+    with connected(flight, credentials) as bus:
+        return await ask(bus, flight, command, signing)
 
 
 @contextlib.contextmanager
-def connected(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
-    """Yield a connection to the first endpoint of the station that answers. Raises BusError."""
+def connected(flight: FlightEndpoints, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
+    """Yield a connection to the first endpoint of the flight that answers. Raises BusError."""
     failures: list[str] = []
-    for endpoint in (station.endpoint, *station.others):
+    for endpoint in (flight.endpoint, *flight.others):
         try:
             bus = ZenohBus(zenoh_config.visitor(endpoint, credentials))
         except BusError as error:
@@ -236,65 +236,63 @@ def connected(station: Station, credentials: Credentials | None = None) -> Itera
         with bus:
             yield bus
         return
-    if ended := ended_text(station.swarm):
+    if ended := ended_text(flight.swarm):
         tried = "; ".join(failures)
         raise BusError(f"{ended} on this machine; no command was sent ({tried}) [flight-ended]")
     raise BusError("; ".join(failures))
 
 
 async def ask(
-    bus: Transport, station: Station, command: Request, signing: CommandSigning = UNSIGNED
+    bus: Transport, flight: FlightEndpoints, command: Request, signing: CommandSigning = UNSIGNED
 ) -> OperatorAnswer:
     """Send a command over an open bus and return the answer. Raises BadOptions and NoAnswer.
 
     If one process flies all vehicles, neither the command nor the answer is signed.
     """
     kind = KINDS[type(command)]
-    if station.agents:
-        return await _ask_each(bus, station, kind, command, signing)
-    key = keys.request(station.swarm, kind)
+    if flight.agents:
+        return await _ask_each(bus, flight, kind, command, signing)
+    key = keys.request(flight.swarm, kind)
     try:
         answers = await bus.ask(key, encode(command), TIMEOUT_S)
     except TimeoutError:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s. The command may "
+            f"{flight.swarm} at {flight.endpoint} did not answer within {TIMEOUT_S:g} s. The command may "
             "have had an effect; check the flight's table, or repeat the command [no-answer]"
         ) from None
     if not answers:
         raise NoAnswer(
-            f"no swarm {station.swarm} answers at {station.endpoint}, or the swarm's queue of commands is "
+            f"no swarm {flight.swarm} answers at {flight.endpoint}, or the swarm's queue of commands is "
             "full; nothing was changed [not-served]"
         )
     if len(answers) > 1:
         raise NoAnswer(
-            f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}, so the result of "
+            f"{len(answers)} processes answer for {flight.swarm} at {flight.endpoint}, so the result of "
             "the command is unknown; end all processes but one, and check the remaining flight's table"
         )
     try:
         return decode_answer(answers[0])
     except BadMessage as error:
         raise NoAnswer(
-            f"{station.swarm} at {station.endpoint} sent an invalid answer: {error}. The command may have "
+            f"{flight.swarm} at {flight.endpoint} sent an invalid answer: {error}. The command may have "
             "had an effect; the flight may run another version of this program"
         ) from error
 
 
 async def _ask_each(
-    bus: Transport, station: Station, kind: keys.RequestKind, command: Request, signing: CommandSigning
+    bus: Transport, flight: FlightEndpoints, kind: keys.RequestKind, command: Request, signing: CommandSigning
 ) -> OperatorAnswer:
-    """Send a command to the agents of its vehicles, all at the same time. Raises BadOptions."""
+    """Send a command to the agents of the vehicles in `command.uavs`, all at once. Raises BadOptions."""
     try:
-        uavs = list(
-            station.agents if command.uavs is None else resolve_vehicles(command.uavs, station.agents)
-        )
+        uavs = list(flight.agents if command.uavs is None else resolve_vehicles(command.uavs, flight.agents))
         if isinstance(command, GiveOrder) and command.ignore:  # an agent knows no other vehicle's name
-            ignored = tuple(resolve_vehicles(command.ignore, station.agents))
+            ignored = tuple(resolve_vehicles(command.ignore, flight.agents))
             command = msgspec.structs.replace(command, ignore=ignored)
     except ValueError as error:
         raise BadOptions(f"nothing was changed: {error}") from None
 
     async def ask_agent(uav: int) -> VehicleAnswer:
-        key, name = keys.request(station.swarm, kind, uav), station.agents[uav]
+        key, name = keys.request(flight.swarm, kind, uav), flight.agents[uav]
         payload = signing.sign_command(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
         try:
             answers = await bus.ask(key, payload, TIMEOUT_S)
@@ -303,7 +301,7 @@ async def _ask_each(
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
         verified = list(_verified_answers(signing, uav, key, payload, answers))
         n_dropped = len(answers) - len(verified)
-        return _one_answer(uav, name, ended_text(station.swarm, uav), verified, n_dropped)
+        return _one_answer(uav, name, ended_text(flight.swarm, uav), verified, n_dropped)
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
 
@@ -359,7 +357,10 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
 
 
 def has_failed(command: Request, answer: OperatorAnswer) -> bool:
-    """Return whether a vehicle did not take the command; with --all, `over` is accepted beside `taken`."""
+    """Return whether no vehicle took the command, or a vehicle has another outcome than `taken`.
+
+    If the command is for all vehicles, the outcome `over` of some vehicles is no failure.
+    """
     outcomes = {vehicle.outcome for vehicle in answer.vehicles}
     accepted = {"taken", "over"} if command.uavs is None else {"taken"}
     return bool(answer.refused) or "taken" not in outcomes or not outcomes <= accepted

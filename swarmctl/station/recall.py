@@ -13,7 +13,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.station import client
-from swarmctl.station.client import UNSIGNED, CommandSigning, Station
+from swarmctl.station.client import UNSIGNED, CommandSigning, FlightEndpoints
 
 FALLBACK_RETURN_S = 120.0
 """time after which a holding vehicle returns without a turn, because the station may be lost"""
@@ -22,39 +22,41 @@ MAX_ATTEMPTS = 3
 
 
 async def send(
-    station: Station,
+    flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None = None,
     signing: CommandSigning = UNSIGNED,
 ) -> OperatorAnswer:
-    """Send a command as `client.send` does; an order to return gives each vehicle its turn.
+    """Send a command as `client.send` does; after an order to return, one vehicle after the other returns.
 
     Raises BusError, BadOptions and NoAnswer.
     """
-    with client.connected(station, credentials) as bus:
-        return await ask(bus, station, command, signing)
+    with client.connected(flight, credentials) as bus:
+        return await ask(bus, flight, command, signing)
 
 
 async def ask(
-    bus: Transport, station: Station, command: Request, signing: CommandSigning = UNSIGNED
+    bus: Transport, flight: FlightEndpoints, command: Request, signing: CommandSigning = UNSIGNED
 ) -> OperatorAnswer:
-    """Send a command over an open bus; an order to return gives each vehicle its turn.
+    """Send a command over an open bus; after an order to return, one vehicle after the other returns.
 
     Raises BadOptions and NoAnswer.
     """
-    # A process that flies all vehicles schedules the turns of the vehicles.
-    if not (station.agents and isinstance(command, GiveOrder) and command.order == "return"):
-        return await client.ask(bus, station, command, signing)
+    # If one process flies all vehicles, that process schedules the returns.
+    if not (flight.agents and isinstance(command, GiveOrder) and command.order == "return"):
+        return await client.ask(bus, flight, command, signing)
     began_s = _now_s()
-    held = await _send_repeatedly(
-        bus, station, msgspec.structs.replace(command, after_s=FALLBACK_RETURN_S), signing
+    first_answers = await _send_repeatedly(
+        bus, flight, msgspec.structs.replace(command, after_s=FALLBACK_RETURN_S), signing
     )
-    recalled = [v for v in held if v.outcome == "taken"]
+    recalled = [v for v in first_answers if v.outcome == "taken"]
     places = {v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)}
     turns = schedule_for(places)
     landed_s = turns.all_landed_s if len(turns.begins_s) == len(recalled) else math.inf
     extra_delay_s = 0.0
-    if any(v.outcome == "unconfirmed" for v in held) and landed_s > FALLBACK_RETURN_S - (_now_s() - began_s):
+    if any(v.outcome == "unconfirmed" for v in first_answers) and landed_s > FALLBACK_RETURN_S - (
+        _now_s() - began_s
+    ):
         alone = [schedule_for({uav: place}).all_landed_s for uav, place in places.items()]
         extra_delay_s = FALLBACK_RETURN_S + max(alone, default=FALLBACK_RETURN_S)
 
@@ -62,7 +64,7 @@ async def ask(
         # Vehicles at unknown positions return after the expected landings of the vehicles at known positions.
         after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.all_landed_s), MAX_AFTER_S)
         turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
-        (answer,) = await _send_repeatedly(bus, station, turn, signing)
+        (answer,) = await _send_repeatedly(bus, flight, turn, signing)
         if answer.outcome == "taken":
             return answer
         note = (
@@ -72,26 +74,28 @@ async def ask(
         return msgspec.structs.replace(vehicle, note=note)
 
     answers = {answer.uav: answer for answer in await asyncio.gather(*map(give_turn, recalled))}
-    return OperatorAnswer(tuple(answers.get(v.uav) or _with_unconfirmed_note(v, extra_delay_s) for v in held))
+    return OperatorAnswer(
+        tuple(answers.get(v.uav) or _with_unconfirmed_note(v, extra_delay_s) for v in first_answers)
+    )
 
 
 async def _send_repeatedly(
-    bus: Transport, station: Station, command: GiveOrder, signing: CommandSigning
+    bus: Transport, flight: FlightEndpoints, command: GiveOrder, signing: CommandSigning
 ) -> Sequence[VehicleAnswer]:
     """Send a command, repeat it to unconfirmed and silent vehicles, and return the answers.
 
-    A repetition has the remaining delay. A later `silent` does not replace `unconfirmed`, because the vehicle
-    may have taken the command.
+    A repeated command has the remaining delay. `silent` does not replace the answer `unconfirmed`, because
+    the vehicle may have taken the first command.
     """
     began_s = _now_s()
-    answers = {v.uav: v for v in (await client.ask(bus, station, command, signing)).vehicles}
+    answers = {v.uav: v for v in (await client.ask(bus, flight, command, signing)).vehicles}
     for _ in range(MAX_ATTEMPTS - 1):
         unconfirmed = tuple(uav for uav, v in answers.items() if v.outcome in ("unconfirmed", "silent"))
         if not unconfirmed:
             break
         remaining_s = max(command.after_s - (_now_s() - began_s), 0.0)
         repeated = msgspec.structs.replace(command, uavs=unconfirmed, after_s=remaining_s)
-        for v in (await client.ask(bus, station, repeated, signing)).vehicles:
+        for v in (await client.ask(bus, flight, repeated, signing)).vehicles:
             if v.outcome != "silent":
                 answers[v.uav] = v
     return list(answers.values())

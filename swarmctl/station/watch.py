@@ -26,7 +26,7 @@ REFRESH_S = 0.5
 MAX_STATE_AGE_S = 60.0
 """largest difference between a state's time and this machine's clock; other states are refused"""
 MAX_SHOWN = 10**6
-"""limit on shown numbers; larger numbers are invalid, and wide"""
+"""limit of shown numbers; for a number at or above the limit, the table shows `?`"""
 ONCE_TIMEOUT_S = 5.0
 """longest wait of `--once` for the states of all vehicles"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
@@ -36,7 +36,7 @@ COLUMNS = (
     Column("hostiles\nknown", rank=2), Column("plan", rank=5), Column("refused", rank=1),
 )  # fmt: skip
 LATE, CONTRADICTED = Column("late\n[s]"), Column("contradicted by", "left")
-"""columns that are shown only with content"""
+"""columns that are shown only if a vehicle has a value in them"""
 LEGEND = (
     "phase: of the agent; mode: last known mode of the autopilot; cell: row, col; height: above home; "
     "known: from own and others' observations; plan: number of the current plan, 1 the first; refused: "
@@ -79,7 +79,7 @@ class SwarmView:
     """endpoint and state of the connection, as text"""
     rows: Sequence[VehicleRow]
     refused: int
-    """number of messages that were not valid, current states of this swarm's vehicles"""
+    """number of refused messages: invalid, repeated or old ones, and others than states of these vehicles"""
 
 
 class StateBoard:
@@ -93,7 +93,7 @@ class StateBoard:
         self._codec = codec
         self._newest: dict[int, tuple[Frame, StateShared, float]] = {}
 
-    def take(self, key: str, payload: bytes, now_s: float, unix_s: float) -> None:
+    def receive(self, key: str, payload: bytes, now_s: float, unix_s: float) -> None:
         """Store a state received under a key of the station; refuse and count all other messages.
 
         `now_s` is a monotonic time, `unix_s` the wall clock's.
@@ -154,7 +154,9 @@ async def watch(
     `wall_clock` returns seconds since 1970.
     """
     clock = asyncio.get_running_loop().time
-    bus.subscribe(keys.station(swarm), lambda key, payload: board.take(key, payload, clock(), wall_clock()))
+    bus.subscribe(
+        keys.station(swarm), lambda key, payload: board.receive(key, payload, clock(), wall_clock())
+    )
     until_s = clock() + ONCE_TIMEOUT_S
     while True:
         if not once:
@@ -181,7 +183,7 @@ def table(view: SwarmView) -> Group:
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
     if view.refused:
-        text = f"{view.refused} messages were refused: not a valid, current state of a vehicle"
+        text = f"{view.refused} messages were refused: invalid, old, or no state of a vehicle of this swarm"
         notes.append(Text(text, style="red"))
     return Group(head, grid, Text(legend, style="bright_black"), *notes)
 
@@ -249,7 +251,7 @@ def line(row: VehicleRow) -> str:
     )
     text += "" if state.late_s is None else f", late: predicted {number(state.late_s)} s to the goal"
     text += f", contradicted by {', '.join(row.contradicted_by)}" if row.contradicted_by else ""
-    return f"{text} ({row.note})" if row.note else text
+    return f"{text}; note: {row.note}" if row.note else text
 
 
 def number(value: float) -> str:

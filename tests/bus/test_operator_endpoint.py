@@ -104,7 +104,7 @@ def test_an_endpoint_without_a_swarm_is_an_error(monkeypatch: pytest.MonkeyPatch
 
     async def scene() -> None:
         with contextlib.ExitStack() as held:
-            station = client.Station("test", BusEndpoint("127.0.0.1", taken_port(held)))
+            station = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", taken_port(held)))
         await client.send(station, SetWeights(None, w=0.2))
 
     with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:.*\[no-swarm-at-endpoint\]"):

@@ -272,7 +272,7 @@ def test_a_busy_vehicle_is_unconfirmed_after_the_time_out() -> None:
         bus = MemoryBus()
         Station(bus, slow=(2,))
         began_s = asyncio.get_running_loop().time()
-        answer = await client.ask(bus, client.Station("test", ANYWHERE), SetWeights(None, w=0.2))
+        answer = await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights(None, w=0.2))
         return answer, asyncio.get_running_loop().time() - began_s
 
     answer, took_s = run_virtual(scene())
@@ -284,7 +284,7 @@ def test_a_busy_vehicle_is_unconfirmed_after_the_time_out() -> None:
 
 def test_a_vehicle_gets_no_new_weights_before_it_has_handled_the_last() -> None:
     async def scene() -> None:
-        bus, there = MemoryBus(), client.Station("test", ANYWHERE)
+        bus, there = MemoryBus(), client.FlightEndpoints("test", ANYWHERE)
         station = Station(bus, slow=(2,))
         await client.ask(bus, there, SetWeights((2,), w=0.2))
         assert len(station.posted) == 1
@@ -312,7 +312,7 @@ def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
         bus = MemoryBus()
         station = Station(bus)
         for uavs in ((2,), ("2",), ("uav2",), ("uav2", 2)):
-            answer = await client.ask(bus, client.Station("test", ANYWHERE), SetWeights(uavs, w=0.2))
+            answer = await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights(uavs, w=0.2))
             assert [v.uav for v in answer.vehicles] == [2]
         assert [uav for uav, _ in station.posted] == [2] * 4
 
@@ -346,7 +346,7 @@ def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         bus.serve(KEY, lambda key, payload, reply: None)
-        await client.ask(bus, client.Station("test", ANYWHERE), SetWeights((1,), w=0.2))
+        await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights((1,), w=0.2))
 
     with pytest.raises(client.NoAnswer, match="no-answer"):
         run_virtual(scene())

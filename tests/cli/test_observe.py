@@ -32,7 +32,7 @@ from swarmctl.core.grid import Grid
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
-from swarmctl.station.client import NoAnswer, Station
+from swarmctl.station.client import FlightEndpoints, NoAnswer
 
 GRID = Grid(8, 8, 50.0, 46.0, 14.4)
 CONFIGURATION = """\
@@ -233,7 +233,7 @@ def test_an_invalid_answer_is_an_error_and_not_a_bug(reply: bytes | None, why: s
             "swarmctl/test/uav/3/inform/look/sensor",
             lambda _key, _payload, answer: None if reply is None else answer(reply),
         )
-        station = Station("test", BusEndpoint("127.0.0.1", 7447))
+        station = FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
         with pytest.raises(NoAnswer, match=why):
             await observe.send_report(bus, station, 3, Report(1, cells=((4, 7, True),)))
 

@@ -259,7 +259,7 @@ def test_each_route_lists_the_weights_that_lead_to_it() -> None:
     (vehicle,) = front.fronts(scenario)
     paper = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
     for index, route in enumerate(vehicle.front.routes):
-        output = front.weights(vehicle.front, index)
+        output = front.w_range_text(vehicle.front, index)
         if output == "–":
             assert not vehicle.front.supported[index]
             continue
@@ -307,14 +307,14 @@ def front_that_changes_at(weights: list[float]) -> Front:
 )
 def test_the_weights_of_neighbouring_routes_meet(weights: list[float], output: list[str]) -> None:
     found = front_that_changes_at(weights)
-    assert [front.weights(found, i) for i in range(len(output))] == output
+    assert [front.w_range_text(found, i) for i in range(len(output))] == output
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(st.lists(st.floats(1e-6, 1.0 - 1e-6), max_size=6, unique_by=lambda w: round(w, 7)))
 def test_different_weights_are_printed_differently(weights: list[float]) -> None:
     found = front_that_changes_at(sorted(weights))
-    output = [front.weights(found, i).split(" to ") for i in range(len(weights) + 1)]
+    output = [front.w_range_text(found, i).split(" to ") for i in range(len(weights) + 1)]
     assert [high for _, high in output[:-1]] == [low for low, _ in output[1:]]
     assert (output[0][0], output[-1][1]) == ("0", "1")
     ends = [float(low) for low, _ in output] + [1.0]

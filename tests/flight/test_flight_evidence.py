@@ -133,7 +133,7 @@ def test_arming_is_followed_by_its_acknowledgement_and_its_effect(flown: Path) -
 @pytest.mark.virtual
 def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     scenario = small(sensor={"source": "external"})
-    station = client.Station("small", BusEndpoint("127.0.0.1", 7447))
+    station = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
     report = json.dumps({"version": 1, "cells": [[0, 0, False]], "source": "operator"}).encode()
     by_camera = json.dumps({"version": 1, "cells": [[0, 1, False]], "source": "camera"}).encode()
     waivers = parse_waivers(["battery:uav1"], ["uav1"])

@@ -447,14 +447,14 @@ def test_two_answers_for_one_swarm_both_count_for_nothing() -> None:
     async def scene() -> None:
         bus = Crowd(forged)
         bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
-        alone = client.Station("test", BusEndpoint("127.0.0.1", 7447))
+        alone = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
         with pytest.raises(client.NoAnswer, match=r"^2 processes"):
             await client.ask(bus, alone, SetWeights(None, w=0.2))
 
     run_virtual(scene())
 
 
-STATION = client.Station(
+STATION = client.FlightEndpoints(
     "test", BusEndpoint("127.0.0.1", 7447), agents={1: "uav1", 2: "uav2", 3: "uav3", 4: "uav4"}
 )
 
@@ -556,22 +556,22 @@ def no_other_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
-def meant(communication: dict[str, object], connect: str | None = None) -> client.Station:
+def meant(communication: dict[str, object], connect: str | None = None) -> client.FlightEndpoints:
     config = small(communication={"bus": "zenoh", **communication}).config
     return client.find(None, config, connect, VEHICLES)
 
 
 @pytest.mark.usefixtures("no_other_flight")
 def test_agents_in_several_processes_are_asked_at_the_router_or_in_the_mesh() -> None:
-    assert meant(APART) == client.Station("small", ROUTER, agents=VEHICLES)
-    assert meant(MESHED) == client.Station("small", ROUTER, (OTHER,), VEHICLES)
-    assert meant(APART, "tcp/10.0.0.2:7447") == client.Station("small", OTHER, agents=VEHICLES)
+    assert meant(APART) == client.FlightEndpoints("small", ROUTER, agents=VEHICLES)
+    assert meant(MESHED) == client.FlightEndpoints("small", ROUTER, (OTHER,), VEHICLES)
+    assert meant(APART, "tcp/10.0.0.2:7447") == client.FlightEndpoints("small", OTHER, agents=VEHICLES)
 
 
 @pytest.mark.usefixtures("no_other_flight")
 def test_a_flight_of_one_process_on_this_machine_comes_first() -> None:
     here = BusEndpoint("127.0.0.1", 4001)
     with directory.registered("small", here):
-        assert meant(APART) == client.Station("small", here)
+        assert meant(APART) == client.FlightEndpoints("small", here)
     with directory.registered("another", here):
         assert meant(APART).agents == VEHICLES

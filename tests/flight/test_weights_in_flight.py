@@ -282,7 +282,7 @@ def test_the_last_of_many_changes_are_kept_and_all_are_counted() -> None:
 # --- a whole swarm
 
 
-STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447))
+STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 
 
 @dataclass

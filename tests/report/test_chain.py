@@ -14,13 +14,13 @@ from swarmctl.report.evidence.chain import GENESIS, Chain, canonical, check, sha
 
 def written(count: int = 5, *, closed: bool = True) -> list[bytes]:
     chain = Chain()
-    lines = [chain.link("opened", None, {"run": "test"}, unix_s=1e9, run_s=0.0)]
+    lines = [chain.append("opened", None, {"run": "test"}, unix_s=1e9, run_s=0.0)]
     for i in range(count):
         what = {"command": "DO_SET_MODE", "param2": float(i)}
-        lines.append(chain.link("command", "uav1", what, unix_s=1e9 + i, run_s=float(i)))
+        lines.append(chain.append("command", "uav1", what, unix_s=1e9 + i, run_s=float(i)))
     if closed:
         entries = chain.n
-        lines.append(chain.link("closed", None, {"entries": entries}, unix_s=1e9 + 9, run_s=9.0))
+        lines.append(chain.append("closed", None, {"entries": entries}, unix_s=1e9 + 9, run_s=9.0))
     return lines
 
 
@@ -79,12 +79,12 @@ def test_a_cut_off_tail_is_not_closed_and_half_a_line_is_a_fault() -> None:
 def test_an_entry_after_the_closing_one_is_a_fault() -> None:
     chain = Chain()
     lines = [
-        chain.link("opened", None, {}, unix_s=1e9, run_s=0.0),
-        chain.link("closed", None, {"entries": 1}, unix_s=1e9, run_s=1.0),
+        chain.append("opened", None, {}, unix_s=1e9, run_s=0.0),
+        chain.append("closed", None, {"entries": 1}, unix_s=1e9, run_s=1.0),
     ]
     assert check(lines).fault is None
     # Number and hashes of this entry are right; it is wrong by its place alone.
-    fault = check([*lines, chain.link("note", None, {}, unix_s=1e9, run_s=2.0)]).fault
+    fault = check([*lines, chain.append("note", None, {}, unix_s=1e9, run_s=2.0)]).fault
     assert fault is not None
     assert fault.line == 3
 

@@ -71,7 +71,7 @@ def test_making_again_keeps_what_is_there_and_adds_what_is_missing(folder: Path)
     assert [one.name for one in made if one.is_new] == ["uav4"]
     assert {path: path.read_bytes() for path in before} == before
     for name in (*NAMES, "uav4"):
-        assert set(load_keyring(folder, name, NOW + dt.timedelta(days=1)).signers) == {*NAMES, "uav4"}
+        assert set(load_keyring(folder, name, NOW + dt.timedelta(days=1)).public_keys) == {*NAMES, "uav4"}
 
 
 def test_making_again_marks_the_folders_that_machines_have_to_copy_again(folder: Path) -> None:

@@ -43,14 +43,14 @@ HERE, THERE = BusEndpoint("127.0.0.1", 4001), BusEndpoint("127.0.0.1", 4002)
 
 def test_a_flight_is_found_by_its_name_as_long_as_it_lasts(no_flight: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
-        assert client.find("two", None, None) == client.Station("two", THERE)
+        assert client.find("two", None, None) == client.FlightEndpoints("two", THERE)
         assert stat.S_IMODE(no_flight.stat().st_mode) == 0o700
     assert directory.running_swarms() == []
 
 
 def test_the_only_flight_need_not_be_named(no_flight: Path) -> None:
     with directory.registered("one", HERE):
-        assert client.find(None, None, None) == client.Station("one", HERE)
+        assert client.find(None, None, None) == client.FlightEndpoints("one", HERE)
 
 
 def test_several_flights_need_a_name(no_flight: Path) -> None:
@@ -155,7 +155,7 @@ def test_an_invalid_swarm_name_is_refused(name: str) -> None:
 def test_a_valid_swarm_name_is_found(name: str, no_flight: Path) -> None:
     assert small(name=name).config.name == name
     with directory.registered(name, HERE):
-        assert client.find(name, None, None) == client.Station(name, HERE)
+        assert client.find(name, None, None) == client.FlightEndpoints(name, HERE)
 
 
 def test_a_folder_that_other_users_can_write_to_is_refused(no_flight: Path) -> None:
@@ -208,7 +208,7 @@ def listening(**communication: object) -> Any:
 def test_a_given_endpoint_needs_no_search(
     no_flight: Path, swarm: str | None, config: Any, connect: str | None, expected: tuple[str, BusEndpoint]
 ) -> None:
-    assert client.find(swarm, config, connect) == client.Station(*expected)
+    assert client.find(swarm, config, connect) == client.FlightEndpoints(*expected)
 
 
 @pytest.mark.parametrize(
@@ -244,14 +244,14 @@ def test_a_flight_that_has_ended_is_reported_as_ended(no_flight: Path) -> None:
     with pytest.raises(BusError, match="flight-ended"):
         client.find("one", None, None)
     with directory.registered("one", HERE):
-        assert client.find("one", None, None) == client.Station("one", HERE)
+        assert client.find("one", None, None) == client.FlightEndpoints("one", HERE)
 
 
 @pytest.mark.parametrize("ended", [True, False])
 def test_agents_that_have_landed_are_reported_as_ended(ended: bool, no_flight: Path) -> None:
     if ended:
         directory.record_end("s", 1)
-    station = client.Station("s", HERE, agents={1: "a", 2: "b"})
+    station = client.FlightEndpoints("s", HERE, agents={1: "a", 2: "b"})
 
     async def scene() -> list[VehicleAnswer]:
         return list((await client.ask(MemoryBus(), station, GiveOrder(None, "return"))).vehicles)

@@ -21,10 +21,10 @@ from swarmctl.core.messages import (
 )
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import recall
-from swarmctl.station.client import TIMEOUT_S, Station
+from swarmctl.station.client import TIMEOUT_S, FlightEndpoints
 from swarmctl.station.recall import FALLBACK_RETURN_S, MAX_ATTEMPTS
 
-STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
+STATION = FlightEndpoints("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 
 
 def place(way_deg: float = 0.01) -> VehiclePosition:

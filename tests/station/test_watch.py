@@ -55,7 +55,7 @@ def text(view: SwarmView) -> str:
 
 def test_states_are_shown_in_rows() -> None:
     seen = board()
-    seen.take(key(1), frame(state()), 100.0, UNIX_S)
+    seen.receive(key(1), frame(state()), 100.0, UNIX_S)
     late = state(
         (0, 0),
         phase="holding",
@@ -65,7 +65,7 @@ def test_states_are_shown_in_rows() -> None:
         refused=2,
         flagged=(1, 9),
     )
-    seen.take(key(3), frame(late, sender=3), 93.0, UNIX_S)
+    seen.receive(key(3), frame(late, sender=3), 93.0, UNIX_S)
     shown = text(seen.view("tcp/127.0.0.1:7447", 100.4))
     lines = [" ".join(row.split()) for row in shown.splitlines()]
     assert "test tcp/127.0.0.1:7447" in lines
@@ -77,9 +77,9 @@ def test_states_are_shown_in_rows() -> None:
 
 def test_the_table_explains_its_columns_and_omits_empty_ones() -> None:
     seen = board()
-    seen.take(key(1), frame(state()), 100.0, UNIX_S)
+    seen.receive(key(1), frame(state()), 100.0, UNIX_S)
     plain = text(seen.view("", 100.0))
-    seen.take(key(1), frame(state(late_s=151.4, flagged=(3,)), n=2), 100.0, UNIX_S)
+    seen.receive(key(1), frame(state(late_s=151.4, flagged=(3,)), n=2), 100.0, UNIX_S)
     full = text(seen.view("", 100.0))
     for heading in ("phase", "mode", "cell", "height", "known", "plan", "refused"):
         assert f"{heading}: " in plain
@@ -90,7 +90,7 @@ def test_the_table_explains_its_columns_and_omits_empty_ones() -> None:
 
 def test_a_line_has_the_age_and_the_mode() -> None:
     seen = board()
-    seen.take(key(1), frame(state(phase="done")), 0.0, UNIX_S)
+    seen.receive(key(1), frame(state(phase="done")), 0.0, UNIX_S)
     (row, *_) = seen.view("", 7.0).rows
     assert line(row).startswith("uav1: done, ")
     assert all(f" {value}, " in line(row) for value in ("7 s old", "AUTO", "4,3"))
@@ -98,7 +98,7 @@ def test_a_line_has_the_age_and_the_mode() -> None:
 
 def test_a_vehicle_outside_the_area_has_no_cell() -> None:
     seen = board()
-    seen.take(key(1), frame(state(lat_deg=45.0)), 0.0, UNIX_S)
+    seen.receive(key(1), frame(state(lat_deg=45.0)), 0.0, UNIX_S)
     (row, *_) = seen.view("", 0.0).rows
     assert row.cell is None
     assert " cell " not in line(row)
@@ -107,7 +107,7 @@ def test_a_vehicle_outside_the_area_has_no_cell() -> None:
 def test_the_newest_state_counts_in_any_order() -> None:
     seen = board()
     for n, incarnation, mode in ((5, 1, "A"), (4, 1, "late"), (1, 2, "B"), (9, 1, "of before its restart")):
-        seen.take(key(1), frame(state(mode=mode), n=n, incarnation=incarnation), float(n), UNIX_S)
+        seen.receive(key(1), frame(state(mode=mode), n=n, incarnation=incarnation), float(n), UNIX_S)
     (row, *_) = seen.view("", 1.0).rows
     assert row.state is not None
     assert row.state.mode == "B"
@@ -127,7 +127,7 @@ REFUSED = [
 @pytest.mark.parametrize(("under", "payload"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED])
 def test_an_invalid_state_is_refused_and_counted(under: str, payload: bytes) -> None:
     seen = board()
-    seen.take(under, payload, 0.0, UNIX_S)
+    seen.receive(under, payload, 0.0, UNIX_S)
     assert seen.refused == 1
     assert not seen.has_any
     assert "\n1 messages " in text(seen.view("", 0.0))
@@ -135,27 +135,27 @@ def test_an_invalid_state_is_refused_and_counted(under: str, payload: bytes) -> 
 
 def test_unsigned_states_are_refused_with_keys() -> None:
     seen = StateBoard("test", NAMES, GRID, FrameCodec("test", None, lambda _uav, _signature, _data: False))
-    seen.take(key(1), frame(state()), 0.0, UNIX_S)
+    seen.receive(key(1), frame(state()), 0.0, UNIX_S)
     assert (seen.refused, seen.has_any) == (1, False)
 
 
 @given(st.binary(max_size=60))
 @settings(max_examples=examples(100), deadline=None, derandomize=True)
 def test_any_bytes_are_handled(data: bytes) -> None:
-    board().take(key(1), b"\x02\x00" + data, 0.0, UNIX_S)
+    board().receive(key(1), b"\x02\x00" + data, 0.0, UNIX_S)
 
 
 def test_a_replayed_state_is_refused() -> None:
     seen = board()
     first, second = frame(state()), frame(state(mode="HOLD"), n=2)
     for data in (second, second, first, second):
-        seen.take(key(1), data, 0.0, UNIX_S)
+        seen.receive(key(1), data, 0.0, UNIX_S)
     assert seen.refused == 3
     seen = board()
     for unix_s in (UNIX_S - 86_400.0, UNIX_S - 61.0, UNIX_S + 61.0, 1e300, -1e300):
-        seen.take(key(1), frame(state(), n=3, unix_s=unix_s), 0.0, UNIX_S)
+        seen.receive(key(1), frame(state(), n=3, unix_s=unix_s), 0.0, UNIX_S)
     assert (seen.refused, seen.has_any) == (5, False)
-    seen.take(key(1), frame(state(), n=3, unix_s=UNIX_S - 59.0), 0.0, UNIX_S)
+    seen.receive(key(1), frame(state(), n=3, unix_s=UNIX_S - 59.0), 0.0, UNIX_S)
     assert (seen.refused, seen.has_any) == (5, True)
 
 
@@ -209,7 +209,7 @@ def test_extreme_states_do_not_widen_the_table(
 ) -> None:
     seen = board()
     for content, unix_s, incarnation, n in told:
-        seen.take(key(1), written(content, unix_s, incarnation, n), 0.0, UNIX_S)
+        seen.receive(key(1), written(content, unix_s, incarnation, n), 0.0, UNIX_S)
         view = seen.view("", 0.0)
         text(view)
         said = line(view.rows[0])
@@ -220,14 +220,14 @@ def test_extreme_states_do_not_widen_the_table(
 @pytest.mark.parametrize("value", [1e7, -9e6, 1.1e6])
 def test_an_impossible_height_is_shown_as_unknown(value: float) -> None:
     seen = board()
-    seen.take(key(1), frame(state(alt_rel_m=value)), 0.0, UNIX_S)
+    seen.receive(key(1), frame(state(alt_rel_m=value)), 0.0, UNIX_S)
     (row, *_) = seen.view("", 0.0).rows
     assert "? m " in line(row)
 
 
 def test_texts_of_other_machines_have_no_control_characters() -> None:
     seen = board()
-    seen.take(key(1), frame(state(phase="\x1b[2Jx", mode="[red]\n", trouble="\x1b[1m\r\n")), 0.0, UNIX_S)
+    seen.receive(key(1), frame(state(phase="\x1b[2Jx", mode="[red]\n", trouble="\x1b[1m\r\n")), 0.0, UNIX_S)
     view = seen.view("", 0.0)
     assert line(view.rows[0]).isprintable()
     assert "\x1b" not in text(view)
@@ -239,9 +239,9 @@ def test_plain_lines_show_changes_and_all_vehicles_in_intervals() -> None:
     lines, seen = StateLines(said.append, 5.0), board()
     for n in range(10):  # a view each half second: 5 s
         if n == 3:
-            seen.take(key(1), frame(state(phase="standby")), n * 0.5, UNIX_S)
+            seen.receive(key(1), frame(state(phase="standby")), n * 0.5, UNIX_S)
         if n == 6:
-            seen.take(key(1), frame(state(), n=2), n * 0.5, UNIX_S)
+            seen.receive(key(1), frame(state(), n=2), n * 0.5, UNIX_S)
         lines.show(seen.view("up" if n > 1 else "down", n * 0.5))
     shown = [text.split(",")[0].split(": ") for text in said]
     assert [name for name, _ in shown] == ["test", "uav1", "uav2", "scout", "test", "uav1", "uav1"]

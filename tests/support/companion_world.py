@@ -24,7 +24,7 @@ from swarmctl.station import client
 NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
 
 
-STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
+STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
 
 
 @dataclass

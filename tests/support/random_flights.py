@@ -22,7 +22,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder
 from swarmctl.station import client
 
-STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447))
+STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 KINDS = ("ardupilot", "px4")
 WINGED = (*KINDS, "arduplane", "px4plane")
 FROM_S, UNTIL_S = 3.0, 90.0

@@ -25,7 +25,7 @@ class DeclaredBehaviour:
     wings: FixedWing | None = None
     """performance of a fixed wing; None for a copter"""
     speed_m_s: float = 15.0
-    """cruise speed over ground; a fixed wing's airspeed"""
+    """cruise speed: a copter's speed over ground, a fixed wing's airspeed"""
     turn_radius_m: float = 40.0
     """turn radius of a fixed wing"""
     among_others: bool = False

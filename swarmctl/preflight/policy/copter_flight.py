@@ -1,8 +1,8 @@
 """Parameters of an ArduCopter's flight, return and landing, with the values that plans assume. Pure.
 
-Each change into AUTO applies these parameters again, and ends an earlier speed command (`ModeAuto::init`). Up
-to version 4.6 speeds and heights are in centimetres. From 4.7 on they are in metres, with other names
-(https://ardupilot.org/copter/docs/common-param-name-changes.html).
+Each change into AUTO applies these parameters again, and ends the effect of a speed command
+(`ModeAuto::init`). Up to version 4.6 speeds and heights are in centimetres. From 4.7 on they are in metres,
+with other names (https://ardupilot.org/copter/docs/common-param-name-changes.html).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _for_version(parameter: RequiredParameter, version: Version) -> RequiredPara
     return replace(
         parameter,
         name=_OLD_NAMES[parameter.name],
-        declared=f"{parameter.declared}; the parameter has cm for m",
+        declared=f"{parameter.declared}; the parameter counts centimetres, not metres",
         set_to=None if parameter.set_to is None else _cm(parameter.set_to),
         values=tuple(_cm(value) for value in parameter.values),
         least=_cm(parameter.least),

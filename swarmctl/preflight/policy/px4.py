@@ -38,7 +38,7 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
     )
 
 
-# No "land": AUTO.LAND of a fixed wing descends in a circle at its present position.
+# No "land": in AUTO.LAND a fixed wing descends in a circle wherever it is.
 _PLANE_LOST_LINK = {"return": (2.0,), "hold": (1.0,), "continue": (0.0,)}
 _MISSION_LANDING = 1.0  # of RTL_TYPE
 _MIN_RADIUS_M = 1.0
@@ -57,12 +57,12 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
         # No "hold": a fixed wing would circle outside of the fence.
         one_of("GF_ACTION", behaviour.fence_breach, {"return": (3.0,)}, policy.fence_breach),
         *_heights(behaviour),
-        *_circles(behaviour, wings),
+        *_plane_flight(behaviour, wings),
         *cruise_and_bank(behaviour, "FW_AIRSPD_TRIM", "FW_R_LIM"),
     )
 
 
-def _circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
+def _plane_flight(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
     """Return the parameters of the return, the circles, the landing slope, the climb and the least speed.
 
     The return leads to the mission's landing. Circles are no wider than plans assume. A plane climbs along

@@ -19,13 +19,16 @@ class NoParameterTable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RequiredParameter:
-    """A parameter and the accepted values: `values` and `least` to `most`, or whole numbers without `bit`."""
+    """A parameter and the accepted values: `values`, and numbers from `least` to `most`.
+
+    If `bit` is set, whole numbers without this bit are accepted, and `set_to` is not used.
+    """
 
     name: str
     declared: str
     """declared behaviour that needs the parameter, as text for operators"""
     set_to: float | None = None
-    """value to write if the vehicle's value is not accepted; None: write nothing; no effect with `bit`"""
+    """value to write if the vehicle's value is not accepted; None: write nothing"""
     values: tuple[float, ...] = ()
     least: float = math.nan
     most: float = math.nan
@@ -64,7 +67,7 @@ class RequiredParameter:
 def one_of(
     name: str, declared: str, values: Mapping[str, tuple[float, ...]], action: str
 ) -> RequiredParameter:
-    """Return the requirement of an action; a correction writes its first value. Raises NoParameterTable."""
+    """Return the requirement; a correction writes the action's first value. Raises NoParameterTable."""
     if action not in values:
         raise NoParameterTable(f"{name} has no value for {declared}; it has values for {', '.join(values)}")
     return RequiredParameter(name, declared, values[action][0], values[action])

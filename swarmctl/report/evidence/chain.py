@@ -52,7 +52,7 @@ class Chain:
         self.last_hash = GENESIS
         """the hash of the last entry"""
 
-    def link(
+    def append(
         self, kind: EntryKind, vehicle: str | None, what: Content, *, unix_s: float, run_s: float
     ) -> bytes:
         """Add an entry; return its line with the line end."""
@@ -87,19 +87,19 @@ class CheckedChain:
     """The result of the check of a file of entries."""
 
     entries: tuple[Entry, ...]
-    """the entries before the fault, or all"""
+    """all entries; if there is a fault, the entries before the fault"""
     fault: ChainFault | None
     last_hash: str
-    """the hash of the last entry before the fault; GENESIS without entries"""
+    """the hash of the last of `entries`; GENESIS if there are none"""
 
     @property
     def opened(self) -> Content:
-        """The description of the run in the first entry; empty without entries."""
+        """The description of the run in the first entry; empty if there are no entries."""
         return self.entries[0]["what"] if self.entries else {}
 
     @property
     def closing(self) -> Content | None:
-        """The content of the closing entry; None with a fault or without a closing entry."""
+        """The content of the closing entry; None if there is a fault or no closing entry."""
         is_closed = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
         return self.entries[-1]["what"] if is_closed else None
 
@@ -163,5 +163,5 @@ def _mismatch(entry: Entry, before: list[Entry], last: str) -> _Mismatch | None:
 
 
 def signed_content(n_entries: int, last_hash: str) -> bytes:
-    """Return the bytes that a signature covers: number and last hash of the entries before the closing."""
+    """Return the bytes that a signature covers: number and last hash of the entries before `closed`."""
     return b"swarmctl evidence\0" + canonical({"entries": n_entries, "previous": last_hash})

@@ -44,7 +44,7 @@ class CommandRow:
     answers: Counter[str] = field(default_factory=Counter)
     unanswered: int = 0
     seen: Counter[str] = field(default_factory=Counter)
-    """first change of the vehicle's state after a command -> how often"""
+    """first matching change of the vehicle's state after a command -> number of commands"""
     is_in_transfer: bool = False
     """True after an entry with items of a transfer; further entries of the same transfer may follow"""
     by_others: int = 0

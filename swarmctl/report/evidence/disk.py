@@ -8,8 +8,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 
-class Disk:
-    """Syncs of one open file, one at a time; the next sync serves all requests during a sync."""
+class FileSync:
+    """Syncs of one open file, one at a time; all requests during a sync share one further sync."""
 
     def __init__(self, fileno: int, on_error: Callable[[OSError], None], *, in_thread: bool) -> None:
         """`in_thread`: sync in a separate thread; `sync` then needs a running event loop."""
@@ -22,7 +22,7 @@ class Disk:
         self._is_sync_requested = False
 
     def sync(self) -> None:
-        """Begin a sync; without a thread, wait for its end."""
+        """Begin a sync; if there is no separate thread, return after the end of the sync."""
         if self._pool is None:
             self._sync_here()
         elif self._future is None:
@@ -40,7 +40,7 @@ class Disk:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-            # The loop may call `_done` only after this method.
+            # The loop may call `_done` after the end of this method.
             if self._running is not None and isinstance(error := self._running.exception(), OSError):
                 self._on_error(error)
         self._sync_here()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from swarmctl.report.evidence.chain import Chain, Content, EntryKind, signed_content
-from swarmctl.report.evidence.disk import Disk
+from swarmctl.report.evidence.disk import FileSync
 
 FILE_NAME = "evidence.jsonl"
 SYNC_TIMEOUT_S = 10.0
@@ -46,12 +46,12 @@ class EvidenceFile:
         `in_thread`: sync in a separate thread; a durable entry then needs a running event loop.
         """
         self.trouble = ""
-        """reason for an early end of the evidence; empty without one"""
+        """reason for an early end of the evidence; empty if there is none"""
         self._path = path
         self._unix_s, self._run_s, self._say = unix_s, run_s, say
         self._chain = Chain()
         self._file = path.open("xb", buffering=0)
-        self._disk = Disk(self._file.fileno(), self._end, in_thread=in_thread)
+        self._file_sync = FileSync(self._file.fileno(), self._end, in_thread=in_thread)
         self.add("opened", opened, durable=True)
 
     @property
@@ -64,24 +64,24 @@ class EvidenceFile:
         """Append an entry; return False if the evidence has ended. `durable`: begin a sync of the file."""
         if self.trouble or self._file.closed:
             return False
-        line = self._chain.link(kind, vehicle, what, unix_s=self._unix_s(), run_s=self._run_s())
+        line = self._chain.append(kind, vehicle, what, unix_s=self._unix_s(), run_s=self._run_s())
         try:
             self._write(line)
         except OSError as error:
             self._end(error)
         else:
             if durable:
-                self._disk.sync()
+                self._file_sync.sync()
         return not self.trouble
 
     async def settled(self) -> str:
         """Wait at most SYNC_TIMEOUT_S for all entries to reach the disk; return the failure, or ""."""
         if self.trouble or self._file.closed:
             return self.trouble or f"{self._path}: the evidence is closed"
-        self._disk.sync()
+        self._file_sync.sync()
         try:
             async with asyncio.timeout(SYNC_TIMEOUT_S):
-                await self._disk.wait_idle()
+                await self._file_sync.wait_idle()
         except TimeoutError:
             return f"{self._path}: the disk has not stored the evidence within {SYNC_TIMEOUT_S:g} s"
         return self.trouble
@@ -106,5 +106,5 @@ class EvidenceFile:
             signature = signer.sign(signed_content(n_entries, last_hash))
             what["signature"] = {"by": signer.name, "key": signer.public_key, "signature": signature}
         self.add("closed", what)
-        self._disk.close()
+        self._file_sync.close()
         self._file.close()

@@ -33,7 +33,7 @@ class Evidence:
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
         """Record a message to the vehicle `sysid` (0: all) and return whether the message may be sent.
 
-        Only a message that arms a vehicle must not be sent without a record. `by` names another station.
+        A message that arms a vehicle may be sent only if it was recorded. `by` names another station.
         """
         if message.get_type() in KEEP_ALIVE:
             if not by:
@@ -105,7 +105,7 @@ class Evidence:
         return self._file.trouble
 
     def _write_running_transfers(self) -> None:
-        """Write entries of running transfers. A call at each sent heartbeat limits the loss in a crash."""
+        """Write entries of running transfers. A call at each keep-alive message limits a crash's loss."""
         for sysid, by in sorted(self._in_transfer):
             entries = self._traffic_of(sysid, by).unrecorded_entries()
             self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in entries])

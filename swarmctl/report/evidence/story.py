@@ -11,13 +11,13 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.report.evidence.chain import canonical, sha256
 from swarmctl.report.evidence.transfer import NewEntry
 
-EFFECTS = ("mode", "armed", "landed", "mission_seq")
-"""parts of a vehicle's state with an entry at each change"""
+RECORDED_STATE_FIELDS = ("mode", "armed", "landed", "mission_seq")
+"""fields of VehicleState; each change of such a field makes an entry"""
 
 
 def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:
-    """Return an entry for each change of a part of EFFECTS."""
-    changes = {name: (getattr(before, name), getattr(after, name)) for name in EFFECTS}
+    """Return an entry for each change of a field of RECORDED_STATE_FIELDS."""
+    changes = {name: (getattr(before, name), getattr(after, name)) for name in RECORDED_STATE_FIELDS}
     return [
         ("effect", {"changed": name, "from": _enum_name(old), "to": _enum_name(new)})
         for name, (old, new) in changes.items()

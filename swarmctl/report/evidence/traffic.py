@@ -1,7 +1,8 @@
 """Evidence entries from the MAVLink messages to and from one vehicle: commands and acknowledgements. Pure.
 
 - Keep-alive messages, mission requests and mission items make no entry when sent. Other messages do.
-- The items of an upload make one entry, with their number and hash, at the end or in `unrecorded_entries`.
+- The items of an upload make an entry with their number and hash when the upload ends. A call of
+  `unrecorded_entries` during the upload makes an entry of the items so far.
 - Several MISSION_WRITE_PARTIAL_LIST in a row are one upload. The first list makes an entry.
   `unrecorded_entries` counts their MISSION_ACKs by result.
 """
@@ -48,7 +49,7 @@ class Traffic:
         if kind in ITEMS:
             if self._upload is None:
                 self._upload = Transfer(int(message.mission_type))
-            self._upload.take(message)
+            self._upload.add_item(message)
             return []
         if kind == PARTIAL and (upload := self._partial_upload_of(message)) is not None:
             upload.announce(message)
@@ -75,7 +76,7 @@ class Traffic:
                 ended = [] if content["result"] == "INVALID_SEQUENCE" else self.unrecorded_entries()
                 return [*ended, ("acknowledgement", content)]
             case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:
-                self._download.take(message)
+                self._download.add_item(message)
             case "MISSION_COUNT" if self._download is not None:
                 self._download.count = int(message.count)
             case "PARAM_VALUE" if _name(message) in self._asked:
@@ -94,7 +95,7 @@ class Traffic:
         return [] if self._upload is None else self._upload.unrecorded_entries()
 
     def _begin_or_end(self, kind: str, message: Message) -> list[NewEntry]:
-        """Begin the transfer that a sent message announces; return the last entries of the upload before."""
+        """Begin the transfer that a sent message announces; return unrecorded entries of the last upload."""
         entries: list[NewEntry] = []
         if kind in ANNOUNCEMENTS or kind == "MISSION_ACK" or self._is_partial:
             entries = self.unrecorded_entries()
@@ -122,7 +123,7 @@ class Traffic:
         return upload if belongs else None
 
     def _read_back(self, kind: str) -> dict[str, Any]:
-        """End the download if its MISSION_ACK is sent; return {"read": downloaded items} then, else {}."""
+        """Return {"read": downloaded items} if a sent MISSION_ACK ends the download; else {}."""
         if kind != "MISSION_ACK" or self._download is None:
             return {}
         transfer, self._download = self._download, None

@@ -25,20 +25,20 @@ class Transfer:
     mission_type: int
     """MAV_MISSION_TYPE"""
     count: int | None = None
-    """number of items by MISSION_COUNT; None without one"""
+    """number of items by MISSION_COUNT; None if no MISSION_COUNT was sent or received"""
     items: dict[int, tuple[Any, ...]] = field(default_factory=dict)
     announced: set[int] = field(default_factory=set)
     """numbers announced by partial lists"""
     answers: Counter[str] = field(default_factory=Counter)
     """results of partial lists that are not in an entry yet"""
     is_recorded: bool = False
-    """True if an entry has the present items"""
+    """True if an entry has the hash of all items received so far"""
 
     @property
     def is_partial(self) -> bool:
         return bool(self.announced)
 
-    def take(self, message: Message) -> None:
+    def add_item(self, message: Message) -> None:
         seq, fields = int(message.seq), _fields(message)
         self.is_recorded = self.is_recorded and self.items.get(seq) == fields
         self.items[seq] = fields

@@ -23,10 +23,10 @@ from swarmctl.report.pictures.style import (
     HATCH,
     INK,
     NEVER_FOUND,
+    OBSERVED,
     QUIET,
-    SEEN,
     STRIKE,
-    VEIL,
+    UNOBSERVED,
     draw_badge,
     flown_widths,
     planned_styles,
@@ -42,7 +42,9 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     hostile, n1, n2 = shading(picture)
     missed = hostile & (picture.known != OCCUPIED)
     mistaken = ~hostile & (picture.known == OCCUPIED)
-    colours = np.array([_rgb(colour) for colour in (SEEN, VEIL, FOUND, NEVER_FOUND)], dtype=np.uint8)
+    colours = np.array(
+        [_rgb(colour) for colour in (OBSERVED, UNOBSERVED, FOUND, NEVER_FOUND)], dtype=np.uint8
+    )
     image = colours[np.where(hostile, np.where(missed, 3, 2), picture.known == UNKNOWN)]
     extent = (0.0, grid.size_east_m, 0.0, grid.size_north_m)
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1)

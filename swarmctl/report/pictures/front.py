@@ -35,11 +35,11 @@ HEAD_IN, KEY_IN, ROW_HEAD_IN, ROW_FOOT_IN = 0.74, 0.34, 0.58, 0.52
 CHART_WIDE_IN, MAP_WIDE_IN, GAP_IN = 4.45, 3.1, 0.45
 RIGHT_IN = LEFT_IN + CHART_WIDE_IN + GAP_IN + MAP_WIDE_IN
 FLAT_SHARE = 1e-9
-"""share of the greatest exposure below which differences are rounding"""
+"""share of the greatest exposure up to which a difference counts as a rounding error"""
 ALONE_HIGH_IN, SHARED_HIGH_IN = 3.6, 2.15
-"""height of a single chart, and of each of several charts on a sheet"""
+"""height of a chart that is alone on a sheet, and of a chart beside others"""
 WIDEST_PT, NARROWEST_PT, WIDEST_CELLS = 5.0, 1.2, 0.6
-"""greatest and least line width on the map [pt]; greatest width also in cells"""
+"""limits of the line width on the map: greatest and least [pt], greatest [cells]"""
 
 CHOSEN_DASHES = (0, (3, 1.5))
 """dashes of a configured route that is on the map, but not on the front"""
@@ -215,17 +215,17 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
 def _draw_key(axes: Axes, panels: Sequence[FrontPanel]) -> None:
     x, y = 0.0, 0.17
     n_inside = sum(not point.supported for panel in panels for point in panel.points)
-    marks = [("on the hull: some w finds it", 5.5, QUIET, QUIET, 1.1)]
+    symbols = [("on the hull: found with some w", 5.5, QUIET, QUIET, 1.1)]
     if n_inside:
-        marks.append(("inside: only constrained finds it", 5.5, "white", QUIET, 1.1))
+        symbols.append(("inside: found by `constrained` only", 5.5, "white", QUIET, 1.1))
     if any(panel.chosen is not None for panel in panels):
-        marks.append(("configured", 9.5, "none", INK, 1.4))
-    for text, size, face, edge, width in marks:
+        symbols.append(("configured", 9.5, "none", INK, 1.4))
+    for text, size, face, edge, width in symbols:
         axes.plot(x + 0.08, y, "o", ms=size, mfc=face, mec=edge, mew=width)
         axes.text(x + 0.24, y, text, fontsize=8.5, color=INK, va="center")
         x += 0.45 + 0.062 * len(text)
     axes.text(x, y, "short", fontsize=8.5, color=INK, va="center")
     ramp = np.linspace(0.0, 1.0, 128)[None, :]
     axes.imshow(ramp, cmap=ALONG, extent=(x + 0.4, x + 1.25, y + 0.05, y - 0.05), aspect="auto")
-    axes.text(x + 1.32, y, "little exposed", fontsize=8.5, color=INK, va="center")
+    axes.text(x + 1.32, y, "least exposed", fontsize=8.5, color=INK, va="center")
     axes.set(xlim=(0.0, WIDTH_IN - LEFT_IN - 0.2), ylim=(KEY_IN, 0.0))

@@ -1,4 +1,4 @@
-"""The legend beside the map: its marks, the north arrow and the scale bar."""
+"""The legend beside the map: its rows, the north arrow and the scale bar."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from swarmctl.report.pictures.style import (
     HATCH,
     INK,
     NEVER_FOUND,
-    SEEN,
+    OBSERVED,
     STRIKE,
-    VEIL,
+    UNOBSERVED,
     draw_badge,
     flown_widths,
     planned_styles,
@@ -90,7 +90,7 @@ def cell_rows(picture: MapPicture) -> list[KeyRow]:
         _cell_row("next to a hostile (N1)", {}, hatch="level"): n1.any(),
         _cell_row("diagonal to a hostile (N2)", {}, hatch="upright"): n2.any(),
         _cell_row(f"seen ({n_seen} cells)", {}): n_seen > 0,
-        _cell_row(f"never seen ({n_unseen} cells)", {"facecolor": VEIL}): n_unseen > 0,
+        _cell_row(f"never seen ({n_unseen} cells)", {"facecolor": UNOBSERVED}): n_unseen > 0,
     }
     return [row for row, is_there in rows.items() if is_there]
 
@@ -134,8 +134,8 @@ def _point_row(text: str, marker: str, style: dict[str, Any]) -> KeyRow:
 def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> KeyRow:
     def draw(axes: Axes, x: float, y: float) -> None:
         left, top, side = x + 0.07, y - 0.08, 0.16
-        look = {"facecolor": SEEN, "edgecolor": GRID_LINE, "lw": 0.8, **style}
-        axes.add_patch(Rectangle((left, top), side, side, **look))
+        patch_style = {"facecolor": OBSERVED, "edgecolor": GRID_LINE, "lw": 0.8, **style}
+        axes.add_patch(Rectangle((left, top), side, side, **patch_style))
         for share in (side / 8, 3 * side / 8, 5 * side / 8, 7 * side / 8):
             if hatch == "level":
                 axes.plot([left, left + side], [top + share, top + share], color=HATCH, lw=0.7)

@@ -26,7 +26,7 @@ class FrontPoint:
 
 @dataclass(frozen=True, slots=True)
 class FrontBound:
-    """The route length at which the arrival time equals one limit of the time bound, without turns."""
+    """The route length at which the arrival is at one limit of the time bound, if turns take no time."""
 
     length_m: float
     text: str

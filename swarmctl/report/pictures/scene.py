@@ -37,7 +37,7 @@ class VehicleTrack:
     strikes: Sequence[LatLon] = ()
     """positions of the vehicle at its strikes"""
     is_lost: bool = False
-    """True if `flown` ends at the vehicle's last known position"""
+    """True if the vehicle was lost in flight, so `flown` ends at the last known position"""
     outcome: str = ""
     """outcome of the vehicle for the legend, such as "arrived" """
 
@@ -80,7 +80,7 @@ def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
 
 
 def shading(picture: MapPicture) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return masks of hostile cells, their N1 and their N2 cells; a cell is in the first that fits."""
+    """Return masks of hostile cells, their N1 and their N2 cells; no cell is in two masks."""
     hostile = np.zeros(picture.known.shape, dtype=bool)
     if picture.hostiles is None:
         hostile = picture.known == OCCUPIED

@@ -1,4 +1,4 @@
-"""The sheet: the layout of the map and its legend, and the file."""
+"""The map and its legend on a sheet, as a figure and as a PNG file."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def draw_map(path: Path, picture: MapPicture) -> None:
 
 
 def figure_of(picture: MapPicture) -> Figure:
-    """Return the figure: the map, the legend beside the map, and vehicles below that do not fit beside."""
+    """Return the figure: the map, the legend beside the map, and below it vehicles without room there."""
     west, south, east, north = view_of(picture)
     inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
     map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
-    beside, below = _divided(picture, map_high_in)
+    beside, below = _beside_and_below(picture, map_high_in)
     beside_in = max(len(beside) * ROW_IN + FOOT_IN, map_high_in)
     columns = _columns(below)
     below_in = max(map(len, columns)) * ROW_IN
@@ -74,13 +74,16 @@ def figure_of(picture: MapPicture) -> Figure:
     return sheet.figure
 
 
-def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
-    """Return the legend's rows beside the map, and the blocks of vehicles below if too many for the side."""
-    blocks, marks = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
+def _beside_and_below(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
+    """Return the legend's rows beside the map, and blocks of rows below the map.
+
+    The blocks are of the vehicles if the rows of all vehicles do not fit beside the map; else there are none.
+    """
+    blocks, symbols = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
     vehicles = [row for block in blocks for row in block]
-    if (len(vehicles) + 1 + len(marks)) * ROW_IN + FOOT_IN <= map_high_in:
-        return [*vehicles, blank_row, *marks], []
-    return marks, blocks
+    if (len(vehicles) + 1 + len(symbols)) * ROW_IN + FOOT_IN <= map_high_in:
+        return [*vehicles, blank_row, *symbols], []
+    return symbols, blocks
 
 
 def _columns(blocks: list[list[KeyRow]]) -> list[list[KeyRow]]:

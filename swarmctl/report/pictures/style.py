@@ -14,7 +14,7 @@ Dashes = tuple[float, tuple[float, ...]]
 
 STRIKE = "#F0E442"
 INK, QUIET = "#222222", "#777777"
-OUTSIDE, SEEN, VEIL, GRID_LINE = "#F3F1EC", "#FFFFFF", "#E4EBF3", "#D5DBE2"
+OUTSIDE, OBSERVED, UNOBSERVED, GRID_LINE = "#F3F1EC", "#FFFFFF", "#E4EBF3", "#D5DBE2"
 FOUND, NEVER_FOUND, HATCH = "#7A7A7A", "#BDBDBD", "#9C9C9C"
 FORBIDDEN = "#B3261E"
 DASHES: tuple[Dashes, ...] = ((0, (4.0, 2.0)), (0, (1.0, 1.4)), (0, (7.0, 1.6, 1.2, 1.6)))
@@ -35,7 +35,7 @@ def flown_widths(n: int) -> list[float]:
 
 
 def planned_styles(picture: MapPicture) -> dict[str, dict[str, Any]]:
-    """Return the line style of each planned label."""
+    """Return the line styles of planned tracks, by label."""
     labels = dict.fromkeys(planned.label for track in picture.tracks for planned in track.planned)
     if any(len(track.flown) for track in picture.tracks):
         return {label: {"ls": DASHES[i % len(DASHES)], "lw": 1.1} for i, label in enumerate(labels)}
