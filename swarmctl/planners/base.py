@@ -30,7 +30,7 @@ class Unreachable(ValueError):
 
 
 class BoundTooTight(Unreachable):
-    """A problem without a route within the bounds; `nearest` is the closest route that the planner found."""
+    """A problem without a route within the bounds; `nearest` is the found route with the nearest length."""
 
     def __init__(self, text: str, nearest: Route) -> None:
         super().__init__(text)

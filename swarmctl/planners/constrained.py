@@ -23,7 +23,7 @@ from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import Envelope, SummedRoute
 
 SMALL_GAP = 0.02
-"""relative gap between the bounds on the exposure below which labels are faster than another search"""
+"""gap between the bounds on the least exposure, as a share; for a smaller gap labels are the faster method"""
 
 
 USES_W = False
@@ -67,7 +67,7 @@ def plan(problem: Problem, params: Params) -> Route:
     if bracket.field is None:
         return _route(envelope, bracket.short.cells)
     to_go = kernels.ToGo.of(to_length, None, bracket.field, bracket.price)
-    return _label(envelope, bracket.short, to_go, params)
+    return _search_by_labels(envelope, bracket.short, to_go, params)
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
@@ -77,7 +77,7 @@ def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
     return measures.exposure_sum(problem.exposure, cells)
 
 
-def _label(envelope: Envelope, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
+def _search_by_labels(envelope: Envelope, best: SummedRoute, to_go: kernels.ToGo, params: Params) -> Route:
     """Return the least exposed route that labels find, or `best` if labels find no route."""
     problem = envelope.problem
     greatest = bounds.window(problem)[1]
@@ -97,7 +97,7 @@ def _label(envelope: Envelope, best: SummedRoute, to_go: kernels.ToGo, params: P
 
 
 def _route(envelope: Envelope, cells: tuple[Cell, ...]) -> Route:
-    """Return a proved route: its exposure is also its lower bound."""
+    """Return a route of these cells, with the exposure as its cost and its lower bound."""
     exposure = measures.exposure_sum(envelope.problem.exposure, cells)
     route = route_of(envelope.problem, cells, exposure)
     return replace(route, searched=tuple(envelope.searched), lower_bound=exposure)

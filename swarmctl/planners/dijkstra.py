@@ -48,8 +48,8 @@ class CostToGo:
     def cells_from(self, start: Cell) -> tuple[Cell, ...]:
         """Return the route from `start` to a goal, both included.
 
-        From a later cell of this route the result is the rest of this route. Raises BadProblem if the start
-        is outside the area, Unreachable if no route leads to a goal.
+        A vehicle that has followed the route to a cell gets the same remaining route from that cell. Raises
+        BadProblem if the start is outside the area, Unreachable if no route leads to a goal.
         """
         return self._field.route_from(self._checked(start))
 
@@ -68,7 +68,7 @@ class CostToGo:
 
 
 def plan(problem: Problem, _params: Params) -> Route:
-    """Return the route of least cost by Eq. 5; among equals the shortest, and among these always the same.
+    """Return the route of least cost by Eq. 5; among equal costs the shortest, then by a fixed rule.
 
     Earlier searches for the same goals and weights make the search faster, and do not change the route.
     """

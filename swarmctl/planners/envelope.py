@@ -23,7 +23,7 @@ from swarmctl.planners import kernels
 from swarmctl.planners.base import Problem, Searched
 
 COST_TIE = 1e-11
-"""least relative saving against two routes at which a found route counts as new"""
+"""least relative saving at which a found route counts as cheaper than two known routes of equal cost"""
 FIRST_PRICE_SHARE = 0.5
 """first price of length, as a share of the shortest route's ΣP_s per cell of length"""
 PRICE_RATIO = 0.25
@@ -105,8 +105,8 @@ class Envelope:
     def bracket(self, short: SummedRoute, bound_cells: float, accepted_gap: float = 0.0) -> Bracket:
         """Return the routes on both sides of a bound on length.
 
-        `short` is the shortest route, and within the bound. The two results are neighbours, unless the search
-        ends early: the exposure can then fall by no more than the share `accepted_gap`.
+        `short` is the shortest route, and within the bound. The search ends at two neighbours, or earlier if
+        no route within the bound can be less exposed by more than the share `accepted_gap`.
         """
         short, long = self._lower_price(short, bound_cells)
         proof: tuple[float, kernels.Field | None] = (0.0, None)
@@ -143,9 +143,9 @@ class Envelope:
             short = ahead.pop()
 
     def _lower_price(self, short: SummedRoute, bound_cells: float) -> tuple[SummedRoute, SummedRoute | None]:
-        """Lower the price of length until a route is too long; return the previous route, and this route.
+        """Lower the price of length until a route is beyond the bound.
 
-        The second value is None if no route is too long.
+        Return the last route within the bound, and the route beyond the bound, or None.
         """
         price = FIRST_PRICE_SHARE * short.exposure_sum / max(short.length_cells, 1.0)
         prices = [price * PRICE_RATIO**k for k in range(N_PRICES)] if price > 0.0 else []

@@ -2,8 +2,8 @@
 
 The routes of the envelope are the corners of the front's convex hull (`envelope`). The other points of the
 front between two neighbours lie in a triangle: on or above the line that joins the two, and below and left of
-the opposite corner. Labels find these points (`kernels.labels`). The field that proved the two routes
-neighbours bounds the labels (the two-phase method of Ulungu and Teghem 1995).
+the opposite corner. Labels find these points (`kernels.labels`). The field of the search between the two
+neighbours gives lower bounds for the labels (the two-phase method of Ulungu and Teghem 1995).
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class Front:
     """True for the corners of the front's convex hull: the routes that `dijkstra` returns at some w > 0 and
     some ψ > 0. A route on an edge of the hull is no corner."""
     w_ranges: tuple[tuple[float, float] | None, ...]
-    """Range of w in [0, 1] at which `dijkstra` returns the route; None for no w. At the common w of two
-    ranges `dijkstra` returns the shorter route, at w = 0 any of the shortest routes. If ψ = 0, at most the
-    two ends of the front have a range."""
+    """Range of w in [0, 1] at which `dijkstra` returns the route; None if there is no such w. At the common w
+    of two ranges `dijkstra` returns the shorter route, at w = 0 any of the shortest routes. If ψ = 0, at most
+    the two ends of the front have a range."""
     complete: bool
     """False if the limit on labels was reached: `routes` may lack unsupported routes"""
 
@@ -75,7 +75,7 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
             max_labels=budget - n_labels if budget else 0,
         )
         n_labels += found.n_labels
-        points.inside += [envelope.summed(cells) for cells in found.routes]
+        points.unsupported += [envelope.summed(cells) for cells in found.routes]
         points.complete = points.complete and math.isinf(found.least_open)
     return _front(envelope, points)
 
@@ -87,8 +87,7 @@ class _Points:
     safest: SummedRoute
     edges: list[tuple[SummedRoute, SummedRoute, float]] = field(default_factory=list)
     """neighbours and the price of length at which they cost the same"""
-    inside: list[SummedRoute] = field(default_factory=list)
-    """unsupported routes"""
+    unsupported: list[SummedRoute] = field(default_factory=list)
     complete: bool = True
 
 
@@ -101,7 +100,7 @@ def _front(envelope: Envelope, points: _Points) -> Front:
         ranges[short] = (ranges.get(short, (0.0, 1.0))[0], envelope.weight(price))
         ranges[long] = (envelope.weight(price), 1.0)
     ranges = ranges or {points.safest: (0.0, 1.0)}
-    everything = sorted([*ranges, *points.inside], key=lambda route: route.length_cells)
+    everything = sorted([*ranges, *points.unsupported], key=lambda route: route.length_cells)
     kept = [route for route in everything if least <= route.length_cells <= greatest]
     if not kept and points.complete:
         nearest = min(everything, key=lambda r: max(least - r.length_cells, r.length_cells - greatest))

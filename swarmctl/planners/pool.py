@@ -28,7 +28,7 @@ class Pool(Generic[T]):
                 return taken
 
     def put(self, objects: Iterable[T], size: Callable[[T], int], max_total: int) -> None:
-        """Put objects back, the oldest first; drop the oldest, but not the last, above `max_total`."""
+        """Put objects back; drop the oldest, but never the newest, while all exceed the size `max_total`."""
         self._objects.extend(list(objects))
         while sum(map(size, kept := self._objects.copy())) > max_total and len(kept) > 1:
             with contextlib.suppress(IndexError):

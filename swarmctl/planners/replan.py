@@ -3,12 +3,12 @@
 An observation changes P_s much in a few cells, and a little everywhere, because the cells not seen share the
 remaining hostiles. The new route is nearly always near the old route. A replan has these steps:
 
-1. Take a rough route by an older field of the whole area. Search a box around it with the present costs.
+1. Take a rough route by an older field of the whole area. Search a box around the route with the new costs.
 2. Prove that no route that leaves the box is cheaper. A search gives the cost from the start to each cell of
    the box's rim. The older field gives a lower bound from the rim to a goal. This bound is scaled by the
    least ratio of new to old costs, and lowered where cells have become cheaper.
-3. Without a proof, enlarge the box. If the box is too large, search the whole area. The result is the older
-   field of later replans.
+3. If there is no proof, enlarge the box. If the box is too large, search the whole area. The next replans use
+   the new field as their older field.
 
 The route equals the route of a search of the whole area, ties included.
 """
@@ -90,11 +90,12 @@ class Replanner:
             raise BadProblem(
                 f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
             )
-        self._now = exposure
+        self._layers = exposure
         self._w = w
         self._psi = psi_per_cell
         whole, self.goals = checked_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
-        self._old = LargeField(*whole.shape)
+        self._field = LargeField(*whole.shape)
+        """older field of the whole area"""
         self._margin = FIRST_MARGIN_CELLS
         self._outdated = False
         self._begin_from(whole)
@@ -102,22 +103,22 @@ class Replanner:
     @property
     def problem_key(self) -> tuple[tuple[int, ...], tuple[Cell, ...], float, float]:
         """Shape, goals, w and ψ per cell: equal for all problems that this replanner can solve."""
-        return self._now.known.shape, self.goals, self._w, self._psi
+        return self._layers.known.shape, self.goals, self._w, self._psi
 
     def size(self) -> int:
         """Return the number of cells of the area."""
-        return self._now.known.size
+        return self._layers.known.size
 
     def changed(self, cells: Iterable[Cell]) -> None:
         """Update the bounds for `cells` whose P_s has changed; a change of p_unseen needs no call.
 
         Raises BadProblem for a cell outside the area, and for NaN or negative exposure.
         """
-        field, p = self._old, self._p_unseen
+        field, p = self._field, self._p_unseen
         for cell in cells:
-            row, col = checked_cell("changed cell", cell, self._now.known)
+            row, col = checked_cell("changed cell", cell, self._layers.known)
             m = field.index((row, col))
-            exposure = float(self._now.within(slice(row, row + 1), slice(col, col + 1), p)[0, 0])
+            exposure = float(self._layers.within(slice(row, row + 1), slice(col, col + 1), p)[0, 0])
             if not exposure >= 0.0:
                 raise BadProblem(f"exposure of cell ({row}, {col}) is {exposure}: expected 0 or more")
             straight = self._w * exposure + field.step if math.isfinite(exposure) else math.inf
@@ -130,15 +131,15 @@ class Replanner:
         A contiguous, writeable array of floats is not copied. Raises BadProblem for a wrong shape or value.
         """
         checked_field(exposure, self.goals, self._w, self._psi)
-        if exposure.shape != self._now.known.shape:
+        if exposure.shape != self._layers.known.shape:
             raise BadProblem(
-                f"exposure of shape {exposure.shape}: expected {self._now.known.shape}, as before"
+                f"exposure of shape {exposure.shape}: expected {self._layers.known.shape}, as before"
             )
         exposure = compilable(exposure)
-        self._now = Layers.of(exposure)
+        self._layers = Layers.of(exposure)
         self._p_unseen = 0.0
         self._sampled_ratio, cells, costs = compiled(bounds.compare)(
-            exposure, self._w, self._old.step, self._old.straight, SAMPLE_STRIDE, exposure.size // 50 + 50
+            exposure, self._w, self._field.step, self._field.straight, SAMPLE_STRIDE, exposure.size // 50 + 50
         )
         self._outdated = self._outdated or self._sampled_ratio == 0.0
         if not self._outdated:
@@ -150,18 +151,18 @@ class Replanner:
         Raises Unreachable. Raises BadProblem for a start outside the area, and for an invalid p_unseen or
         exposure.
         """
-        start = checked_cell("start", start, self._now.known)
-        if not 0.0 <= self._now.p_unseen < math.inf:
-            raise BadProblem(f"p_unseen is {self._now.p_unseen}: expected a finite number, 0 or more")
+        start = checked_cell("start", start, self._layers.known)
+        if not 0.0 <= self._layers.p_unseen < math.inf:
+            raise BadProblem(f"p_unseen is {self._layers.p_unseen}: expected a finite number, 0 or more")
         if start in self.goals:
             self.searched_cells = 0
             return (start,)
-        if not self._outdated and math.isfinite(self._now.known[start]):
-            guess = self._guess(start)
+        if not self._outdated and math.isfinite(self._layers.known[start]):
+            rough = self._rough_route(start)
             margin = self._margin
-            while guess.size > 0:
-                box = self._box(guess, margin)
-                if (box[1] - box[0]) * (box[3] - box[2]) > LARGEST_BOX_SHARE * self._now.known.size:
+            while rough.size > 0:
+                box = self._box(rough, margin)
+                if (box[1] - box[0]) * (box[3] - box[2]) > LARGEST_BOX_SHARE * self._layers.known.size:
                     break
                 found = self._route_in_box(box, start)
                 if found:
@@ -169,15 +170,15 @@ class Replanner:
                     return found
                 margin *= 2
         self._search_all()
-        if math.isinf(self._old.cost_of(start)):
+        if math.isinf(self._field.cost_of(start)):
             raise Unreachable(f"no route leads from {start} to a goal: walls lie between")
-        return self._old.route_from(start)
+        return self._field.route_from(start)
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
-        """Lower the old field's labels of `cells`; `costs` are the present costs of a straight step."""
+        """Lower the old field's labels of `cells`; `costs` are the new costs of a straight step."""
         if self._outdated:
             return
-        old, straight = self._old, np.minimum(costs / self._sampled_ratio, self._old.straight[cells])
+        old, straight = self._field, np.minimum(costs / self._sampled_ratio, self._field.straight[cells])
         with np.errstate(invalid="ignore"):
             label = old.label[cells] - (old.straight[cells] - straight)
         if not (old.label[cells] <= MAX_LABEL_RATIO * label).all():
@@ -188,47 +189,47 @@ class Replanner:
         self._lowered += cells.tolist()
 
     def _search_all(self) -> None:
-        exposure, _ = checked_field(self._now.within(WHOLE, WHOLE), self.goals, self._w, self._psi)
+        exposure, _ = checked_field(self._layers.within(WHOLE, WHOLE), self.goals, self._w, self._psi)
         self._begin_from(exposure)
 
     def _begin_from(self, exposure: Floats) -> None:
-        self._old = spread_large(exposure, self.goals, self._w, self._psi, into=self._old)
-        self._p_unseen = self._now.p_unseen
+        self._field = spread_large(exposure, self.goals, self._w, self._psi, into=self._field)
+        self._p_unseen = self._layers.p_unseen
         self._lowered: list[int] = []
         """cells whose lowered label has not been spread to their neighbours yet"""
         self._outdated, self._sampled_ratio = False, 1.0
-        self.searched_cells = self._now.known.size
+        self.searched_cells = self._layers.known.size
         """number of cells in the last searched box or area; 0 if the last start was a goal"""
 
-    def _guess(self, start: Cell) -> NDArray[np.int64]:
+    def _rough_route(self, start: Cell) -> NDArray[np.int64]:
         """Spread lowered labels up to the start; return flat indices of a rough route, empty if none."""
-        old, m = self._old, self._old.index(start)
+        old, m = self._field, self._field.index(start)
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
         self._lowered = old.spread_lowered(waiting, float(old.label[m]) * PROOF_RATIO).tolist()
         most = 4 * (old.rows + old.cols)
         path, arrived = compiled(bounds.descend_roughly)(old.label, old.extra, old.width, old.goals, m, most)
         return path if arrived else path[:0]
 
-    def _box(self, guess: NDArray[np.int64], margin: int) -> tuple[int, int, int, int]:
+    def _box(self, route: NDArray[np.int64], margin: int) -> tuple[int, int, int, int]:
         """Return (first row, end row, first column, end column) of the cells within `margin` of a route."""
-        rows, cols = guess // self._old.width - 1, guess % self._old.width - 1
+        rows, cols = route // self._field.width - 1, route % self._field.width - 1
         return (
             max(int(rows.min()) - margin, 0),
-            min(int(rows.max()) + margin + 1, self._old.rows),
+            min(int(rows.max()) + margin + 1, self._field.rows),
             max(int(cols.min()) - margin, 0),
-            min(int(cols.max()) + margin + 1, self._old.cols),
+            min(int(cols.max()) + margin + 1, self._field.cols),
         )
 
     def _route_in_box(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
         """Return the route in the box; empty unless every route that leaves the box is proved dearer."""
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
-        exposure = self._now.within(slice(top, bottom), slice(left, right))
+        exposure = self._layers.within(slice(top, bottom), slice(left, right))
         checked_field(exposure, goals, self._w, self._psi)
         field = spread_large(exposure, goals, self._w, self._psi)
         self.searched_cells = exposure.size
         inside = (start[0] - top, start[1] - left)
-        cost, old = field.cost_of(inside), self._old
+        cost, old = field.cost_of(inside), self._field
         outside = compiled(bounds.least_cost_outside)(
             field.labels_from(inside), field.rows, field.cols,
             old.label, old.straight, old.width, top, left, old.rows,
@@ -240,13 +241,13 @@ class Replanner:
 
     def _valid_below(self) -> float:
         """Return the label up to which the old labels are lower bounds."""
-        return float(self._old.label[self._lowered].min()) if self._lowered else math.inf
+        return float(self._field.label[self._lowered].min()) if self._lowered else math.inf
 
     def _cost_ratio(self) -> float:
         """Return a lower bound of new cost / old cost, valid for all cells."""
-        if self._now.p_unseen >= self._p_unseen:
+        if self._layers.p_unseen >= self._p_unseen:
             return self._sampled_ratio
         # The ratio of the costs s + w(K + pU) is least for K = 0 and the greatest pU of the area.
-        step, greatest = self._old.step, self._old.greatest
-        fallen = step + (greatest - step) * self._now.p_unseen / self._p_unseen
+        step, greatest = self._field.step, self._field.greatest
+        fallen = step + (greatest - step) * self._layers.p_unseen / self._p_unseen
         return self._sampled_ratio * (fallen / greatest if greatest > 0.0 else 1.0)

@@ -1,9 +1,9 @@
 """A long route for a vehicle that is early: the least exposed route found within a window of lengths.
 
 The search begins with the least exposed route within the upper bound, as in `constrained`. If this route is
-too short, the planner tries detours over one cell, then over two cells. A detour is the best route to the
-cell and the best route from the cell to a goal, by Eq. 5 at the price ψ = mean exposure. The answer is the
-least exposed detour within the window that passes no cell twice. A better route may exist.
+too short, the planner tries detours over one cell, and if none is within the window, over two cells. A detour
+joins the best routes to the cell and from the cell to a goal, by Eq. 5 at w = 1/2 and ψ = mean exposure. The
+answer is the least exposed of these detours that passes no cell twice. A better route may exist.
 """
 
 from __future__ import annotations

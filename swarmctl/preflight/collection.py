@@ -69,7 +69,7 @@ class FactCollector:
     """The collector of one run's facts; the collector keeps every vehicle's last trajectory and clock.
 
     unix_s_at_zero: wall time at which the clock of the running loop showed 0 [s]
-    speedup: simulated seconds in a second of that clock
+    speedup: simulated seconds in a second of the loop's clock
     free_clocks: True if the dates of simulated vehicles differ from this machine's date
     """
 
@@ -99,7 +99,7 @@ class FactCollector:
     ) -> list[PreflightFacts]:
         """Return the facts of `vehicles`; `everyone` are all vehicles of this process."""
         answers_of = await asyncio.gather(*map(self._ask, vehicles))
-        # A vehicle in the air keeps its last trajectory: its route begins at its take-off position.
+        # The first route begins at the take-off position, so a vehicle in the air keeps its last trajectory.
         standing = ON_GROUND | {Phase.LAUNCHING}
         self.trajectories |= {
             v.spec.name: _trajectory(v) for v in everyone if v.runner.state.phase in standing
@@ -194,7 +194,8 @@ class FactCollector:
     def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
         """Return a vehicle's clock less its reference [s]; None if the vehicle reports no time.
 
-        The reference is this machine's clock; for simulated vehicles with `free_clocks`, their median clock.
+        The reference is this machine's clock. If `free_clocks` is true, the reference of simulated vehicles
+        is the median of their clocks.
         """
         offset_s = self._offset_from_machine_s(vehicle)
         if offset_s is None or not (self._free_clocks and _is_simulated(vehicle)):
@@ -205,7 +206,7 @@ class FactCollector:
         return offset_s - statistics.median(other_s for other_s in offsets_s if other_s is not None)
 
     def _offset_from_machine_s(self, vehicle: VehicleToCheck) -> float | None:
-        """Return a vehicle's clock less this machine's [s], both at `speedup` for simulated vehicles."""
+        """Return a vehicle's clock less this machine's clock [s]; the latter times `speedup` if simulated."""
         instruments = self._instruments.get(vehicle.spec.name)
         if instruments is None or instruments.unix_s is None or instruments.unix_received_s is None:
             return None
@@ -227,7 +228,7 @@ async def _enforce_fence(
     if not selection or not all(r.met_by(parameters) for r in selection):
         return ""
     try:
-        await link.enforce_fence()
+        await link.enable_fence()
     except FenceFailed as error:
         return str(error)
     return ""

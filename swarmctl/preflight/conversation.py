@@ -25,7 +25,7 @@ class Preflight:
     """The checks of one run.
 
     checked: output; the last results of every vehicle, by name
-    crossings: output; each round appends the crossings over ground of this process's first routes
+    crossings: output; each round appends the numbers of pairs of first routes that come close over ground
     sets_parameters: False for the command `preflight`
     unix_s_at_zero, speedup, free_clocks: as for `FactCollector`
     """
@@ -139,7 +139,7 @@ class Preflight:
             )
 
     def _set_by_fly(self, facts: PreflightFacts) -> str:
-        """Return the changes by `fly` as text, for the command `preflight`; empty unless they suffice."""
+        """Return the changes by `fly` as text; empty if `fly` cannot correct all wrong parameters."""
         required, found = facts.required_parameters, facts.parameters
         corrections = _corrections(required, found)
         uncorrected = [r for r in required if r.name not in corrections and not r.met_by(found)]

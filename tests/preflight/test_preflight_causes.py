@@ -16,7 +16,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import DEFAULT_OPTIONS
 from swarmctl.preflight import report as tables
 from swarmctl.preflight.checks import battery, route
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
@@ -27,7 +27,7 @@ def one(**sections: object) -> Scenario:
     return small(simulate={"count": 1, "ready_s": 3.0}, **sections)
 
 
-def shown(report: Report) -> str:
+def shown(report: FlightReport) -> str:
     console = Console(width=400, record=True, file=None, quiet=True)
     with console.capture() as captured:
         console.quiet = False
@@ -63,12 +63,9 @@ def test_wrong_parameters_fail_if_fly_does_not_set_them(
 @pytest.mark.parametrize(
     ("params", "found"),
     [
-        ({"WPNAV_SPEED": 200.0}, "WPNAV_SPEED 200; wanted WPNAV_SPEED 950 to 1050 "),
-        (
-            {"RTL_ALT_FINAL": 500.0},
-            "RTL_ALT_FINAL 500; wanted RTL_ALT_FINAL 0 ",
-        ),
-        ({"FS_EKF_ACTION": 2.0}, "FS_EKF_ACTION 2; wanted FS_EKF_ACTION 1 or 3"),
+        ({"WPNAV_SPEED": 200.0}, "WPNAV_SPEED 200, wanted 950 to 1050 "),
+        ({"RTL_ALT_FINAL": 500.0}, "RTL_ALT_FINAL 500, wanted 0 "),
+        ({"FS_EKF_ACTION": 2.0}, "FS_EKF_ACTION 2, wanted 1 or 3"),
         ({"BATT_LOW_VOLT": 0.1}, "battery: found BATT_LOW_VOLT 0.1 V"),
     ],
 )

@@ -11,11 +11,11 @@ from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 def compare(
     exposure: Floats, w: float, step: float, straight: Floats, stride: int, max_cells: int
 ) -> tuple[float, Ints, Floats]:
-    """Compare the present costs, from P_s of shape (rows, cols), with the older costs in `straight`.
+    """Compare the new costs, from P_s of shape (rows, cols), with the old costs in `straight`.
 
-    Return a ratio of at most 1, the cells whose present cost is less than ratio · older cost, and the present
-    costs of these cells. The ratio is the least present / older cost of every `stride`-th cell, so a common
-    drift of all costs is no change of a cell. The ratio is 0 if more than `max_cells` cells have changed.
+    Return a ratio, the cells whose new cost is less than ratio · old cost, and the new costs of these cells.
+    The ratio is the least new cost / old cost of a sample, every `stride`-th cell, and at most 1. So a common
+    drift of all costs lowers no cell. The ratio is 0 if there are more than `max_cells` such cells.
     """
     rows, cols = exposure.shape
     width = cols + 2

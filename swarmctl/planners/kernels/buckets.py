@@ -45,7 +45,7 @@ def correct(
     """Spread the labels of `seeds` until no label can be improved.
 
     `least` and `greatest` bound the finite values of `straight`; `waiting` is all zero before and after. Stop
-    early at the first bucket from `until` on, and return the cells that still wait.
+    at the first bucket of labels from `until` on; return the cells whose labels are not spread yet.
     """
     span = _span(straight, least, greatest)
     per_span = 1.0 / span

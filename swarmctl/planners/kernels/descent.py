@@ -2,8 +2,8 @@
 
 From each cell the route goes to the neighbour of least total cost. Costs within REL_TIE of each other count
 as equal, so that rounding does not change the route. The shortest of equal routes is taken, then the first in
-the order of `offsets_of`. Only a cell at which routes cost the same needs lengths. They are computed for the
-cells on the cheapest routes from this cell.
+the order of `offsets_of`. Only a cell at which routes cost the same needs lengths. The lengths are computed
+for all cells on the cheapest routes from this cell.
 """
 
 from __future__ import annotations
@@ -72,10 +72,11 @@ def descend(
 ) -> tuple[Ints, Ints, Floats]:
     """Return the routes from all starts of finite cost to the sorted `goals`, one after the other.
 
-    The second value is the end of each route in the first; the third is `length` with the lengths computed
-    here (size 0 if none are known). At a tie with unknown lengths the search assumes that the shortest route
-    is as short as the lattice allows. If the assumption fails, the search goes back to the cell of the tie
-    and computes the lengths.
+    The values are `path`, `ends` and `length`. `ends` has the index in `path` after each route's last cell.
+    `length` includes the lengths computed here, and has size 0 if none are known.
+
+    At a tie with unknown lengths the search assumes that the shortest route is as short as the lattice
+    allows. If the assumption fails, the search goes back to the cell of the tie and computes the lengths.
     """
     offsets = offsets_of(width)
     neighbour_costs = np.empty(8)
@@ -89,7 +90,7 @@ def descend(
         count += 1
         begin = count
         while not is_goal(goals, m):
-            if starts.size > 1 and assumed_since < 0 and passed[m] > 0:  # the rest as in an earlier route
+            if starts.size > 1 and assumed_since < 0 and passed[m] > 0:  # copy a previous route from m on
                 first = passed[m]
                 end = ends[np.searchsorted(ends[:route], first, side="right")]
                 while count + end - first >= path.size:
@@ -112,7 +113,7 @@ def descend(
             if ties > 1 and assumed_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
                 assumed_since = count
             if ties > 1 or assumed_since >= 0:
-                best, assumption_fails = _shortest(
+                best, assumption_fails = _next_of_shortest(
                     neighbour_costs, bound, width, offsets, goals, m, length, assumed_since >= 0
                 )
                 if assumption_fails:
@@ -153,7 +154,7 @@ def _with_lengths_from(
     return length
 
 
-def _shortest(
+def _next_of_shortest(
     neighbour_costs: Floats,
     bound: float,
     width: int,
@@ -165,8 +166,8 @@ def _shortest(
 ) -> tuple[int, bool]:
     """Return the neighbour of m on the shortest route of at most the cost `bound`.
 
-    Lengths are from `length`, or with `assumes_least` the least that the lattice allows. The second value is
-    True if no route is as short as assumed.
+    If `assumes_least`, lengths are the least that the lattice allows, otherwise from `length`. The second
+    value is True if no route is as short as assumed.
     """
     best, best_length = -1, np.inf
     for k in range(8):
@@ -352,7 +353,8 @@ def _cells_without_length(
 ) -> tuple[Ints, Ints, int]:
     """Return the cells of unknown length on the cheapest routes from `start`, and their cheapest directions.
 
-    The third value is the number of cells. Write -2 - index into `length` for each of the cells.
+    The third value is the number of cells; the arrays are longer. Write -2 - index into `length` for each of
+    the cells.
     """
     offsets = offsets_of(width)
     cells = np.empty(256, dtype=np.int64)

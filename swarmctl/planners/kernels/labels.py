@@ -2,9 +2,10 @@
 
 A label is a route from the start to a cell, with the length and the exposure of the route. A label is dropped
 if another label of the cell is at most as long and at most as exposed. A label that cannot lead to a useful
-route is dropped too. Three fields give lower bounds for the rest of a route: the least length, the least
-exposure, and the least exposure + price · length. The label of the least bound on the third sum is extended
-first. So a label that reaches a goal is final, and the queue bounds all routes that are not found yet.
+route is dropped too. Three fields give lower bounds for the route from a cell to a goal: the least length,
+the least exposure, and the least exposure + price · length. A label's key is the lower bound on exposure +
+price · length of its complete routes. The label of the least key is extended first. So a label that reaches a
+goal is final, and the least key is a lower bound for all routes that are not found yet.
 """
 
 from __future__ import annotations
@@ -75,9 +76,9 @@ def label_search(
 ) -> LabelSearchResult:
     """Return routes no longer than `longest_cells` and less exposed than `below_exposure`; `exposure` is P_s.
 
-    With `whole_front` the result has a route for each non-dominated pair of sums. Otherwise each route is
-    less exposed than the previous one, and the last route is the least exposed. `max_labels` limits the
-    number of labels (0: no limit).
+    If `whole_front`, the result has a route for each non-dominated pair of sums. Otherwise the exposure falls
+    from route to route, and the last route is the least exposed. `max_labels` limits the number of labels (0:
+    no limit).
     """
     rows, cols = exposure.shape
     width = cols + 2
@@ -118,16 +119,16 @@ def set_labels(
     whole_front: bool,
     max_labels: int,
 ) -> tuple[Ints, NDArray[np.int32], NDArray[np.int32], float]:
-    """Return the labels at goals as found, cells and parents of all labels, and the least open key or inf."""
+    """Return the labels at goals in the order found, all labels' cells and parents, and `least_open`."""
     offsets = offsets_of(width)
-    head = np.full(p_s.size, -1, dtype=np.int32)  # newest label of each cell; `after` has the older
+    head = np.full(p_s.size, -1, dtype=np.int32)  # each cell's newest label; `older` has the label before
     cell = np.empty(FIRST_POOL, dtype=np.int32)
     parent = np.empty(FIRST_POOL, dtype=np.int32)
-    after = np.empty(FIRST_POOL, dtype=np.int32)
+    older = np.empty(FIRST_POOL, dtype=np.int32)
     sums = np.empty((FIRST_POOL, 2))
     alive = np.empty(FIRST_POOL, dtype=np.bool_)
     heap, keys, size = np.empty(FIRST_POOL, dtype=np.int64), np.empty(FIRST_POOL), 0
-    stairs = np.empty((16, 2))  # (length, exposure) of the routes found, each longer and less exposed
+    stairs = np.empty((16, 2))  # (length, exposure) of the routes found, by rising length
     stairs[0, 0], stairs[0, 1] = 0.0, below_exposure
     n_stairs = 1
     ends = np.empty(16, dtype=np.int64)
@@ -135,7 +136,7 @@ def set_labels(
     cutoff = (below_exposure + price * longest) * (1.0 - KEY_TIE)
     cell[0] = first
     parent[0] = -1
-    after[0] = -1
+    older[0] = -1
     sums[0, 0], sums[0, 1] = 0.0, 0.0
     alive[0] = True
     head[first] = 0
@@ -168,7 +169,7 @@ def set_labels(
         if count + 8 > cell.size:
             cell = np.append(cell, cell)
             parent = np.append(parent, parent)
-            after = np.append(after, after)
+            older = np.append(older, older)
             sums = np.append(sums, sums, axis=0)
             alive = np.append(alive, alive)
         for k in range(8):
@@ -182,12 +183,12 @@ def set_labels(
                 new_key >= cutoff
                 or new_length + to_length[n] > longest
                 or _is_dominated(stairs, n_stairs, new_length + to_length[n], new_exposure + to_exposure[n])
-                or not _is_nondominated(head, after, alive, sums, n, new_length, new_exposure)
+                or not _is_nondominated(head, older, alive, sums, n, new_length, new_exposure)
             ):
                 continue
             cell[count] = n
             parent[count] = label
-            after[count] = head[n]
+            older[count] = head[n]
             head[n] = count
             sums[count, 0] = new_length
             sums[count, 1] = new_exposure
@@ -199,7 +200,7 @@ def set_labels(
 
 def _is_nondominated(
     head: NDArray[np.int32],
-    after: NDArray[np.int32],
+    older: NDArray[np.int32],
     alive: NDArray[np.bool_],
     sums: Floats,
     n: int,
@@ -215,13 +216,13 @@ def _is_nondominated(
     while label >= 0:
         if sums[label, 0] <= longer and sums[label, 1] <= most:
             return False
-        follower = after[label]
+        follower = older[label]
         if sums[label, 0] >= shorter and sums[label, 1] >= exposure:
             alive[label] = False
             if before < 0:
                 head[n] = follower
             else:
-                after[before] = follower
+                older[before] = follower
         else:
             before = label
         label = follower

@@ -81,7 +81,7 @@ class LargeField(Field):
         return labels
 
     def spread_lowered(self, cells: Ints, until: float) -> Ints:
-        """Spread the lowered labels of `cells`, least first, up to `until`; return the cells that wait."""
+        """Spread lowered labels of `cells`, least first, up to `until`; return the cells not spread yet."""
         return self._correct(self.label, cells, until)
 
     def _has_exposure(self, exposure: Floats) -> bool:

@@ -67,8 +67,8 @@ class SmallField(Field):
     def _labels(self, seeds: Floats) -> Floats:
         """Return the labels of all cells, from the labels of the goals.
 
-        Each cell has two nodes, so that the sums are rounded as in a large field: the label for straight
-        steps, the label + `extra` for diagonal steps. One more node is the source of the goals.
+        Each cell has a node with its label, for straight steps, and a node with its label + `extra`, for
+        diagonal steps. So the sums are rounded as in a large field. One more node is the source of the goals.
         """
         size = self.straight.size
         into = self.straight[self._graph.neighbours]

@@ -15,7 +15,7 @@ from swarmctl.planners.kernels.compilation import compiled
 def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
     """Compile all kernels, or load them from numba's cache.
 
-    `report` receives the number of kernels compiled so far and of all, before each kernel and at the end.
+    `report` receives the numbers of compiled kernels and of all kernels, before each kernel and at the end.
     """
     calls = list(_calls())
     for done, (kernel, arguments) in enumerate(calls):

@@ -1,6 +1,6 @@
 """The checks that a vehicle passes before it is armed: one module each, with a line in `CHECKS`.
 
-A check has `NAME`, `WAIVABLE` and `check(facts) -> Finding`. It fails if a fact that it needs is unknown.
+A check has `NAME`, `WAIVABLE` and `check(facts) -> Finding`. A check fails if a required fact is unknown.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, found, wanted, "find out why the vehicle no longer sends SYS_STATUS")
     if percent is None:
         return Finding(False, "no charge in SYS_STATUS", wanted, "check the battery monitor")
-    if not _is_low_in_time(facts):
-        return Finding(False, *_low_too_late(facts))
+    if not _is_low_voltage_safe(facts):
+        return Finding(False, *_unsafe_low_voltage(facts))
     is_enough = percent >= needed_percent
     return Finding(is_enough, f"{percent} %", wanted, "" if is_enough else _cure(needed_percent))
 
@@ -39,12 +39,12 @@ EMPTY_SHARE = 2.5 / 4.2
 at least this share of the present voltage, for any number of cells."""
 
 
-def _is_low_in_time(facts: PreflightFacts) -> bool:
+def _is_low_voltage_safe(facts: PreflightFacts) -> bool:
     low_v, reported_v = facts.parameters.get(LOW_NAME), facts.state.battery_v
     return low_v is None or (reported_v is not None and low_v >= EMPTY_SHARE * reported_v)
 
 
-def _low_too_late(facts: PreflightFacts) -> tuple[str, str, str]:
+def _unsafe_low_voltage(facts: PreflightFacts) -> tuple[str, str, str]:
     """Return found, wanted and cure."""
     low, reported_v = f"{LOW_NAME} {facts.parameters[LOW_NAME]:g} V", facts.state.battery_v
     if reported_v is None:

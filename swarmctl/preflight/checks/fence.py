@@ -10,7 +10,7 @@ WAIVABLE = True
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"the configured fence of {len(facts.fence)} corners, read back equal"
+    wanted = f"the configured fence of {len(facts.fence)} corners, equal in the read-back"
     if facts.fence_items is None:
         return Finding(False, "no answer to the download of the fence", wanted, "check the vehicle's link")
     differences = fence_differences(fence_items(facts.fence), facts.fence_items)

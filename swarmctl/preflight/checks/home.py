@@ -8,7 +8,7 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 NAME = "home"
 WAIVABLE = True
 MAX_DISTANCE_M = 50.0
-"""greatest distance between home and vehicle; an old home from another place is farther"""
+"""greatest distance between home and vehicle; a home set at another airfield is farther"""
 
 
 def check(facts: PreflightFacts) -> Finding:

@@ -17,7 +17,7 @@ def check(facts: PreflightFacts) -> Finding:
     airframe = airframe_of(identity)
     found = f"system {identity.sysid}, {identity.firmware}, a {airframe}"
     if airframe != facts.airframe:
-        cure = f"set `airframe: {airframe}` on this vehicle; the present plans are for a {facts.airframe}"
+        cure = f"configure the vehicle with `airframe: {airframe}`; its plans are for a {facts.airframe}"
         return Finding(False, found, wanted, cure)
     matches = identity.sysid == facts.sysid and bool(firmware_of(identity).name)
     return Finding(matches, found, wanted, "" if matches else "correct url or sysid, or remove the vehicle")

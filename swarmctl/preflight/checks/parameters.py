@@ -24,8 +24,8 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(True, f"{len(facts.required_parameters)} parameters as declared", _WANTED)
     return Finding(
         False,
-        ", ".join(f"{r.name} {_value(facts, r)}" for r in wrong),
-        ", ".join(f"{r.name} {r} ({r.declared})" for r in wrong),
+        "; ".join(f"{r.name} {_value(facts, r)}, wanted {r} ({r.declared})" for r in wrong),
+        _WANTED,
         _cure(facts, wrong),
     )
 
@@ -37,12 +37,15 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
     settable = [r.name for r in reported if r.corrected(facts.parameters[r.name]) is not None]
     by_hand = [r.name for r in reported if r.name not in settable]
     declared = [r.declared for r in reported]
-    policies = sorted({text.split(":")[0] for text in declared if text.startswith("preflight.policy.")})
+    by_policy: dict[str, list[str]] = {}
+    for r in reported:
+        if r.declared.startswith("preflight.policy."):
+            by_policy.setdefault(r.declared.split(":")[0], []).append(r.name)
     keys = sorted({text.split(":")[0] for text in declared if text.split(":")[0].isidentifier()})
     texts = [
         f"set {_names(settable)} on the vehicle, or set preflight.set_parameters: true" if settable else "",
         f"set {_names(by_hand)} on the vehicle by hand" if by_hand else "",
-        f"or declare another {_names(policies)}" if policies else "",
+        *(f"or, for {_names(by_policy[key])} only, declare another {key}" for key in sorted(by_policy)),
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",
         f"or correct {_names(keys)} of the vehicle" if keys else "",
         f"check the vehicle's link, or use a firmware with {_names(unreported)}" if unreported else "",

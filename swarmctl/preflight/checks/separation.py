@@ -1,4 +1,4 @@
-"""Check `separation`: the first route is separated from all others, in height or at all times over ground."""
+"""Check `separation`: the first route keeps a distance, in height or over ground, from all other routes."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def _conflict_with(facts: PreflightFacts, other: OtherVehicle) -> str:
     if both_copters and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
         return ""
     if facts.trajectory is None or other.trajectory is None:
-        height = f", at {other.altitude_m:g} m" if both_copters else ""
-        return f"no known route of {other.name if other.trajectory is None else facts.name}{height}"
+        heights = f" (altitudes {facts.altitude_m:g} m and {other.altitude_m:g} m)" if both_copters else ""
+        return f"no known route of {other.name if other.trajectory is None else facts.name}{heights}"
     approach = closest(facts.trajectory, other.trajectory, facts.limits)
     if approach is None or not intervals(facts.trajectory, other.trajectory, facts.limits):
         return ""

@@ -15,7 +15,7 @@ def check(facts: PreflightFacts) -> Finding:
     every_s = facts.instruments.position_every_s if facts.instruments is not None else None
     if every_s is None:
         return Finding(False, "too few positions", wanted, "check the vehicle's link")
-    found = f"one every {every_s:.1f} s"
+    found = f"a position every {every_s:.1f} s"
     if every_s > MAX_PERIOD_S:
         cure = "the radio or its data rate (PX4: MAV_0_RATE) is used up: set links.stop_other_streams or "
         return Finding(False, found, wanted, f"{cure}links.position_hz, or use fewer vehicles on one radio")
