@@ -66,18 +66,18 @@ class ReportReceiver:
         self._tolerance_s = tolerance_s
         self._bucket = TokenBucket(PER_S, BURST)
         self._refused_at_s: dict[RejectReason, float] = {}
-        transport.subscribe(self._key, self._take_put)
+        transport.subscribe(self._key, self._handle_put)
         transport.serve(self._key, self._answer_query)
 
-    def _take_put(self, key: str, payload: bytes) -> None:
-        self._take(key, payload)
+    def _handle_put(self, key: str, payload: bytes) -> None:
+        self._handle(key, payload)
 
     def _answer_query(self, key: str, payload: bytes | None, reply: Reply) -> None:
-        answer = self._take(key, payload)
+        answer = self._handle(key, payload)
         if key == self._key:
             reply(sensor_reports.encode(answer))
 
-    def _take(self, key: str, payload: bytes | None) -> ReportAnswer:
+    def _handle(self, key: str, payload: bytes | None) -> ReportAnswer:
         """Handle a report; None stands for a payload above the size limit."""
         now_s = asyncio.get_running_loop().time()
         try:

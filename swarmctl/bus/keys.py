@@ -3,7 +3,7 @@
 | key after `swarmctl/SWARM/` | from | to | Zenoh operation | payload |
 |---|---|---|---|---|
 | `uav/TO/inform/observation/FROM` | a UAV | a UAV in range | put | a frame: Observation |
-| `uav/TO/inform/state/FROM` | a UAV | a UAV in range | put | a frame: StateShared |
+| `uav/TO/inform/state/FROM` | a UAV | a UAV in range, or a silent UAV | put | a frame: StateShared |
 | `uav/TO/inform/intent/FROM` | a UAV | a UAV in range | put | a frame: IntentShared |
 | `uav/TO/query-ref/snapshot/FROM` | a UAV | a UAV in range | put | a frame: SnapshotAsked |
 | `uav/TO/inform/snapshot/FROM` | the UAV with the snapshot | the requesting UAV | put | a frame: Snapshot |
@@ -60,7 +60,7 @@ def station(swarm: str) -> str:
 
 
 def request(swarm: str, kind: RequestKind, uav: int | None = None) -> str:
-    """Return the key of an operator's requests to the agent of `uav`; None: the process with all agents."""
+    """Return the key of an operator's requests to an agent, or to `swarmctl fly` if `uav` is None."""
     receiver = "station" if uav is None else f"uav/{uav}"
     return f"{ROOT}/{swarm}/{receiver}/request/{kind}/operator"
 

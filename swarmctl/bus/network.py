@@ -79,7 +79,7 @@ class _Member:
 
 
 class Network:
-    """The part of the swarm in this process, on one transport; `close` ends the timers.
+    """The network of this process's agents, on one transport; `close` ends the timers.
 
     `uavs` are the system ids of the whole swarm. The sender applies the radio model, except for the distance:
     the receiver checks the distance.
@@ -112,7 +112,7 @@ class Network:
         self._start_s = clock.now_s()
         self._members: dict[int, _Member] = {}
         self._receiver_mask = lru_cache(maxsize=1024)(self._receptions.mask)
-        # With a radio model or relaying, each receiver needs the general path.
+        # With a radio model or relaying, `Node.receive_decoded` handles every message.
         self._has_fast_path = self._radio is None and not options.relay
         self._queue = Backlog()
         """messages between UAVs of this process"""
@@ -202,7 +202,9 @@ class Network:
             return  # a report of the vehicle's payload, handled by `external_observations`
         origin = keys.sender_of(key)
         if origin is None:
-            member.node.refuse(RefusalReason.WILDCARD if keys.is_wild(key) else RefusalReason.SOURCE, None)
+            member.node.count_refusal(
+                RefusalReason.WILDCARD if keys.is_wild(key) else RefusalReason.SOURCE, None
+            )
             return
         sender, act = origin
         try:
@@ -213,7 +215,7 @@ class Network:
 
     def _report_bug(self, member: _Member, sender: int | None) -> None:
         """Report the exception that is being handled."""
-        member.node.refuse(RefusalReason.MALFORMED, sender)
+        member.node.count_refusal(RefusalReason.MALFORMED, sender)
         text = f"a bug in this program; please report it; a message is lost: {traceback.format_exc(limit=-2)}"
         self._show(member, [("bug", text)])
 
@@ -233,7 +235,7 @@ class Network:
 
     def _send(self, node: Node, out: OutgoingMessage) -> None:
         if self._radio is None:
-            self._carry(node.uav, out.act, out.data, out.to)
+            self._dispatch(node.uav, out.act, out.data, out.to)
             return
         for to in out.to:
             now_s = self._now_s()
@@ -241,14 +243,14 @@ class Network:
             if isinstance(arrives_s, LossReason):
                 node.counters.lost[arrives_s] += 1
             elif arrives_s <= now_s:
-                self._carry(node.uav, out.act, out.data, (to,))
+                self._dispatch(node.uav, out.act, out.data, (to,))
             else:
-                carry = partial(self._carry, node.uav, out.act, out.data, (to,))
-                self._schedule_arrival(arrives_s, carry)
+                dispatch = partial(self._dispatch, node.uav, out.act, out.data, (to,))
+                self._schedule_arrival(arrives_s, dispatch)
 
-    def _schedule_arrival(self, arrives_s: float, carry: Callable[[], None]) -> None:
+    def _schedule_arrival(self, arrives_s: float, dispatch: Callable[[], None]) -> None:
         """Schedule a delivery; equal times keep the order of sending, unlike the loop's own timers."""
-        heapq.heappush(self._arrivals, (arrives_s, next(self._send_numbers), carry))
+        heapq.heappush(self._arrivals, (arrives_s, next(self._send_numbers), dispatch))
         if self._arrivals[0][0] == arrives_s:
             self._clock.call_at(self._start_s + arrives_s, partial(self._arrive, arrives_s))
 
@@ -260,7 +262,7 @@ class Network:
             next_s = self._arrivals[0][0]
             self._clock.call_at(self._start_s + next_s, partial(self._arrive, next_s))
 
-    def _carry(self, sender: int, act: str, data: bytes, to: tuple[int, ...]) -> None:
+    def _dispatch(self, sender: int, act: str, data: bytes, to: tuple[int, ...]) -> None:
         """Queue a message for receivers in this process; put it on the transport for other receivers."""
         if self._closed:
             return
@@ -284,7 +286,8 @@ class Network:
             if not lost[LossReason.OVERLOAD]:
                 text = (
                     "this machine is too slow for the swarm's messages; some are dropped, and missing "
-                    "observations are requested again (`lost` in the summary counts all) [bus-overload]"
+                    "observations are requested again (`lost` in the summary counts all dropped messages) "
+                    "[bus-overload]"
                 )
                 self._show(member, [(LossReason.OVERLOAD, text)])
             lost[LossReason.OVERLOAD] += 1
@@ -330,15 +333,17 @@ class Network:
         sender, act, decoded, to = queued
         if not self._has_fast_path:
             return to
-        taken_mask = self._receptions.take(sender, act, decoded, self._receiver_mask(to), now_s, unix_s)
-        taken = self._receptions.uavs(taken_mask)
+        delivered_mask = self._receptions.deliver(
+            sender, act, decoded, self._receiver_mask(to), now_s, unix_s
+        )
+        delivered = self._receptions.uavs(delivered_mask)
         if isinstance(seen := decoded.frame.content, Observation):
             news = (seen,)
-            for uav in taken:
+            for uav in delivered:
                 self._add_news(self._members[uav], news)
-        if len(taken) == len(to):
+        if len(delivered) == len(to):
             return ()
-        done = set(taken)
+        done = set(delivered)
         return [uav for uav in to if uav not in done]
 
     def _add_news(self, member: _Member, news: Sequence[BeliefItem]) -> None:

@@ -35,7 +35,7 @@ ANSWER_WITHIN_S = 3.0
 MAX_REASON_CHARS = 400
 PER_S = 4.0
 BURST = 8
-"""limits on commands with a valid signature under one key, also refused: PER_S a second, BURST at once"""
+"""limits on commands with a valid signature under one key, refused or not: PER_S a second, BURST at once"""
 CHECKED_PER_S = 200.0
 """limit on signature checks of 0.1 to 0.3 ms under one key; further commands get no check and no answer"""
 CHECKED_BURST = 100
@@ -143,9 +143,9 @@ class OperatorService:
         self._signing = signing
         self._say = say
         self._agents: dict[int, tuple[str, Callable[[AgentCommand], None]]] = {}
-        self._open: dict[int, _PendingCommand] = {}
+        self._pending: dict[int, _PendingCommand] = {}
         self._busy: dict[int, int] = {}
-        """vehicle -> number of the command with weights that the vehicle has not handled yet"""
+        """vehicle -> number of the SetWeights command that the vehicle has not handled yet"""
         # Each key has its own limit: a flood of weights must not block an order to hold.
         self._limits = {key: _RateLimit() for key in self._keys}
         self._wildcard_limit = _RateLimit()
@@ -162,7 +162,7 @@ class OperatorService:
         """Record an agent's answer; an answer after the time-out is dropped."""
         if self._busy.get(answer.uav) == command:
             del self._busy[answer.uav]
-        waiting = self._open.get(command)
+        waiting = self._pending.get(command)
         if waiting is None:
             return
         waiting.answers[answer.uav] = answer
@@ -230,7 +230,7 @@ class OperatorService:
     ) -> None:
         self._counts.passed_on += 1
         number = self._counts.passed_on
-        self._open[number] = _PendingCommand(
+        self._pending[number] = _PendingCommand(
             uavs, reply, {u: self._busy_answer(u) for u in uavs if u in busy}
         )
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
@@ -281,7 +281,7 @@ class OperatorService:
 
     def _close(self, number: int) -> None:
         """Reply with the vehicles' answers; a vehicle without an answer is unconfirmed."""
-        waiting = self._open.pop(number, None)
+        waiting = self._pending.pop(number, None)
         if waiting is None:
             return
         answers = (waiting.answers.get(uav) or self._unconfirmed(uav) for uav in waiting.uavs)

@@ -76,8 +76,8 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
     Gilbert's two-state model: in the bad state every message is lost. Each message leaves the bad state with
     probability p_exit = 1 / `burst`, so a burst has `burst` messages on average. In the long run a share
     p_enter / (p_enter + p_exit) of all messages is lost. This share is `loss` for
-    p_enter = p_exit · loss / (1 − loss); p_stay = 1 − p_exit. Without `burst` both are `loss`: losses are
-    independent, and bursts have 1 / (1 − loss) messages on average.
+    p_enter = p_exit · loss / (1 − loss); p_stay = 1 − p_exit. If `burst` is None, p_enter and p_stay are
+    `loss`: losses are independent, and bursts have 1 / (1 − loss) messages on average.
 
     Raises ValueError for bursts shorter than 1 or than loss / (1 − loss): at least one message is received
     between two bursts, so shorter bursts cannot lose that share. Raises ValueError for a loss of 1 or more.
@@ -120,7 +120,7 @@ class RadioSettings:
         gilbert_probabilities(self.loss, self.loss_burst)
 
 
-def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[bool, float]]:
+def _losses_and_jitters(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[bool, float]]:
     """Yield (lost, jitter [s]) of each message of a pair.
 
     Each message takes two draws, even without jitter, so jitter does not change which messages are lost.
@@ -144,7 +144,7 @@ class Radio:
         self._settings = settings
         self._seed = seed
         self._is_random = settings.loss > 0.0 or settings.jitter_s > 0.0
-        self._fates: dict[tuple[int, int], Iterator[tuple[bool, float]]] = {}
+        self._pair_draws: dict[tuple[int, int], Iterator[tuple[bool, float]]] = {}
         self._free_at_s: dict[int, float] = {}
 
     def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | LossReason:
@@ -155,7 +155,7 @@ class Radio:
         """
         settings = self._settings
         # The draw comes first, so that other causes of loss do not change the draws of later messages.
-        is_lost, jitter_s = self._fate(sender, to) if self._is_random else (False, 0.0)
+        is_lost, jitter_s = self._loss_and_jitter(sender, to) if self._is_random else (False, 0.0)
         if any(quiet.silences(sender, now_s) for quiet in settings.quiet):
             return LossReason.QUIET
         sent_s = self._transmit(sender, n_bytes, now_s)
@@ -168,7 +168,7 @@ class Radio:
     def distance_loss(self, receiver: LatLon | None, sender: LatLon | None) -> LossReason | None:
         """Return the cause of loss between UAVs at these positions; None within the limits.
 
-        With an unknown position (None) no message is lost: the sender's first message may report it.
+        If a position is None, no message is lost: the sender's first message may report the position.
         """
         settings = self._settings
         if settings.min_distance_m == 0.0 and settings.max_distance_m == math.inf:
@@ -180,18 +180,18 @@ class Radio:
             return LossReason.TOO_FAR
         return LossReason.TOO_NEAR if range_m < settings.min_distance_m else None
 
-    def _fate(self, sender: int, to: int) -> tuple[bool, float]:
-        fates = self._fates.get((sender, to))
-        if fates is None:
+    def _loss_and_jitter(self, sender: int, to: int) -> tuple[bool, float]:
+        draws = self._pair_draws.get((sender, to))
+        if draws is None:
             sequence = np.random.SeedSequence(self._seed, spawn_key=(SPAWN_KEY, sender, to))
-            fates = _fates(np.random.default_rng(sequence), self._settings)
-            self._fates[sender, to] = fates
-        return next(fates)
+            draws = _losses_and_jitters(np.random.default_rng(sequence), self._settings)
+            self._pair_draws[sender, to] = draws
+        return next(draws)
 
     def _transmit(self, sender: int, n_bytes: int, now_s: float) -> float | None:
-        """Return the end time of a transmission [s]; None for a wait above `MAX_WAIT_S`.
+        """Return the end time of a transmission [s]; None if the wait is above `MAX_WAIT_S`.
 
-        A sender transmits a message to several receivers once for each receiver, one after the other.
+        A sender transmits a message to several receivers once for each receiver.
         """
         bandwidth_bytes_s = self._settings.bandwidth_bytes_s
         if bandwidth_bytes_s == math.inf:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class TokenBucket:
-    """A rate limit: `burst` at once, `per_s` in the long run [1/s]."""
+    """A rate limit: `burst` events at once, `per_s` in the long run [1/s]."""
 
     def __init__(self, per_s: float, burst: int) -> None:
         self._per_s = per_s

@@ -28,7 +28,7 @@ from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAn
 from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.report.answers import order_line
 from swarmctl.station import client, recall
-from swarmctl.station.client import CommandSigning, Station
+from swarmctl.station.client import CommandSigning, FlightEndpoints
 
 
 class Manoeuvre(StrEnum):
@@ -49,7 +49,7 @@ def register(cli: typer.Typer) -> None:
 
 
 def abort(
-    how: Annotated[Manoeuvre, typer.Argument(metavar="hold|return|land", show_default=False)],
+    manoeuvre: Annotated[Manoeuvre, typer.Argument(metavar="hold|return|land", show_default=False)],
     uav: UavsOption = None,
     all_vehicles: AllOption = False,
     config: FlyingConfigOption = None,
@@ -65,18 +65,18 @@ def abort(
     if swarm is None and config is None and connect is None:
         _print_running()
     send_or_exit(
-        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), how.value),
+        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), manoeuvre.value),
         swarm,
         config,
         connect,
-        partial(order_line, how.value),
+        partial(order_line, manoeuvre.value),
         send=partial(send_to_valid_names, recall.send),
     )
 
 
 async def send_to_valid_names(
     send: SendCommand,
-    flight: Station,
+    flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None,
     signing: CommandSigning,

@@ -17,7 +17,7 @@ from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.cli.configuration import keys_problem_lines, load_scenario_or_exit, require_flyable
 from swarmctl.cli.console import (
-    EXPECTED,
+    FAILED,
     USAGE,
     ConfigOption,
     OutOption,
@@ -73,7 +73,7 @@ def agent(
     launch: Annotated[
         Launch,
         typer.Option(
-            help="ordered: on `swarmctl order launch`; when-ready: the vehicle's delay_s after the checks."
+            help="ordered: at `swarmctl order launch`; when-ready: after the checks and the vehicle's delay."
         ),
     ] = Launch.ORDERED,
     connect: Annotated[
@@ -136,7 +136,7 @@ def _fly(
                     )
                 )
         except BusError as error:
-            fail([str(error)], EXPECTED)
+            fail([str(error)], FAILED)
         if report.ended == "ended":
             directory.record_end(scenario.config.name, spec.sysid)
         conclude(report, scenario, folder)
@@ -164,7 +164,7 @@ def _keyring(config: Path, scenario: Scenario) -> Keyring | None:
     try:
         return joining.keyring_of(scenario.config, name_of(spec.sysid), dt.datetime.now(dt.UTC))
     except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), EXPECTED)
+        fail(keys_problem_lines(config, [str(error)]), FAILED)
 
 
 def _network(

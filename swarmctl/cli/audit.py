@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, fail, out, say
 from swarmctl.core.operator_text import printable
 from swarmctl.report.evidence.chain import CheckedChain, Entry, check, signed_content
 from swarmctl.report.evidence.digest import Digest, digest
@@ -25,7 +25,7 @@ UNSIGNED = (
     "[evidence-not-signed]"
 )
 
-_FIRST = (
+_LEADING_KEYS = (
     *("message", "command", "items", "of", "first", "result", "times"),
     *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
 )
@@ -54,18 +54,18 @@ def audit(
             [f"--keys {keys}: not a folder; give the folder of the swarm's keys (communication.keys)"], USAGE
         )
     path = run / FILE_NAME if run.is_dir() else run
-    checked = _checked(path)
+    checked = _read_chain(path)
     if checked.entries:
         _show(checked, shows_all=shows_all)
     troubles = [printable(text) for text in _troubles(path, checked, keys)]
     if troubles:
-        fail(troubles, EXPECTED)
+        fail(troubles, FAILED)
     n_entries, last_hash = len(checked.entries), checked.last_hash
     say(f"{path}: complete and unchanged: {n_entries} entries; the final hash is {last_hash}")
     say(_signed_by(checked, keys))
 
 
-def _checked(path: Path) -> CheckedChain:
+def _read_chain(path: Path) -> CheckedChain:
     try:
         with path.open("rb") as file:
             return check(file)
@@ -164,7 +164,7 @@ COLUMNS = (
 
 
 def _table(summary: Digest) -> FittedTable:
-    caption = ["seen: the first change of that kind after the command"]
+    caption = ["seen: the first change of mode, arming or current item after the command"]
     table = FittedTable(COLUMNS, caption=caption, elsewhere="`swarmctl audit --all`")
     for row in summary.rows:
         others = f" ({row.by_others} by others)" if row.by_others else ""
@@ -195,7 +195,10 @@ def _grouped(seen: Counter[str]) -> str:
 
 def _line(entry: Entry) -> str:
     what = entry["what"]
-    names = [*(name for name in _FIRST if name in what), *(name for name in what if name not in _FIRST)]
+    names = [
+        *(name for name in _LEADING_KEYS if name in what),
+        *(name for name in what if name not in _LEADING_KEYS),
+    ]
     text = ", ".join(f"{name} {what[name]}" for name in names if what[name] not in (None, ""))
     return printable(f"{entry['run_s']:9.3f} s  {entry['vehicle'] or 'all':<8} {entry['kind']:<15} {text}")
 

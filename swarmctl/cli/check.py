@@ -39,7 +39,7 @@ def check(
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:
-    """Yield the problems of all participants' keys in `communication.keys`; nothing without this key."""
+    """Yield the problems of all participants' keys, if `communication.keys` names their folder."""
     communication = scenario.config.communication
     if communication.keys is None:
         return

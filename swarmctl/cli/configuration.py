@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swarmctl.cli.console import EXPECTED, USAGE, err, fail
+from swarmctl.cli.console import FAILED, USAGE, err, fail
 from swarmctl.config import roster, yaml_lines
 from swarmctl.config.examples import example
 from swarmctl.config.roster import Roster
@@ -69,8 +69,8 @@ def _problems(config: Config) -> Iterable[ConfigProblem]:
 def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
     """Exit with all problems that prevent a flight of this configuration on this machine now.
 
-    A problem of one vehicle or of a key begins with the file and line. `runs` is the parent of the run
-    folders. `more` are problems that the caller has found.
+    A problem of one vehicle or of `links.signing_key` begins with the file and line. `runs` is the parent of
+    the run folders. `more` lists problems that the caller has found.
     """
     from swarmctl.config.model import problem_lines  # noqa: PLC0415
     from swarmctl.preflight import host  # noqa: PLC0415
@@ -85,7 +85,7 @@ def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[s
         line = lines.get(text.split(":")[0])
         found.append(text if line is None else f"{path}:{line}: {text}")
     if found:
-        fail(found, USAGE if key_problems else EXPECTED)
+        fail(found, USAGE if key_problems else FAILED)
 
 
 def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
@@ -100,7 +100,7 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 
 def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:
-    """Return the problems of the folder `communication.keys`, each with the line of this key."""
+    """Return the problems of the folder `communication.keys`, each with the file and line that name it."""
     from swarmctl.config.model import ConfigProblem, problem_lines  # noqa: PLC0415 - loads the planners
 
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))

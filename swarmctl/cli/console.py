@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 from rich.console import Console
 
-OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
+OK, FAILED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
 FILE_COLUMNS = 140
 """width of output to a file or a pipe"""
@@ -55,12 +55,12 @@ def say(text: str) -> None:
 
 
 def timed(text: str) -> str:
-    """Return the text after this machine's local time."""
+    """Return the text with this machine's local time in front."""
     return f"{datetime.now().astimezone():%H:%M:%S} {text}"
 
 
 def log(text: str) -> None:
-    """Print a text after this machine's local time."""
+    """Print a text with this machine's local time in front."""
     say(timed(text))
 
 
@@ -81,6 +81,6 @@ def run_folder(parent: Path, name: str) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            fail([f"the run folder {folder} cannot be created: {error.strerror or error}"], EXPECTED)
+            fail([f"the run folder {folder} cannot be created: {error.strerror or error}"], FAILED)
         return folder
     raise AssertionError("1000 runs in a second")

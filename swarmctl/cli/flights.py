@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from swarmctl.cli.console import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
+from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, out, timed
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import companion
@@ -25,7 +25,7 @@ from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.report import outputs
 from swarmctl.report.flight_table import flight_table, missed_bounds, network_lines
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.report.terminal import LiveTable, PlainLines, Terminal
 
 RealOption = Annotated[
@@ -113,27 +113,27 @@ def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:
     return replace(scenario, config=config.model_copy(update={"links": links}))
 
 
-def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
+def conclude(report: FlightReport, scenario: Scenario, folder: Path) -> None:
     """Write a run's files and print the results; raise typer.Exit, or the run's bug, unless all succeeded."""
     problem = _write_files(folder, scenario, report)
     _print_results(report, folder)
     if problem:
-        fail([problem], EXPECTED)
+        fail([problem], FAILED)
     if report.bug is not None:
         raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
     done = report.arrived + len(companion.ended_by_operator(report))
-    if report.trouble or done < max(len(report.states), 1) or _late(report):
-        raise typer.Exit(EXPECTED)
+    if report.trouble or done < max(len(report.states), 1) or _late_vehicles(report):
+        raise typer.Exit(FAILED)
 
 
-def _late(report: Report) -> list[str]:
+def _late_vehicles(report: FlightReport) -> list[str]:
     """Return the vehicles that missed their time bounds, unless they followed an operator's order."""
     return [name for name in missed_bounds(report.summary) if name not in companion.ended_by_operator(report)]
 
 
-def _print_results(report: Report, folder: Path) -> None:
+def _print_results(report: FlightReport, folder: Path) -> None:
     for text in report.trouble:
         err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if report.ended in ("ended", "stopped", "abandoned"):
@@ -155,14 +155,14 @@ def _print_results(report: Report, folder: Path) -> None:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
         if ordered := companion.ended_by_operator(report):
             out.print(f"ended by the operator: {', '.join(ordered)}", highlight=False, soft_wrap=True)
-        if late := _late(report):
+        if late := _late_vehicles(report):
             text = f"missed their time bounds: {', '.join(late)} [time-bound-missed]"
             err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
 
 
-def _write_files(folder: Path, scenario: Scenario, report: Report) -> str:
-    """Write a run's files; return the problem as text, empty without a problem."""
+def _write_files(folder: Path, scenario: Scenario, report: FlightReport) -> str:
+    """Write a run's files; return the problem as text, or an empty text."""
     try:
         if report.states:
             outputs.write_run(folder, scenario, report)
@@ -223,7 +223,7 @@ def _refusal(member: Member) -> str:
     )
 
 
-class _Loop(asyncio.SelectorEventLoop):
+class _LateSignalLoop(asyncio.SelectorEventLoop):
     """An event loop that installs `on_late_signal` in place of each signal handler that the flight removes.
 
     Plain asyncio would install the default handler, which ends the process.
@@ -258,7 +258,7 @@ def uninterrupted() -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
             os.write(STDERR, LATE_INTERRUPT)  # sys.stderr may be writing another line
 
     def run(flight: Coroutine[Any, Any, T]) -> T:
-        with asyncio.Runner(loop_factory=lambda: _Loop(on_late_signal)) as runner:
+        with asyncio.Runner(loop_factory=lambda: _LateSignalLoop(on_late_signal)) as runner:
             return runner.run(flight)
 
     try:

@@ -17,7 +17,7 @@ from swarmctl.cli.configuration import (
     require_flyable,
 )
 from swarmctl.cli.console import (
-    EXPECTED,
+    FAILED,
     ConfigOrExampleOption,
     ExampleOption,
     OutOption,
@@ -106,4 +106,4 @@ def _signer(config: Path, scenario: Scenario) -> Signer | None:
     try:
         return evidence_log.operator_evidence_signer(scenario)
     except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), EXPECTED)
+        fail(keys_problem_lines(config, [str(error)]), FAILED)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import EXPECTED, fail, say
+from swarmctl.cli.console import FAILED, fail, say
 from swarmctl.config.examples import MAX_STARTER_VEHICLES, starter
 
 
@@ -33,8 +33,8 @@ def init(
         with file.open("x", encoding="utf-8") as target:
             target.write(starter(str(file), vehicles, real=real))
     except FileExistsError:
-        fail([f"{file}: the file exists and was not changed; give another name"], EXPECTED)
+        fail([f"{file}: the file exists and was not changed; give another name"], FAILED)
     except OSError as error:
-        fail([f"{file}: the file cannot be written: {error.strerror or error}"], EXPECTED)
+        fail([f"{file}: the file cannot be written: {error.strerror or error}"], FAILED)
     edit = "edit the lines marked EDIT, then run" if real else "next, run"
     say(f"{file}: written; {edit} `swarmctl check --config {file}`")

@@ -13,7 +13,7 @@ from rich.table import Table
 from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import load_roster_or_exit
-from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, ConfigOption, fail, out, say
 from swarmctl.config.communication import mesh_endpoints
 from swarmctl.config.roster import Roster
 from swarmctl.security.files import AUTHORITY, KeyringError
@@ -51,7 +51,7 @@ def keys(
     try:
         made = make_keys(out_folder, names, days, dt.datetime.now(dt.UTC), hosts)
     except KeyringError as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)], FAILED)
     out.print(_table(made, participants))
     say(_what_to_copy(made))
     say(f"Keep {out_folder / AUTHORITY} on this machine and secret: its key can certify new participants.")
@@ -73,7 +73,7 @@ def _what_to_copy(made: list[ParticipantFolder]) -> str:
 def _hosts(swarm: Roster, names: list[str], given: list[str]) -> dict[str, list[str]]:
     """Return the participants' hosts, from the configuration and the options. Raises ValueError."""
     hosts: dict[str, list[str]] = {name: [] for name in names}
-    for name, host in _configured(swarm):
+    for name, host in _configured_hosts(swarm):
         hosts[name].append(host)
     for text in given:
         name, _, host = text.partition("=")
@@ -83,7 +83,7 @@ def _hosts(swarm: Roster, names: list[str], given: list[str]) -> dict[str, list[
     return hosts
 
 
-def _configured(swarm: Roster) -> Iterator[tuple[str, str]]:
+def _configured_hosts(swarm: Roster) -> Iterator[tuple[str, str]]:
     if swarm.communication.router is not None:
         yield ROUTER, parse_endpoint(swarm.communication.router).host
     for uav, endpoint in mesh_endpoints(swarm.communication.mesh, swarm.names).items():

@@ -14,13 +14,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from swarmctl.planners import is_small
 from swarmctl.planners.kernels.compilation import cache
 
-TEXT = "compiling the planners for large areas, once on this machine"
+PROGRESS_TEXT = "compiling the planners for large areas, once on this machine"
 COMPILER = (
     sys.executable,
     "-c",
     "from swarmctl.planners import warm_up; warm_up(lambda done, total: print(done, total, flush=True))",
 )
-"""command of the compiling process, which prints the counts of compiled and of all kernels"""
+"""command of the compiling process, which prints the number of compiled kernels and of all kernels"""
 
 
 class CompilerError(Exception):
@@ -69,7 +69,7 @@ def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
 
 
 def _ready_file() -> Path | None:
-    """Return the file that exists once all machine code is stored; None if no folder is writable."""
+    """Return the path of a file that exists if all machine code is stored; None if no folder is writable."""
     if (stored := cache()) is None:
         return None
     folder, key = stored
@@ -86,13 +86,13 @@ def _progress(process: subprocess.Popen[str]) -> Iterator[tuple[int, int]]:
 def _show(progress: Iterator[tuple[int, int]], console: Console) -> None:
     """Show a bar on a terminal, a line for each kernel elsewhere."""
     if not console.is_terminal:
-        _print(console, TEXT)
+        _print(console, PROGRESS_TEXT)
         for done, total in progress:
             _print(console, f"compiled: {done} of {total} kernels")
         return
-    columns = TextColumn(TEXT), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    columns = TextColumn(PROGRESS_TEXT), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(TEXT, total=None)
+        task = bar.add_task(PROGRESS_TEXT, total=None)
         for done, total in progress:
             bar.update(task, completed=done, total=total)
 

@@ -1,7 +1,7 @@
 """The program: its commands, shell completion and exit codes.
 
-Exit codes: 0 done, 1 an expected problem, 2 wrong usage or configuration, 3 a bug, 130 interrupted before the
-work was done. `router` and `watch` run until Ctrl-C and then end with 0.
+Exit codes: 0 done, 1 failed for a reported cause, 2 wrong usage or configuration, 3 a bug, 130 interrupted
+before the work was done. `router` and `watch` run until Ctrl-C and then end with 0.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from swarmctl.cli.console import BUG, INTERRUPTED, OK, err, out
 from swarmctl.cli.registry import COMMANDS
 
 
-class _LoadedByName(TyperGroup):
+class _LazyGroup(TyperGroup):
     """A group that imports only the called command, because planners and pictures are slow to import."""
 
     def __init__(self, **attrs: Any) -> None:
@@ -29,11 +29,11 @@ class _LoadedByName(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args and args[0] in COMMANDS:
-            self.add_command(_loaded(args[0]), args[0])
+            self.add_command(_load_command(args[0]), args[0])
         return super().resolve_command(ctx, args)
 
 
-def _loaded(name: str) -> Any:
+def _load_command(name: str) -> Any:
     module, _ = COMMANDS[name]
     app = typer.Typer(add_completion=False, **_STYLE)
     import_module(f"swarmctl.cli.{module}").register(app)
@@ -47,7 +47,7 @@ _STYLE: dict[str, Any] = {
 
 cli = typer.Typer(
     name="swarmctl",
-    cls=_LoadedByName,
+    cls=_LazyGroup,
     help="Fly a swarm of MAVLink vehicles across an area with unknown threats.\n\n"
     "Start here: `swarmctl fly --example swarm` flies five simulated copters; "
     "its run folder has a map, a summary and all logs. `swarmctl plan` shows first routes without a flight, "

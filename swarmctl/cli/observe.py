@@ -23,7 +23,7 @@ from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
-from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, fail, out, say
 from swarmctl.cli.operator_command import ConnectOption, FlyingConfigOption, SwarmOption, find_flight
 from swarmctl.config import joining
 from swarmctl.config.communication import mesh_endpoints, vehicle_of
@@ -32,7 +32,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID
 from swarmctl.security.files import KeyringError
 from swarmctl.station import client
-from swarmctl.station.client import BadOptions, NoAnswer, Station
+from swarmctl.station.client import BadOptions, FlightEndpoints, NoAnswer
 
 MAX_INDEX = 2**31
 """a number greater than the rows and columns of any area"""
@@ -88,17 +88,17 @@ def observe(
         receiver = _vehicle(uav, roster)
         flight, credentials = _find_flight(swarm, roster, connect, receiver)
     except KeyringError as error:
-        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
+        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), FAILED)
     except BusError as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)], FAILED)
     except ValueError as error:
         fail([str(error)], USAGE)
     try:
         answer = asyncio.run(_report(flight, credentials, receiver, report))
     except (BusError, NoAnswer) as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)], FAILED)
     if not answer.taken:
-        fail([f"vehicle {uav} of {flight.swarm} refused the report: {answer.why}"], EXPECTED)
+        fail([f"vehicle {uav} of {flight.swarm} refused the report: {answer.why}"], FAILED)
     states = ((row, col, "occupied" if is_occupied else "clear") for row, col, is_occupied in answer.cells)
     cells = ", ".join(f"({row}, {col}) {state}" for row, col, state in states)
     say(f"vehicle {uav} of {flight.swarm} accepted: {cells}")
@@ -152,7 +152,7 @@ def _vehicle(word: str, roster: Roster | None) -> int:
 
 def _find_flight(
     swarm: str | None, roster: Roster | None, connect: str | None, receiver: int
-) -> tuple[Station, Credentials | None]:
+) -> tuple[FlightEndpoints, Credentials | None]:
     """Return the flight and the credentials for it. Raises BusError, KeyringError and ValueError."""
     flight = find_flight(swarm, roster, connect)
     if roster is None:
@@ -166,13 +166,15 @@ def _find_flight(
     return flight, joining.credentials_for(flight.endpoint, keyring)
 
 
-async def _report(flight: Station, credentials: Credentials | None, uav: int, report: Report) -> ReportAnswer:
+async def _report(
+    flight: FlightEndpoints, credentials: Credentials | None, uav: int, report: Report
+) -> ReportAnswer:
     """Connect, send a report and return the answer. Raises BusError and NoAnswer."""
     with client.connected(flight, credentials) as bus:
         return await send_report(bus, flight, uav, report)
 
 
-async def send_report(bus: Transport, flight: Station, uav: int, report: Report) -> ReportAnswer:
+async def send_report(bus: Transport, flight: FlightEndpoints, uav: int, report: Report) -> ReportAnswer:
     """Send a report over an open bus and return the answer. Raises NoAnswer."""
     try:
         answer = await external_observations.send_report(bus, flight.swarm, uav, report)

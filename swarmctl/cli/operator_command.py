@@ -17,7 +17,7 @@ from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
-from swarmctl.cli.console import EXPECTED, USAGE, err, fail, out
+from swarmctl.cli.console import FAILED, USAGE, err, fail, out
 from swarmctl.config import joining
 from swarmctl.config.roster import Roster
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
@@ -25,7 +25,7 @@ from swarmctl.security import requests
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
 from swarmctl.station import client
-from swarmctl.station.client import Station
+from swarmctl.station.client import FlightEndpoints
 
 UavsOption = Annotated[
     list[str] | None,
@@ -53,7 +53,7 @@ ConnectOption = Annotated[
     ),
 ]
 SendCommand = Callable[
-    [Station, Request, Credentials | None, client.CommandSigning], Coroutine[Any, Any, OperatorAnswer]
+    [FlightEndpoints, Request, Credentials | None, client.CommandSigning], Coroutine[Any, Any, OperatorAnswer]
 ]
 
 
@@ -73,9 +73,9 @@ def send_or_exit(
         signing = client.UNSIGNED if keyring is None else KeyringSigning(flight.swarm, keyring)
         answer = asyncio.run(send(flight, request, credentials, signing))
     except KeyringError as error:
-        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), EXPECTED)
+        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), FAILED)
     except (BusError, client.NoAnswer) as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)], FAILED)
     except ValueError as error:
         fail([str(error)], USAGE)
     _print_answer(request, answer, flight, line_of)
@@ -89,14 +89,14 @@ class KeyringSigning:
     keyring: Keyring
 
     def sign_command(self, key: str, command: bytes) -> bytes:
-        return requests.sign_command(self.swarm, key, command, time.time(), self.keyring.signer.sign)
+        return requests.sign_command(self.swarm, key, command, time.time(), self.keyring.signing_key.sign)
 
     def verify_answer(self, uav: int, key: str, command_payload: bytes, data: bytes) -> bytes:
         verify = partial(self.keyring.verify, uav)
         return requests.verify_answer(self.swarm, key, command_payload, data, verify)
 
 
-def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -> Station:
+def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -> FlightEndpoints:
     """Return the flight that the options select (see `client.find`). Raises BadOptions and BusError."""
     if roster is None:
         return client.find(swarm, None, connect)
@@ -105,7 +105,7 @@ def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -
 
 def _find_flight_and_keys(
     swarm: str | None, config: Path | None, connect: str | None
-) -> tuple[Station, Keyring | None]:
+) -> tuple[FlightEndpoints, Keyring | None]:
     """Return the flight, and the operator's keys if the flight needs keys.
 
     Raises BusError, KeyringError and ValueError.
@@ -119,12 +119,12 @@ def _find_flight_and_keys(
 
 
 def _print_answer(
-    request: Request, answer: OperatorAnswer, flight: Station, line_of: Callable[[VehicleAnswer], str]
+    request: Request, answer: OperatorAnswer, flight: FlightEndpoints, line_of: Callable[[VehicleAnswer], str]
 ) -> None:
     if answer.refused:
-        fail([f"{flight.swarm} refused the command: {answer.refused}"], EXPECTED)
+        fail([f"{flight.swarm} refused the command: {answer.refused}"], FAILED)
     for vehicle in answer.vehicles:
         console = out if vehicle.outcome == "taken" else err
         console.print(line_of(vehicle), highlight=False, markup=False, soft_wrap=True)
     if client.has_failed(request, answer):
-        raise typer.Exit(EXPECTED)
+        raise typer.Exit(FAILED)

@@ -26,7 +26,9 @@ def register(cli: typer.Typer) -> None:
 
 
 def order(
-    what: Annotated[FlightOrder, typer.Argument(metavar="launch|hold|return|land", show_default=False)],
+    flight_order: Annotated[
+        FlightOrder, typer.Argument(metavar="launch|hold|return|land", show_default=False)
+    ],
     uav: UavsOption = None,
     ignore: Annotated[
         list[str] | None,
@@ -46,17 +48,17 @@ def order(
     """Order vehicles of a running flight to launch, hold, return or land.
 
     The order reaches the vehicles of `swarmctl agent` and of `swarmctl fly`. `fly` refuses an order to launch
-    real vehicles. On the ground, hold, return and land prevent a take-off until an order to launch.
-    In flight, hold, return and land end the vehicle's route permanently. A launch waits on the ground for
-    3 min at most while another vehicle conflicts with the route. After 3 min the order expires; give the
-    order again.
+    real vehicles. An order to hold, return or land prevents the take-off of a vehicle on the ground until an
+    order to launch. In flight the same order ends the vehicle's route permanently. A launch waits on the
+    ground for 3 min at most while another vehicle conflicts with the route. After 3 min the order to launch
+    expires; give the order again.
     """
     send_or_exit(
         lambda: GiveOrder(
-            client.chosen_vehicles(uav or [], all_vehicles), what.value, ignore=tuple(ignore or ())
+            client.chosen_vehicles(uav or [], all_vehicles), flight_order.value, ignore=tuple(ignore or ())
         ),
         swarm,
         config,
         connect,
-        partial(order_line, what.value),
+        partial(order_line, flight_order.value),
     )

@@ -9,7 +9,7 @@ import typer
 
 from swarmctl.cli.configuration import config_or_example, load_scenario_or_exit
 from swarmctl.cli.console import (
-    EXPECTED,
+    FAILED,
     USAGE,
     ConfigOrExampleOption,
     ExampleOption,
@@ -86,7 +86,7 @@ def _with_prior(scenario: Scenario, run: Path) -> Scenario:
     for text in notes:
         say(text)
     if problems := list(vehicles_without_route(scenario)):
-        fail(problems, EXPECTED)
+        fail(problems, FAILED)
     return scenario
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import typer
 
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.routes import ReportOnce
+from swarmctl.bus.transports.subscriptions import ReportOnce
 from swarmctl.cli.configuration import config_or_example, load_scenario_or_exit, require_flyable
 from swarmctl.cli.console import (
-    EXPECTED,
+    FAILED,
     INTERRUPTED,
     ConfigOrExampleOption,
     ExampleOption,
@@ -33,7 +33,7 @@ from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight import report
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 
 def register(cli: typer.Typer) -> None:
@@ -77,7 +77,7 @@ def preflight(
     _conclude(checks, scenario)
 
 
-def _conclude(checks: Report, scenario: Scenario) -> None:
+def _conclude(checks: FlightReport, scenario: Scenario) -> None:
     if checks.bug is not None:
         raise checks.bug
     if checks.checked:
@@ -91,5 +91,5 @@ def _conclude(checks: Report, scenario: Scenario) -> None:
     if checks.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
     if checks.trouble or len(checks.checked) < len(scenario.specs):
-        raise typer.Exit(EXPECTED)
+        raise typer.Exit(FAILED)
     out.print("no check prevents the launch; no vehicle was armed", highlight=False)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from swarmctl.cli import machine_code
-from swarmctl.cli.console import EXPECTED, USAGE, err, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say
 from swarmctl.report import record
 
 
@@ -29,11 +29,11 @@ def replay(
         fail([str(error)], USAGE)
     if verdict.is_cut:
         say(
-            "the record has no end, because its process died or the file was cut; "
+            "the record has no end, because the recording process died or the file was cut; "
             "only the complete part is replayed [record-cut]"
         )
     if verdict.difference:
-        fail([f"the decisions differ: {verdict.difference}"], EXPECTED)
+        fail([f"the decisions differ: {verdict.difference}"], FAILED)
     out.print(
         f"the decisions are the same: {verdict.events} events, {verdict.effects} effects", highlight=False
     )

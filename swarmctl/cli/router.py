@@ -16,7 +16,7 @@ from swarmctl.bus.transports.access import ROUTER
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
-from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, fail, log, say
+from swarmctl.cli.console import FAILED, USAGE, ConfigOption, fail, log, say
 from swarmctl.config.communication import Communication
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import load_keyring
@@ -84,11 +84,11 @@ def _credentials(
     try:
         return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:
-        fail([str(error)] if keys is not None else keys_problem_lines(config, [str(error)]), EXPECTED)
+        fail([str(error)] if keys is not None else keys_problem_lines(config, [str(error)]), FAILED)
 
 
 def _run(configuration: Configuration, names: Mapping[int, str]) -> None:
     try:
         asyncio.run(routing.run(configuration, log, names))
     except BusError as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)], FAILED)

@@ -56,7 +56,7 @@ def set_weights(
         text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer)
         if answer.outcome != "taken" or answer.note:
             return text
-        # A new plan is not certain: the vehicle may keep its route, or arrive first.
-        return f"{text}; plan {answer.from_plan} follows if another route is better"
+        # The vehicle may stay on its route, or arrive before a new plan.
+        return f"{text}; plan {answer.from_plan} is made only if another route is better"
 
     send_or_exit(command, swarm, config, connect, line)

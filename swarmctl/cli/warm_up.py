@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from swarmctl.cli import machine_code
-from swarmctl.cli.console import EXPECTED, fail, out, say
+from swarmctl.cli.console import FAILED, fail, out, say
 from swarmctl.planners.kernels.compilation import cache
 
 
@@ -16,13 +16,13 @@ def register(cli: typer.Typer) -> None:
 def warm_up() -> None:
     """Compile the planners for large areas, once on a machine; small areas need no compiler."""
     if (stored := cache()) is None:
-        fail(["machine code cannot be stored; set NUMBA_CACHE_DIR to a writable folder"], EXPECTED)
+        fail(["machine code cannot be stored; set NUMBA_CACHE_DIR to a writable folder"], FAILED)
     folder, _ = stored
     if machine_code.is_ready():
-        say(f"compiled earlier: {folder}")
+        say(f"the planners are already compiled: {folder}")
         return
     try:
         took_s = machine_code.compile_all(out)
     except machine_code.CompilerError as error:
-        fail([str(error)], EXPECTED)
-    say(f"compiled in {took_s:.0f} s: {folder}")
+        fail([str(error)], FAILED)
+    say(f"the planners were compiled in {took_s:.0f} s: {folder}")

@@ -18,7 +18,7 @@ from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
-from swarmctl.cli.console import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
+from swarmctl.cli.console import FAILED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
 from swarmctl.config import joining
 from swarmctl.core.frames import FrameCodec
 from swarmctl.core.operator_text import extended
@@ -52,7 +52,7 @@ def show(
         keyring = joining.keyring_of(swarm, OPERATOR, dt.datetime.now(dt.UTC))
         network = joining.as_station(swarm, swarm.names, connect, keyring)
     except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), EXPECTED)
+        fail(keys_problem_lines(config, [str(error)]), FAILED)
     except joining.NoNetwork as error:
         advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT"
         fail([extended(str(error), advice)], USAGE)
@@ -63,7 +63,7 @@ def show(
         with shown() as show_view:
             asyncio.run(_watch(network, board, swarm.name, show_view, once=once))
     except BusError as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)], FAILED)
     except asyncio.CancelledError:
         # Ctrl-C is the normal end of the command; with --once it is an interruption.
         raise typer.Exit(INTERRUPTED if once else OK) from None
@@ -73,7 +73,7 @@ def show(
                 "no valid state of a vehicle was received; check that the agents run, and that they connect "
                 "to the same router or mesh [no-vehicle]"
             ],
-            EXPECTED,
+            FAILED,
         )
 
 

@@ -1,7 +1,7 @@
 """Configuration: YAML to a frozen `Scenario`, with errors that name file, line and key.
 
 `model` has the whole schema and `load`. Most sections have a file, such as `communication`, and some sections
-have a file of checks, such as `communication_checks`. `checks` calls all checks. `scenario` builds the flight.
+have a file of checks, such as `communication_checks`. `checks` calls all checks. `scenario` builds a flight.
 `roster` reads only the vehicles and the network of a swarm. `joining` turns `communication` into the
 configuration of a network. `examples` finds the shipped configurations, and writes the starter of
 `swarmctl init`.

@@ -13,7 +13,7 @@ from swarmctl.agent.state import ARRIVED, AgentState, Phase
 from swarmctl.bus.operator_service import UNSIGNED
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.routes import ReportOnce
+from swarmctl.bus.transports.subscriptions import ReportOnce
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.config import joining
@@ -29,7 +29,7 @@ from swarmctl.flight.supervise import cancelled
 from swarmctl.flight.wiring import Clock
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.report.ui import SafeUi, Ui
 from swarmctl.security.evidence_keys import EvidenceSigner
 from swarmctl.security.participant import Keyring
@@ -56,7 +56,7 @@ def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenar
     return replace(alone, specs=(spec,))
 
 
-def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
+def order_refusal(members: Sequence[Member], *, has_keys: bool) -> str:
     """Return the reason why operators' orders are refused; empty if orders are accepted.
 
     Without keys the sender of an order is unknown: any host on the network could launch or land an aircraft.
@@ -71,11 +71,11 @@ def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
     )
 
 
-def ended_by_operator(report: Report) -> list[str]:
+def ended_by_operator(report: FlightReport) -> list[str]:
     """Return the names of the vehicles that ended their flight by following an operator's order.
 
-    A stopped run has no such vehicles, because its own process gives the orders. A vehicle that was given up,
-    released or disarmed on its way has failed, even after an order.
+    A stopped run has no such vehicles, because the program itself gives the orders. A vehicle that was given
+    up, released or disarmed on its way has failed, even after an order.
     """
     if report.ended != "ended":
         return []
@@ -106,25 +106,26 @@ async def fly(
     keyring: Keyring | None = None,
     address_of: AddressOf = undisturbed,
     waivers: tuple[Waiver, ...] = (),
-) -> Report:
-    """Fly the vehicle of `scenario_for`, over `network`, else over the open transport `bus`, else alone.
+) -> FlightReport:
+    """Fly the vehicle of `scenario_for`. Messages use `network`, or else the open transport `bus`.
 
-    The flight continues while the network is missing. Raises BusError if the network cannot be opened.
+    If both are None, the vehicle exchanges no messages. The flight continues while the network is missing.
+    Raises BusError if the network cannot be opened.
     """
     (spec,) = scenario.specs
     options = FlightOptions(
         launch,
         spec.sysid,
-        lambda members: orders_closed(members, has_keys=keyring is not None),
+        lambda members: order_refusal(members, has_keys=keyring is not None),
         frame_codec=None
         if keyring is None
         else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
         signing=UNSIGNED if keyring is None else _KeyringSigning(scenario, keyring),
-        signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signer),
+        signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signing_key),
         waivers=waivers,
     )
 
-    async def flight(bus: Transport) -> Report:
+    async def flight(bus: Transport) -> FlightReport:
         report = await app.fly(
             scenario,
             folder,
@@ -157,7 +158,7 @@ class _KeyringSigning:
     def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
         tolerance_s = scenario.config.communication.clock_tolerance_s
         self._swarm = scenario.config.name
-        self._sign = keyring.signer.sign
+        self._sign = keyring.signing_key.sign
         self._verifier = CommandVerifier(self._swarm, keyring.is_signed_by_operator, time.time(), tolerance_s)
 
     def verify_command(self, key: str, payload: bytes) -> bytes:

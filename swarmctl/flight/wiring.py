@@ -20,7 +20,7 @@ from swarmctl.bus.sensor_reports import MANUAL_SOURCE, ReportedCells
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
-from swarmctl.bus.transports.routes import ReportOnce
+from swarmctl.bus.transports.subscriptions import ReportOnce
 from swarmctl.config.links import Links
 from swarmctl.config.scenario import RandomStream, Scenario
 from swarmctl.core import events as ev
@@ -41,7 +41,7 @@ from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
 Clock = Literal["real", "virtual"]
 VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
-"""wall time of virtual runs at loop time 0 [ns since 1970], 2026-01-01: equal runs leave equal files"""
+"""2026-01-01, the wall time of virtual runs at loop time 0 [ns since 1970]: equal runs write equal files"""
 OFFLOAD_CELLS = 100_000
 """number of cells above which, in real time, a thread searches the area while the loop serves the links"""
 

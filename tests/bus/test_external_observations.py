@@ -49,7 +49,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight import app
 from swarmctl.flight.sensors import SOURCES, NoSensor
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.outcome import Report as Flight
+from swarmctl.report.outcome import FlightReport as Flight
 
 ROOT = Path(__file__).parents[2]
 KEY = "swarmctl/test/uav/3/inform/look/sensor"
@@ -323,7 +323,7 @@ def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
     """(the agent's bus, the payload's) where one process flies the swarm."""
     key_of_any_vehicle = keys.sensor_report("test", "*")
     at = BusEndpoint("127.0.0.1", 0)
-    with ZenohBus(listen=at, open_keys=(key_of_any_vehicle,), put_keys=(key_of_any_vehicle,)) as agent:
+    with ZenohBus(listen=at, ask_keys=(key_of_any_vehicle,), put_keys=(key_of_any_vehicle,)) as agent:
         assert agent.endpoint is not None
         with ZenohBus(connect=agent.endpoint) as payload:
             yield agent, payload
@@ -508,7 +508,7 @@ def test_every_source_of_a_configuration_is_known() -> None:
 
 def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_one() -> None:
     assert SOURCES["external"].sensor is NoSensor
-    assert NoSensor().look(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
+    assert NoSensor().observe(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
 
 
 # --- a flight

@@ -43,7 +43,7 @@ def test_a_flood_of_deliveries_does_not_block_the_loop(each_s: float, at_once: i
         inlet = Inbox(asyncio.get_running_loop(), (5000, 5000), silent, work.clock)
         for _ in range(1000):
             for queue in (0, 1):
-                inlet.take(queue, "", lambda queue=queue: work(queue))
+                inlet.enqueue(queue, "", lambda queue=queue: work(queue))
         await turn()
         assert len(work.done) == pytest.approx(at_once, abs=2)
         assert work.now_s <= TURN_S + 2 * each_s
@@ -59,9 +59,9 @@ def test_a_flooded_queue_does_not_starve_another() -> None:
         work = Work(1.0)
         inlet = Inbox(asyncio.get_running_loop(), (5000, 5000, 5000), silent, work.clock)
         for _ in range(1000):
-            inlet.take(0, "", lambda: work(0))
-            inlet.take(1, "", lambda: work(1))
-        inlet.take(2, "", lambda: work(2))
+            inlet.enqueue(0, "", lambda: work(0))
+            inlet.enqueue(1, "", lambda: work(1))
+        inlet.enqueue(2, "", lambda: work(2))
         await turn()
         assert work.done == [0, 1, 2]
 
@@ -74,7 +74,7 @@ def test_deliveries_keep_their_order_and_failures_are_counted() -> None:
         loop = asyncio.get_running_loop()
         inlet = Inbox(loop, (5000,), lambda key, error: failures.append((key, error)), work.clock)
         for n in range(100):
-            inlet.take(0, "k", lambda n=n: work(1 // (n % 10)) if n % 10 < 2 else work(n))
+            inlet.enqueue(0, "k", lambda n=n: work(1 // (n % 10)) if n % 10 < 2 else work(n))
         for _ in range(100):
             await turn()
         assert work.done == [max(n % 10, 1) if n % 10 < 2 else n for n in range(100) if n % 10]

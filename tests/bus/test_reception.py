@@ -27,7 +27,7 @@ HEARERS = (7, 8, 9)
 
 
 class Process:
-    """UAVs 7, 8 and 9; `at_once` where they share a ledger that takes first."""
+    """UAVs 7, 8 and 9; `at_once` where they share a ledger that delivered first."""
 
     def __init__(self, *, at_once: bool) -> None:
         options = NodeOptions(ROWS, COLS)
@@ -39,18 +39,18 @@ class Process:
         for uav in (8, 9):
             seen = Observation(uav, 1, 0.0, ((0, 0, False), (0, 1, uav == 9)), 1)
             self.nodes[uav].publish(seen, 0.0, UNIX_S)
-        self.n_taken = 0
+        self.n_delivered = 0
 
     def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
         """Return the output of each receiver of a frame under the key of `sender`."""
         decoded, unix_s, outputs = READ(SEAL.encode(frame)), UNIX_S + now_s, {}
         if self.table is not None and sender in UAVS:
             receivers = self.table.mask(to)
-            takes = self.table.take(sender, frame.act, decoded, receivers, now_s, unix_s)
+            delivered = self.table.deliver(sender, frame.act, decoded, receivers, now_s, unix_s)
             seen = frame.content
             news = [seen] if isinstance(seen, Observation) else []
-            outputs = {uav: NodeOutput(news=news) for uav in self.table.uavs(takes)}
-            self.n_taken += len(outputs)
+            outputs = {uav: NodeOutput(news=news) for uav in self.table.uavs(delivered)}
+            self.n_delivered += len(outputs)
         for uav in to:
             if uav not in outputs:
                 outputs[uav] = self.nodes[uav].receive_decoded(sender, frame.act, decoded, now_s, unix_s)
@@ -130,7 +130,7 @@ def test_the_table_delivers_plain_observations_and_states() -> None:
     shared = StateShared(0.0, 46.0, 14.0, 30.0, "flying", 0, 0, 3)
     process.hear(1, senders.frame(1, 1, shared, 1), HEARERS, senders.now_s)
     # All but the very first, by which each receiver gets to know the sender.
-    assert process.n_taken == 3 * len(HEARERS)
+    assert process.n_delivered == 3 * len(HEARERS)
 
 
 def plain(senders: Senders) -> Frame:

@@ -51,10 +51,10 @@ def test_a_neighbour_is_requested_to_renew_after_a_renewal_without_effect() -> N
     renewal = Renewal()
     missing = {"2": False}
     renewal.is_due(SOON, missing, 100.0, is_missed=False)
-    assert renewal.without_success(missing) == set()
+    assert renewal.unrepaired(missing) == set()
     assert renewal.is_due(SOON, missing, 110.0, is_missed=False)
-    assert renewal.without_success(missing) == {"2"}
-    assert renewal.without_success({"2": True}) == set()
+    assert renewal.unrepaired(missing) == {"2"}
+    assert renewal.unrepaired({"2": True}) == set()
     assert not any(renewal.is_due(SOON, missing, 110.0 + s, is_missed=False) for s in range(10_000))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cli_runner import SHIPPED, swarmctl
 
-from swarmctl.cli.console import EXPECTED, OK, USAGE
+from swarmctl.cli.console import FAILED, OK, USAGE
 from swarmctl.config.model import load
 from swarmctl.config.roster import load_roster
 
@@ -74,7 +74,7 @@ def test_init_does_not_overwrite(tmp_path: Path) -> None:
     file = tmp_path / "swarm.yaml"
     file.write_text("name: mine\n")
     result = swarmctl("init", file)
-    assert result.exit_code == EXPECTED
+    assert result.exit_code == FAILED
     assert str(file) in result.stderr
     assert file.read_text() == "name: mine\n"
 
@@ -82,5 +82,5 @@ def test_init_does_not_overwrite(tmp_path: Path) -> None:
 def test_init_reports_a_folder_that_does_not_exist(tmp_path: Path) -> None:
     file = tmp_path / "nowhere" / "swarm.yaml"
     result = swarmctl("init", file)
-    assert result.exit_code == EXPECTED
+    assert result.exit_code == FAILED
     assert str(file) in result.stderr.replace("\n", "")

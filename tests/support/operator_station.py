@@ -39,7 +39,7 @@ class Station:
 @contextmanager
 def over_zenoh() -> Iterator[tuple[Transport, Transport]]:
     """(the ground station's bus, the operator's), as two processes would have them."""
-    with ZenohBus(listen=ANYWHERE, open_keys=(KEY,)) as ground:
+    with ZenohBus(listen=ANYWHERE, ask_keys=(KEY,)) as ground:
         assert ground.endpoint is not None
         with ZenohBus(connect=ground.endpoint) as operator:
             yield ground, operator

@@ -1,7 +1,7 @@
 """Contradictions between a UAV's own observations and those of other UAVs. No I/O.
 
 The cause is a forged report or a sensor error. Beliefs merge both observations, because neither is known to
-be right. Without perfect sensors (`NodeOptions.perfect_sensors`) no contradiction is found.
+be right. If `NodeOptions.perfect_sensors` is false, no contradiction is found.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Contradictions:
         self, uav: int, column: ReceptionColumn, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]
     ) -> None:
         self._uav = uav
-        self._place = column.place
+        self._index = column.index
         self._sightings = column.table.sightings
         self._cols = cols
         self._n_cells = rows * cols
@@ -37,16 +37,16 @@ class Contradictions:
         if not self._perfect:
             return
         for row, col, occupied in seen.cells:
-            self._sightings.record(self._place, row * self._cols + col, occupied=occupied)
+            self._sightings.record(self._index, row * self._cols + col, occupied=occupied)
 
     def agrees_with_own(self, decoded: DecodedFrame) -> bool:
         """Return whether an observation contradicts no own observation."""
-        if not self._sightings.has_any(self._place):
+        if not self._sightings.has_any(self._index):
             return True
-        return not self._sightings.conflicting_places(decoded.clear, decoded.occupied) >> self._place & 1
+        return not self._sightings.conflicting_uavs(decoded.clear, decoded.occupied) >> self._index & 1
 
     def find(self, decoded: DecodedFrame) -> Iterator[Notice]:
-        """Yield a notice if a new frame contradicts the UAV's own observations, and count its cells."""
+        """Yield a notice if a new frame contradicts own observations; count the contradicting cells."""
         return self._find(decoded, None)
 
     def find_earlier(self, frames: Iterable[DecodedFrame], cells: Iterable[Cell]) -> Iterator[Notice]:
@@ -57,10 +57,10 @@ class Contradictions:
 
     def _find(self, decoded: DecodedFrame, compared_cells: set[int] | None) -> Iterator[Notice]:
         observer = decoded.frame.sender
-        if observer == self._uav or not self._sightings.has_any(self._place):
+        if observer == self._uav or not self._sightings.has_any(self._index):
             return
         clear, occupied = self._cells_of(decoded)
-        conflicting = self._sightings.conflicting_cells(self._place, clear, occupied)
+        conflicting = self._sightings.conflicting_cells(self._index, clear, occupied)
         if compared_cells is not None:
             conflicting &= compared_cells
         if conflicting:

@@ -1,4 +1,4 @@
-"""Decoding of frames, for most frames once for all nodes of a process. No I/O."""
+"""Decoding of frames. A process decodes most frames once for all its nodes. No I/O."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
     occupied: frozenset[int] = frozenset()
     """row · cols + col of the cells observed as occupied"""
     mark: int = 0
-    """hash of the observation's name and content; 0 in all other frames"""
+    """hash of the observation's source, number and content; 0 in all other frames"""
 
 
 DecodeFrame = Callable[[bytes], DecodedFrame]

@@ -43,7 +43,7 @@ class NodeOutput(msgspec.Struct):
 
     messages: list[OutgoingMessage] = []
     news: list[BeliefItem] = []
-    """observations that are new to the agent"""
+    """observations and checkpoints that are new to the agent"""
     notices: list[tuple[str, str]] = []
     """(topic, text); the network shows the first few notices of each topic"""
 
@@ -56,7 +56,7 @@ class NetworkCounters:
     """messages by act/kind; a message to several receivers counts for each receiver"""
     sent_bytes: int = 0
     received: int = 0
-    """accepted frames"""
+    """accepted messages"""
     relayed: int = 0
     """observations and checkpoints of other UAVs that were relayed at once"""
     snapshots_asked: int = 0
@@ -68,4 +68,4 @@ class NetworkCounters:
     refused_from: Counter[int] = field(default_factory=Counter)
     """refused messages and frames, by the UAV that sent or relayed them"""
     flagged: Counter[int] = field(default_factory=Counter)
-    """contradicting cells, by the reporting UAV; at least 1 after one name with two contents"""
+    """number of contradicting cells, by observer; at least 1 if one observation came with two contents"""

@@ -87,7 +87,7 @@ class Node:
         others = set(others) - {uav}
         table = table or ReceptionTable((uav, *others), options)
         self._column = column = ReceptionColumn(table, uav)
-        self._peers = {other: PeerRecord(column, table.place(other)) for other in sorted(others)}
+        self._peers = {other: PeerRecord(column, table.index_of(other)) for other in sorted(others)}
         self._replica = Replica(column)
         self._contradictions = Contradictions(
             uav,
@@ -100,7 +100,7 @@ class Node:
         self._last_sent_upto = 0
         """number of the last observation in the newest sent checkpoint"""
         self._sent_since_bytes = 0
-        """bytes of observations sent after that checkpoint"""
+        """bytes of observations sent after the newest sent checkpoint"""
         self._deferred: dict[Source, Checkpoint] = {}
         """checkpoints without new observations; these only save memory, so the agent gets a few at a tick"""
         self._requests = RequestSchedule(options, rng)
@@ -109,7 +109,7 @@ class Node:
 
     @property
     def counters(self) -> NetworkCounters:
-        self._counters.received += self._column.pop_n_taken()
+        self._counters.received += self._column.pop_n_delivered()
         return self._counters
 
     def states(self) -> dict[int, StateShared]:
@@ -157,10 +157,10 @@ class Node:
                 flagged=tuple(sorted(self._counters.flagged)),
             )
             receivers = self._receivers(now_s)
-            self._send(output, state, (*receivers, *self._one_silent(receivers, now_s)), unix_s)
+            self._send(output, state, (*receivers, *self._random_silent_uav(receivers, now_s)), unix_s)
         return output
 
-    def _one_silent(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
+    def _random_silent_uav(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
         """Return a random UAV outside of the communication range and without recent news; () if none.
 
         Without these messages two groups would stay separate if every UAV has `k` neighbours in its group.
@@ -176,14 +176,14 @@ class Node:
         return (silent[int(self._rng.integers(len(silent)))],) if silent else ()
 
     def _store_own(self, own: BeliefItem, data: bytes) -> None:
-        self._replica.take(self._replica.of(self._own_source), own, self._decode(data))
+        self._replica.add(self._replica.of(self._own_source), own, self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
         """Make a checkpoint; send a checkpoint that is short enough or replaces many frames."""
-        record, o = self._replica.of(self._own_source), self._options
+        record, options = self._replica.of(self._own_source), self._options
         contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
-        made = checkpoint(record.checkpoint, seen, o.cols, o.rows * o.cols)
+        made = checkpoint(record.checkpoint, seen, options.cols, options.rows * options.cols)
         if made is None:
             return
         data = self._sender.frame(made, unix_s)
@@ -211,7 +211,7 @@ class Node:
     def receive_decoded(
         self, sender: int, act: str, decoded: DecodedFrame, now_s: float, unix_s: float
     ) -> NodeOutput:
-        """Handle a decoded message; `receive` has counted the bytes of a message from another process."""
+        """Handle a decoded message. Only `receive` counts bytes, for messages of other processes."""
         output = NodeOutput()
         try:
             if self._distance_loss is not None and (
@@ -230,7 +230,7 @@ class Node:
         return output
 
     def _note_refusal(self, output: NodeOutput, refused: MessageRefused, sender: int) -> None:
-        self.refuse(refused.why, sender)
+        self.count_refusal(refused.why, sender)
         output.notices.append((refused.why, f"a message of vehicle {sender} was refused: {refused}"))
 
     def _peer(self, uav: int) -> PeerRecord:
@@ -240,7 +240,7 @@ class Node:
             raise MessageRefused(RefusalReason.STRANGER, f"vehicle {uav} does not belong to this swarm")
         return peer
 
-    def refuse(self, why: RefusalReason, sender: int | None) -> None:
+    def count_refusal(self, why: RefusalReason, sender: int | None) -> None:
         self._counters.refused[why] += 1
         if sender in self._peers:
             self._counters.refused_from[sender] += 1
@@ -263,7 +263,7 @@ class Node:
         match decoded.frame.content:
             case Observation() as seen:
                 record = peer.attach(self._replica.of(decoded.source))
-                if self._take(output, record, seen, decoded):
+                if self._store(output, record, seen, decoded):
                     self._relay(output, [decoded.data], sender, now_s, unix_s)
                 if record.upto < seen.seq:
                     self._request_missing(sender, now_s)
@@ -274,13 +274,13 @@ class Node:
             case SnapshotAsked() as asked:
                 self._answer(output, sender, asked, now_s, unix_s)
             case Snapshot(frames=frames, last=last):
-                self._take_all_relayed(output, frames, sender, now_s, unix_s)
+                self._handle_all_relayed(output, frames, sender, now_s, unix_s)
                 if output.news:
                     peer.request_pause_s = MIN_REQUEST_PAUSE_S
                 if last:
-                    self._requests.answered(sender)
+                    self._requests.record_answer(sender)
             case Relayed(frames=frames):
-                fresh = self._take_all_relayed(output, frames, sender, now_s, unix_s)
+                fresh = self._handle_all_relayed(output, frames, sender, now_s, unix_s)
                 self._relay(output, fresh, sender, now_s, unix_s)
             case _:
                 raise MessageRefused(
@@ -296,7 +296,7 @@ class Node:
         if peer.update_knowledge(state, now_s):
             self._schedule_request(decoded.frame.sender, now_s)
 
-    def _take(
+    def _store(
         self, output: NodeOutput, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame
     ) -> bool:
         """Store an observation or checkpoint; return whether it is new. Raises MessageRefused."""
@@ -309,7 +309,7 @@ class Node:
             return False
         was_upto = record.upto
         try:
-            if not self._replica.take(record, item, decoded):
+            if not self._replica.add(record, item, decoded):
                 return False
         except MessageRefused:
             self._counters.flagged[item.observer] = max(self._counters.flagged[item.observer], 1)
@@ -321,7 +321,7 @@ class Node:
         output.news.append(item)
         return True
 
-    def _take_all_relayed(
+    def _handle_all_relayed(
         self, output: NodeOutput, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
     ) -> list[bytes]:
         """Handle relayed frames, and return the new frames; skip the rest after too many refused frames."""
@@ -330,18 +330,18 @@ class Node:
             try:
                 decoded = self._decode(data)
                 peer.add_work(WORK_PER_OBSERVATION if decoded.seq else WORK_PER_OTHER_FRAME, now_s)
-                if self._take_relayed(output, decoded, now_s, unix_s):
+                if self._handle_relayed(output, decoded, now_s, unix_s):
                     fresh.append(data)
             except MessageRefused as refused:
                 n_refused += 1
-                self.refuse(refused.why, sender)
+                self.count_refusal(refused.why, sender)
                 text = f"a message relayed by vehicle {sender} was refused: {refused}"
                 output.notices.append((refused.why, text))
                 if n_refused == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
 
-    def _take_relayed(self, output: NodeOutput, decoded: DecodedFrame, now_s: float, unix_s: float) -> bool:
+    def _handle_relayed(self, output: NodeOutput, decoded: DecodedFrame, now_s: float, unix_s: float) -> bool:
         """Handle a relayed frame; return whether it is a new observation or checkpoint."""
         frame = decoded.frame
         check_time(frame, unix_s, self._options)
@@ -364,7 +364,7 @@ class Node:
                     peer.update_intent(frame, intent, decoded.data)
                 return False
             case Observation() | Checkpoint() as item:
-                return self._take(output, self._replica.of(decoded.source), item, decoded)
+                return self._store(output, self._replica.of(decoded.source), item, decoded)
         raise MessageRefused(RefusalReason.MALFORMED, f"{decoded.act} is not valid inside another message")
 
     def _relay(
@@ -385,8 +385,8 @@ class Node:
         self._requests.schedule(peer, now_s, self._peers[peer].ask_after_s)
 
     def _request_missing(self, peer: int, now_s: float) -> None:
-        """Schedule a request for observations that this peer holds and this UAV lacks."""
-        self._peers[peer].mark_ahead()
+        """Schedule a request for observations that the peer holds and this UAV lacks."""
+        self._peers[peer].record_missing()
         self._schedule_request(peer, now_s)
 
     def tick(self, now_s: float, unix_s: float) -> NodeOutput:
@@ -404,7 +404,7 @@ class Node:
 
     @property
     def next_deadline_s(self) -> float:
-        """Latest time of the next `tick`."""
+        """Time at which the node must tick again [s]."""
         return self._requests.next_deadline_s
 
     def _agrees(self, peer: int, now_s: float) -> bool:
@@ -417,7 +417,7 @@ class Node:
                 states = tuple((u, decoded.frame.unix_s) for u, decoded in frames if decoded is not None)
                 self._send(output, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
                 self._counters.snapshots_asked += 1
-                self._requests.asked(peer, now_s)
+                self._requests.record_request(peer, now_s)
                 self._peers[peer].record_request(now_s)
 
     def _answer(

@@ -17,7 +17,7 @@ _numbers = itertools.count(1)
 
 
 class ObservationLog:
-    """The observations with numbers above `base`, without a gap; each UAV keeps its own end."""
+    """The observations with numbers above `base`, without a gap; each UAV has those up to its own `upto`."""
 
     __slots__ = ("__weakref__", "_frames", "base", "number")
 
@@ -27,19 +27,19 @@ class ObservationLog:
         """number of the log, unique in the process"""
         self._frames = list(frames)
 
-    def accepts(self, decoded: DecodedFrame) -> bool:
-        """Append an observation if its number is the next; return whether the log has this observation."""
+    def try_append(self, decoded: DecodedFrame) -> bool:
+        """Append an observation if its number is the next; return whether the log now has the observation."""
         at = decoded.seq - self.base - 1
         if at == len(self._frames):
             self._frames.append(decoded)
         return self._frames[at] is decoded or self._frames[at].data == decoded.data
 
     def fork(self, decoded: DecodedFrame) -> ObservationLog:
-        """Return a new log with the observations before this observation, and this observation."""
+        """Return a new log that has `decoded` after the earlier observations of this log."""
         return ObservationLog(self.base, (*self.between(0, decoded.seq - 1), decoded))
 
     def between(self, after: int, upto: int) -> Sequence[DecodedFrame]:
-        """Return the observations with sequence numbers above `after`, up to and with `upto`."""
+        """Return the observations with sequence numbers above `after`, up to and including `upto`."""
         return self._frames[max(after - self.base, 0) : upto - self.base]
 
 

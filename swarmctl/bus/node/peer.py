@@ -34,7 +34,7 @@ REPLAY_WINDOW = 1024
 """number of later messages of the same sender after which a late message counts as a replay"""
 REPLAY_WINDOW_MASK = (1 << REPLAY_WINDOW) - 1
 MIN_STATE_LEAD_S = 1.0
-"""smallest lead of a sent state over the requester's state; other states are not sent"""
+"""smallest lead of a state over the requester's state for which the state is sent"""
 
 
 def check_source(decoded: DecodedFrame, sender: int, act: str) -> None:
@@ -192,7 +192,7 @@ class PeerRecord(msgspec.Struct, gc=False):
             column.set_state(decoded, frame.content, row, now_s)
 
     def update_knowledge(self, state: StateShared, now_s: float) -> bool:
-        """Compare a peer's state with the observations here; return whether the peer's own are missing."""
+        """Compare a peer's state with the replica; return whether observations by the peer are missing."""
         column, row = self.column, self.row
         column.direct_state_s[row] = now_s
         if column.has_held(state.knows):
@@ -202,7 +202,7 @@ class PeerRecord(msgspec.Struct, gc=False):
             column.agreed_s[row] = -math.inf
         return has_more
 
-    def mark_ahead(self) -> None:
+    def record_missing(self) -> None:
         """Record that the peer has observations that are missing here, and ignore the peer's last state."""
         self.column.direct_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
@@ -233,7 +233,10 @@ class PeerRecord(msgspec.Struct, gc=False):
 
 
 def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
-    """Return the frames of states newer than `known` (UAV -> unix time [s]), and the same UAVs' intents."""
+    """Return the frames of states newer than `known` (UAV -> unix time [s]), and these UAVs' recent intents.
+
+    A state is newer if its lead over `known` is above `MIN_STATE_LEAD_S`.
+    """
     newer = [
         (peer, decoded)
         for peer in peers

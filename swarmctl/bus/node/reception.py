@@ -2,9 +2,9 @@
 
 A hundred UAVs in one process that observe five times a second receive fifty thousand observations a second.
 Nearly every message is the sender's next message with its next observation, and needs no answer. The tables
-have the numbers to recognise such a message: one row for each sender, one column for each receiver. Rows and
-columns are in the order of system ids; a UAV's index in this order is its place. `ReceptionTable.take` checks
-and updates a whole row at once. Each node reads and writes single numbers through its `ReceptionColumn`.
+have the numbers to recognise such a message: one row for each sender, one column for each receiver, in the
+order of system ids. `ReceptionTable.deliver` checks and updates a whole row at once. Each node reads and
+writes single numbers through its `ReceptionColumn`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ WORK_PER_MESSAGE = 5
 MAX_WORK_PER_PERIOD, RATE_PERIOD_S = 10_000, 10.0
 """limit on the steps of work that a sender causes at a receiver in a period; more messages are refused"""
 N_FINGERPRINTS = 2048
-"""number of a UAV's earlier fingerprints kept, because the set of a sender is often a little older"""
+"""number of stored fingerprints of a UAV: the observations of a sender are often a little older"""
 EMPTY_FINGERPRINT = 0
 """fingerprint of an empty set of observations"""
 
@@ -49,7 +49,7 @@ class IndexedValues(Protocol[T]):
 
 
 ReceiverMask = NDArray[np.bool_]
-"""(places,) mask of a set of UAVs"""
+"""(UAVs of the swarm,) mask of a set of UAVs"""
 
 
 class ReceptionTable:
@@ -58,11 +58,11 @@ class ReceptionTable:
     def __init__(self, uavs: Iterable[int], options: NodeOptions) -> None:
         self.system_ids = np.array(sorted(set(uavs)), np.int64)
         """system id of each row of the arrays"""
-        self._places = {uav: place for place, uav in enumerate(self.system_ids.tolist())}
+        self._indices = {uav: index for index, uav in enumerate(self.system_ids.tolist())}
         self._clock_tolerance_s = options.clock_tolerance_s
         self.logs = ObservationLogs()
         self.sightings = OwnSightings()
-        n = len(self._places)
+        n = len(self._indices)
         # (sender, receiver): see the fields of `ReceptionColumn`
         self.newest = np.zeros((n, n), np.int64)
         self.incarnation = np.full((n, n), -1, np.int64)
@@ -83,16 +83,16 @@ class ReceptionTable:
         self.fingerprint = np.zeros(n, np.int64)
         self.fingerprints = np.zeros((n, N_FINGERPRINTS), np.int64)
         self.n_fingerprints = np.zeros(n, np.int64)
-        self.n_taken = np.zeros(n, np.int64)
+        self.n_delivered = np.zeros(n, np.int64)
 
-    def place(self, uav: int) -> int:
+    def index_of(self, uav: int) -> int:
         """Return the index of a UAV's row and column."""
-        return self._places[uav]
+        return self._indices[uav]
 
     def mask(self, uavs: Iterable[int]) -> ReceiverMask:
         """Return the mask of a set of UAVs."""
-        mask = np.zeros(len(self._places), np.bool_)
-        mask[[self._places[uav] for uav in uavs]] = True
+        mask = np.zeros(len(self._indices), np.bool_)
+        mask[[self._indices[uav] for uav in uavs]] = True
         return mask
 
     def uavs(self, mask: ReceiverMask) -> list[int]:
@@ -100,7 +100,7 @@ class ReceptionTable:
         uavs: list[int] = self.system_ids[mask].tolist()
         return uavs
 
-    def take(
+    def deliver(
         self,
         sender: int,
         act: str,
@@ -121,27 +121,27 @@ class ReceptionTable:
         is_in_time = -self._clock_tolerance_s <= unix_s - frame.unix_s <= STALE_S
         if not (matches_key and is_in_time and isinstance(content, Observation | StateShared)):
             return np.zeros_like(receivers)
-        row = self._places[sender]
-        takes = self._is_next(row, frame, receivers, now_s)
+        row = self._indices[sender]
+        delivered = self._is_next(row, frame, receivers, now_s)
         if isinstance(content, Observation):
-            takes &= self.upto[row] == content.seq - 1
-            takes[_set_bits(self.sightings.conflicting_places(decoded.clear, decoded.occupied))] = False
-            self._append_to_logs(decoded, takes, self.log_number[row])
-            self.upto[row] += takes
-            self._toggle_mark(takes, decoded.mark)
+            delivered &= self.upto[row] == content.seq - 1
+            delivered[_set_bits(self.sightings.conflicting_uavs(decoded.clear, decoded.occupied))] = False
+            self._append_to_logs(decoded, delivered, self.log_number[row])
+            self.upto[row] += delivered
+            self._toggle_mark(delivered, decoded.mark)
         else:
-            takes &= self.upto[row] >= content.last_seq
-            takes &= self._is_newer(row, frame.unix_s)
-            self.state[row, takes] = decoded
-            self.failed[row, takes] = content.phase == "failed"
-            self.lat_deg[row, takes], self.lon_deg[row, takes] = content.lat_deg, content.lon_deg
-            self.state_s[row, takes] = self.direct_state_s[row, takes] = now_s
-            self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
-        self.newest[row] += takes
-        self.work[row] += WORK_PER_MESSAGE * takes
-        self.received_s[row, takes] = now_s
-        self.n_taken += takes
-        return takes
+            delivered &= self.upto[row] >= content.last_seq
+            delivered &= self._is_newer(row, frame.unix_s)
+            self.state[row, delivered] = decoded
+            self.failed[row, delivered] = content.phase == "failed"
+            self.lat_deg[row, delivered], self.lon_deg[row, delivered] = content.lat_deg, content.lon_deg
+            self.state_s[row, delivered] = self.direct_state_s[row, delivered] = now_s
+            self.agreed_s[row, delivered & self._has_held(content.knows)] = now_s
+        self.newest[row] += delivered
+        self.work[row] += WORK_PER_MESSAGE * delivered
+        self.received_s[row, delivered] = now_s
+        self.n_delivered += delivered
+        return delivered
 
     def _is_next(self, row: int, frame: Frame, receivers: ReceiverMask, now_s: float) -> ReceiverMask:
         """Return the receivers for which the frame is the next in order, within the limits."""
@@ -166,18 +166,20 @@ class ReceptionTable:
             holds |= np.any(self.fingerprints == fingerprint, axis=1)
         return holds
 
-    def _append_to_logs(self, decoded: DecodedFrame, takes: ReceiverMask, numbers: NDArray[np.int64]) -> None:
+    def _append_to_logs(
+        self, decoded: DecodedFrame, delivered: ReceiverMask, numbers: NDArray[np.int64]
+    ) -> None:
         """Append an observation to the receivers' logs; nearly always all receivers share one log.
 
-        Remove from `takes` the receivers without a shared log, or with another observation of this number.
+        Remove from `delivered` the receivers without a shared log, or with another observation of the number.
         """
-        remaining = takes.copy()
+        remaining = delivered.copy()
         while remaining.any():
             number = numbers[remaining.argmax()]
             remaining &= numbers != number
             log = self.logs.by_number(int(number))
-            if log is None or not log.accepts(decoded):
-                takes &= numbers != number
+            if log is None or not log.try_append(decoded):
+                delivered &= numbers != number
 
     def _toggle_mark(self, receivers: ReceiverMask, mark: int) -> None:
         self.fingerprint[receivers] ^= mark
@@ -192,12 +194,12 @@ def _set_bits(mask: int) -> list[int]:
 
 
 class ReceptionColumn:
-    """The reception state of one UAV, by place of the sender: a writable view of the tables."""
+    """The reception state of one UAV, by the sender's row: a writable view of the tables."""
 
     def __init__(self, table: ReceptionTable, uav: int) -> None:
         """Reset the column, as for a UAV that has received nothing."""
         self.table = table
-        self.place = at = table.place(uav)
+        self.index = at = table.index_of(uav)
         for counts in (table.newest, table.work, table.upto, table.in_order, table.log_number):
             counts[:, at] = 0
         table.incarnation[:, at] = -1
@@ -212,36 +214,36 @@ class ReceptionColumn:
         table.state[:, at] = None
         table.lat_deg[:, at] = table.lon_deg[:, at] = np.nan
         table.failed[:, at] = False
-        table.fingerprint[at] = table.n_fingerprints[at] = table.n_taken[at] = 0
+        table.fingerprint[at] = table.n_fingerprints[at] = table.n_delivered[at] = 0
         table.fingerprints[at] = 0
         table.sightings.forget(at)
         self.newest: IndexedValues[int] = _values(table.newest[:, at])
         """number of the sender's newest message"""
         self.incarnation: IndexedValues[int] = _values(table.incarnation[:, at])
-        """the sender's incarnation when last received; -1: never"""
+        """incarnation in the sender's newest message; -1: no message received"""
         self.received_s: IndexedValues[float] = _values(table.received_s[:, at])
         """time of the sender's last direct message"""
         self.work: IndexedValues[int] = _values(table.work[:, at])
-        """work that the sender's messages caused in this period"""
+        """work that the sender's messages caused in the period until `work_period_end_s`"""
         self.work_period_end_s: IndexedValues[float] = _values(table.work_period_end_s[:, at])
         self.upto: IndexedValues[int] = _values(table.upto[:, at])
         """number up to which this UAV has all observations of the sender's current incarnation"""
         self.in_order: IndexedValues[bool] = _values(table.in_order[:, at])
-        """True if the table may append to log `log_number`: no stored observation lies beyond a gap"""
+        """True if no stored observation lies beyond a gap, so the table may append to log `log_number`"""
         self.log_number: IndexedValues[int] = _values(table.log_number[:, at])
         self.state: IndexedValues[DecodedFrame | None] = table.state[:, at]
         """newest known state, received directly or relayed"""
         self.lat_deg: IndexedValues[float] = _values(table.lat_deg[:, at])
         self.lon_deg: IndexedValues[float] = _values(table.lon_deg[:, at])
-        """position in that state; NaN: unknown"""
+        """position in `state`; NaN: unknown"""
         self.failed: IndexedValues[bool] = _values(table.failed[:, at])
-        """True if that state reports the phase `failed`"""
+        """True if `state` reports the phase `failed`"""
         self.state_s: IndexedValues[float] = _values(table.state_s[:, at])
-        """reception time of that state"""
+        """reception time of `state`"""
         self.direct_state_s: IndexedValues[float] = _values(table.direct_state_s[:, at])
-        """reception time of the last direct state; -inf after `PeerRecord.mark_ahead`"""
+        """reception time of the last direct state; -inf after `PeerRecord.record_missing`"""
         self.agreed_s: IndexedValues[float] = _values(table.agreed_s[:, at])
-        """time of the last direct state whose sender has nothing new; -inf once an observation is missing"""
+        """time of the last direct state without news for this UAV; -inf if an observation is missing"""
         self._fingerprint: IndexedValues[int] = _values(table.fingerprint[at : at + 1])
         self._fingerprints: IndexedValues[int] = _values(table.fingerprints[at])
         self._n_fingerprints: IndexedValues[int] = _values(table.n_fingerprints[at : at + 1])
@@ -258,37 +260,37 @@ class ReceptionColumn:
         self._n_fingerprints[0] += 1
 
     def has_held(self, fingerprint: int) -> bool:
-        """Return True only if a sender with this fingerprint has no observation that is missing here."""
+        """Return whether this UAV has, or once had, exactly the observations of this fingerprint."""
         if fingerprint in (EMPTY_FINGERPRINT, self._fingerprint[0]):
             return True
-        return bool((self.table.fingerprints[self.place] == fingerprint).any())
+        return bool((self.table.fingerprints[self.index] == fingerprint).any())
 
-    def set_state(self, decoded: DecodedFrame, state: StateShared, place: int, now_s: float) -> None:
+    def set_state(self, decoded: DecodedFrame, state: StateShared, row: int, now_s: float) -> None:
         """Store a sender's state, received directly or relayed."""
-        self.state[place], self.failed[place] = decoded, state.phase == "failed"
-        self.lat_deg[place], self.lon_deg[place] = state.lat_deg, state.lon_deg
-        self.state_s[place] = now_s
+        self.state[row], self.failed[row] = decoded, state.phase == "failed"
+        self.lat_deg[row], self.lon_deg[row] = state.lat_deg, state.lon_deg
+        self.state_s[row] = now_s
 
     def is_ranked_last(self, now_s: float) -> ReceiverMask:
         """Return the mask of the UAVs with a known state but no news for `RANKED_LAST_AFTER_S`."""
-        table, at = self.table, self.place
+        table, at = self.table, self.index
         last_s = np.maximum(table.received_s[:, at], table.state_s[:, at])
         mask: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > RANKED_LAST_AFTER_S)
         return mask
 
     def nearest(self, position: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
         """Return the `k` UAVs nearest to `position`, without UAVs in the phase `failed`."""
-        table, at = self.table, self.place
+        table, at = self.table, self.index
         mask = ~table.failed[:, at]
         mask[at] = False
         is_ranked_last = self.is_ranked_last(now_s)
         positions = table.lat_deg[mask, at], table.lon_deg[mask, at]
         return nearest_uavs(position, table.system_ids[mask], positions, is_ranked_last[mask], k)
 
-    def pop_n_taken(self) -> int:
+    def pop_n_delivered(self) -> int:
         """Return the number of messages that the table has delivered since the last call."""
-        n = int(self.table.n_taken[self.place])
-        self.table.n_taken[self.place] = 0
+        n = int(self.table.n_delivered[self.index])
+        self.table.n_delivered[self.index] = 0
         return n
 
 
@@ -308,7 +310,7 @@ def nearest_uavs(
 
     The paper defines the communication range as a number of UAVs. `uavs` ascend; `positions` are latitudes
     and longitudes [deg], or NaN if unknown. UAVs without a position come after UAVs with a position, and UAVs
-    in `is_ranked_last` come last. If `k` is None or at least their number, all `uavs` return in their order.
+    in `is_ranked_last` come last. If `k` is None or not below the number of `uavs`, the result is `uavs`.
     """
     if k is None or k >= uavs.size:
         return tuple(uavs.tolist())

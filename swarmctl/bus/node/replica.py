@@ -18,13 +18,13 @@ from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
 from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
 
 COMPACT_AFTER = 256
-"""lead over the receiver's checkpoint, in observations, from which a checkpoint is sent in any case"""
+"""a checkpoint with this many observations more than the receiver's checkpoint is sent in any case"""
 MAX_BEYOND = 600
-"""largest number of observations beyond gaps in a digest, over all sources; the rest may arrive twice"""
+"""largest number of observations beyond gaps in a digest; observations left out may arrive twice"""
 MAX_AHEAD = 1024
 """largest lead of a stored observation over `upto`; farther observations are requested later"""
 MAX_INCARNATIONS = 8
-"""for one observer"""
+"""largest number of incarnations of one observer"""
 
 
 class DetachedColumn:
@@ -49,7 +49,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     ahead: dict[int, DecodedFrame] = {}
     """observations beyond a gap, by sequence number"""
     column: DetachedColumn | ReceptionColumn = msgspec.field(default_factory=DetachedColumn)
-    place: int = 0
+    row: int = 0
     """index in `column`"""
     _mark: int = 0
     """combined mark of all observations held up to `_marked_upto`, and of `ahead`"""
@@ -58,7 +58,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     @property
     def upto(self) -> int:
         """Sequence number up to which every observation is held."""
-        return self.column.upto[self.place]
+        return self.column.upto[self.row]
 
     @property
     def mark(self) -> int:
@@ -69,16 +69,16 @@ class SourceRecord(msgspec.Struct, gc=False):
             self._marked_upto = self.upto
         return self._mark
 
-    def attach(self, column: DetachedColumn | ReceptionColumn, place: int = 0) -> None:
+    def attach(self, column: DetachedColumn | ReceptionColumn, row: int = 0) -> None:
         """Move this record's values to another column."""
-        column.upto[place], self.column.in_order[self.place] = self.upto, False
-        self.column, self.place = column, place
+        column.upto[row], self.column.in_order[self.row] = self.upto, False
+        self.column, self.row = column, row
         self._update_column()
 
     def _update_column(self) -> None:
         """Update the values with which the reception table appends to the log."""
-        self.column.log_number[self.place] = self.log.number
-        self.column.in_order[self.place] = not self.ahead
+        self.column.log_number[self.row] = self.log.number
+        self.column.in_order[self.row] = not self.ahead
 
     @property
     def checkpoint_upto(self) -> int:
@@ -91,7 +91,7 @@ class SourceRecord(msgspec.Struct, gc=False):
     def add(self, decoded: DecodedFrame) -> bool:
         """Add an observation; return False if it is held, or more than `MAX_AHEAD` after `upto`.
 
-        Raises MessageRefused if a different observation with the same name is held.
+        Raises MessageRefused if a different observation with the same number is held.
         """
         seq, upto = decoded.seq, self.upto
         if seq <= self.checkpoint_upto or seq > upto + MAX_AHEAD:
@@ -107,7 +107,7 @@ class SourceRecord(msgspec.Struct, gc=False):
         if seq == upto + 1:
             self._append_following()
         else:
-            self.column.in_order[self.place] = False
+            self.column.in_order[self.row] = False
         return True
 
     def is_next(self, decoded: DecodedFrame) -> bool:
@@ -116,15 +116,15 @@ class SourceRecord(msgspec.Struct, gc=False):
 
     def append(self, decoded: DecodedFrame) -> None:
         """Append the observation with number `upto` + 1."""
-        if not self.log.accepts(decoded):
+        if not self.log.try_append(decoded):
             self.log = self.log.fork(decoded)
             self._update_column()
-        self.column.upto[self.place] += 1
+        self.column.upto[self.row] += 1
 
-    def advance(self, checkpoint: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
+    def adopt(self, checkpoint: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
         """Adopt a checkpoint that summarises more than the current checkpoint; return True if adopted.
 
-        Raises MessageRefused if all summarised observations are held, with other contents.
+        Raises MessageRefused if this UAV holds all summarised observations and their contents differ.
         """
         upto = checkpoint.upto
         if upto <= self.checkpoint_upto:
@@ -137,7 +137,7 @@ class SourceRecord(msgspec.Struct, gc=False):
             raise MessageRefused(RefusalReason.TWO_CONTENTS, checkpoint.two_contents)
         self._mark = mark
         self.checkpoint, self.checkpoint_frame = checkpoint, decoded
-        self.log, self.column.upto[self.place] = logs.at(self.source, upto), upto
+        self.log, self.column.upto[self.row] = logs.at(self.source, upto), upto
         self.ahead |= {held.seq: held for held in later}
         for seq in [seq for seq in self.ahead if seq <= upto]:
             del self.ahead[seq]
@@ -193,7 +193,7 @@ class Replica:
             record = self._records[source] = SourceRecord(source, self._logs.at(source, 0))
         return record
 
-    def take(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
+    def add(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
         """Add an observation or checkpoint to the record of its source; return whether it was added.
 
         Raises MessageRefused if it contradicts held observations.
@@ -202,13 +202,13 @@ class Replica:
         if isinstance(item, Observation):
             is_added = record.add(decoded)
         else:
-            is_added = record.advance(item, decoded, self._logs)
+            is_added = record.adopt(item, decoded, self._logs)
         if record.mark != before:
             self._column.toggle_mark(before ^ record.mark)
         return is_added
 
     def append(self, record: SourceRecord, decoded: DecodedFrame) -> None:
-        """Add an observation that `is_next`; the fast path of `take`."""
+        """Add an observation that `is_next`; the fast path of `add`."""
         record.append(decoded)
         self._column.toggle_mark(decoded.mark)
 
@@ -235,7 +235,10 @@ class Replica:
         return tuple(record.digest_entry(MAX_BEYOND // max(n_with_gap, 1)) for record in records)
 
     def missing(self, digest: Iterable[HeldObservations]) -> Iterator[bytes]:
-        """Yield the frames missing in a digest; for each source a checkpoint first, if it replaces frames."""
+        """Yield the frames that a digest lacks.
+
+        A source's checkpoint comes first if it replaces lacking frames, or many frames of the receiver.
+        """
         entries: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in digest}
         for source in sorted(self._records):
             record = self._records[source]

@@ -31,12 +31,15 @@ class RequestSchedule:
         return self._options.sync_every_s > 0.0
 
     def schedule(self, peer: int, now_s: float, not_before_s: float) -> None:
-        """Schedule a request to a peer, unless one is scheduled; wait for messages that are under way."""
+        """Schedule a request to a peer, unless a request is scheduled, after messages that are under way."""
         if self.is_enabled:
             self._due.setdefault(peer, max(now_s + self._options.round_trip_s / 2.0, not_before_s))
 
     def due(self, now_s: float) -> Iterator[int]:
-        """Yield the due peers and remove them; stop after `asked`: its answer may replace other requests."""
+        """Yield the due peers and remove them from the schedule.
+
+        After `record_request` no peer is yielded until the answer, which may make other requests unnecessary.
+        """
         while self._due and not self._is_waiting():
             peer = next((peer for peer, at_s in self._due.items() if at_s <= now_s), None)
             if peer is None:
@@ -47,10 +50,10 @@ class RequestSchedule:
     def _is_waiting(self) -> bool:
         return self._pending is not None
 
-    def asked(self, peer: int, now_s: float) -> None:
+    def record_request(self, peer: int, now_s: float) -> None:
         self._pending = peer, now_s + self._options.round_trip_s + ANSWER_WITHIN_S
 
-    def answered(self, peer: int) -> None:
+    def record_answer(self, peer: int) -> None:
         """Record the arrival of an answer's last part."""
         if self._pending is not None and self._pending[0] == peer:
             self._pending = None
@@ -66,7 +69,7 @@ class RequestSchedule:
 
     @property
     def next_deadline_s(self) -> float:
-        """Latest time of the next `tick`."""
+        """Time at which the node must tick again [s]."""
         if self._pending is not None:
             return min(self._next_sync_s, self._pending[1])
         return min(self._next_sync_s, *self._due.values()) if self._due else self._next_sync_s

@@ -38,9 +38,9 @@ class Rule:
 
 
 def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
-    """Return the rules of a process with the whole swarm: others may query and put under these keys.
+    """Return the rules of a process with the whole swarm; the process sends nothing but answers.
 
-    The process sends nothing but answers.
+    Other processes may query `ask_keys` and put `put_keys`.
     """
     rules = [
         Rule((IN,), ("query",), tuple(ask_keys)),
@@ -66,8 +66,8 @@ def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict
     """Return the rules of a mesh node: only the swarm's keys and, if `certified`, its certificates.
 
     A neighbour relays messages, so a link does not authenticate a message's sender; the receiver checks the
-    message's signature. A payload's reports have no signature, so nodes do not relay reports. With
-    certificates, a report needs that of the vehicle or of an operator, and a link to the vehicle's own node.
+    message's signature. A payload's reports have no signature, so nodes do not relay reports. If `certified`,
+    a report must arrive over a link with the certificate of the reported vehicle or of an operator.
     """
     root, all_reports = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
     from_uavs = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]

@@ -42,7 +42,7 @@ class Inbox:
         self._is_scheduled = False
         self._is_closed = False
 
-    def take(self, queue: int, key: str, delivery: Delivery) -> bool:
+    def enqueue(self, queue: int, key: str, delivery: Delivery) -> bool:
         """Queue a delivery from any thread; return False if the queue is full or the inbox closed."""
         if self._is_closed or len(self._queues[queue]) >= self._limits[queue]:
             self.dropped += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES, Failure, Receive, Serve
-from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
+from swarmctl.bus.transports.subscriptions import Subscriptions, report_to_loop
 
 
 class MemoryBus:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from swarmctl.bus import directory, keys
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.transports.base import BusError, Failure
-from swarmctl.bus.transports.routes import report_to_loop
+from swarmctl.bus.transports.subscriptions import report_to_loop
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import standalone
 
@@ -19,8 +19,8 @@ def open_bus(
 ) -> Iterator[ZenohBus]:
     """Open a session at `listen` for operators' commands and payloads' reports of `swarm` only.
 
-    Registers the flight in the directory of running swarms. Raises BusError. With `listen` `none` the bus
-    serves this process only.
+    Registers the flight in the directory of running swarms. If `listen` is `none`, the bus serves this
+    process only. Raises BusError.
     """
     if listen == NO_ENDPOINT:
         with ZenohBus(on_failure=on_failure) as bus:

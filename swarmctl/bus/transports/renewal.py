@@ -1,4 +1,4 @@
-"""Renewal of a bus's Zenoh session: after a time without a link, or with a link without routes in a mesh.
+"""Renewal of a Zenoh session that has no link, or in a mesh a link without routes, for some seconds.
 
 In a mesh the routes to a neighbour may stay lost although the link is up. A Zenoh router announces its
 subscriptions only once. When a network heals, this announcement may be lost: its sender is not known yet, or
@@ -24,7 +24,7 @@ MIN_ROUTE_WAIT_S, MAX_ROUTE_WAIT_S = 2.0, 4.0
 MAX_DOUBLINGS = 4
 """largest number of doublings of the wait; each renewal doubles the wait, so permanent faults disturb less"""
 RESET_AFTER_S = 10.0
-"""time with the routes to all neighbours after which the wait is short again"""
+"""time with the routes to all neighbours after which the wait is no longer doubled"""
 MISSED = ""
 """value in place of a neighbour's id: a neighbour has no routes to this node"""
 
@@ -84,7 +84,7 @@ class Renewal:
         own_id: id of this node, hexadecimal
         routed: for each linked neighbour, True if this node has routes to the neighbour
         now_s: monotonic time [s]
-        is_missed: True if a neighbour renewed its session without success, and requests a renewal here
+        is_missed: True if a neighbour still lacks routes after its own renewal, and requests a renewal here
         """
         self._reset_if_complete(now_s, is_complete=bool(routed) and all(routed.values()) and not is_missed)
         missing = {node for node, is_routed in routed.items() if not is_routed} - self._renewed_for
@@ -99,8 +99,8 @@ class Renewal:
         self._missing_since_s.clear()
         return True
 
-    def without_success(self, routed: Mapping[str, bool]) -> set[str]:
-        """Return the neighbours still without routes after a renewal here; these have to renew too."""
+    def unrepaired(self, routed: Mapping[str, bool]) -> set[str]:
+        """Return the neighbours without routes even after a renewal here: they have to renew too."""
         return {node for node, is_routed in routed.items() if not is_routed and node in self._renewed_for}
 
     def _reset_if_complete(self, now_s: float, *, is_complete: bool) -> None:
@@ -140,7 +140,7 @@ class MeshNeighbours:
         `linked` are the ids of the nodes with a link.
         """
         routed = {node: self._has_subscriber(f"{self._nodes}/{node}") for node in linked}
-        self._update_missed(renewal.without_success(routed))
+        self._update_missed(renewal.unrepaired(routed))
         is_missed = self._has_subscriber(self._missed_key(self._own_id))
         return renewal.is_due(self._own_id, routed, now_s, is_missed=is_missed)
 

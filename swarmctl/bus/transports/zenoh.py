@@ -28,7 +28,7 @@ from swarmctl.bus.transports.base import (
 )
 from swarmctl.bus.transports.inbox import Delivery, Inbox
 from swarmctl.bus.transports.renewal import LinkSet, MeshNeighbours, Renewal
-from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
+from swarmctl.bus.transports.subscriptions import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
 
 MAX_PENDING_QUERIES = 32
@@ -45,7 +45,7 @@ RENEWAL_PAUSE_S = 1.0
 CLOSE_S = 2.0
 """time limit of closing: a link to a frozen process with a full queue can block Zenoh for ever"""
 TIMEOUT_MARGIN_S = 3.0
-"""lead of the caller's time-out over Zenoh's, because Zenoh ends a timed-out query like an answered query"""
+"""time by which Zenoh's time-out is longer than the caller's: Zenoh does not report that a query timed out"""
 ADMIN_TIMEOUT_S = 2.0
 MAX_ANSWERS = 64
 """largest number of kept answers to one query"""
@@ -58,7 +58,7 @@ on the loop's thread"""
 class ZenohBus:
     """Bus over Zenoh, a context manager: an unclosed session delays other processes until its lease ends.
 
-    Opens the session of a `Configuration`. `listen`, `open_keys` and `put_keys` are short for `standalone`,
+    Opens the session of a `Configuration`. `listen`, `ask_keys` and `put_keys` are short for `standalone`,
     `connect` is short for `visitor`. A patient session opens in the background. Until then other processes
     are not reached: messages to them are dropped and counted. The same is true while a session is replaced
     (`renewal`). Raises BusError.
@@ -69,7 +69,7 @@ class ZenohBus:
         configuration: Configuration | None = None,
         *,
         listen: BusEndpoint | None = None,
-        open_keys: tuple[str, ...] = (),
+        ask_keys: tuple[str, ...] = (),
         put_keys: tuple[str, ...] = (),
         connect: BusEndpoint | None = None,
         on_failure: Failure = report_to_loop,
@@ -79,10 +79,10 @@ class ZenohBus:
             configuration = (
                 zenoh_config.visitor(connect)
                 if connect is not None
-                else zenoh_config.standalone(listen, open_keys, put_keys)
+                else zenoh_config.standalone(listen, ask_keys, put_keys)
             )
         self.trouble = ""
-        """fault that keeps a patient or renewed session from opening; empty without a fault"""
+        """error of the last attempt to open a patient or renewed session; empty after a success"""
         self.endpoint: BusEndpoint | None = None
         """endpoint at which the session listens"""
         self._configuration = configuration
@@ -143,7 +143,7 @@ class ZenohBus:
             self._dropped += 1
             return
         for receive in self._routes.reached_by(key):
-            self._inbox.take(OWN_QUEUE, key, partial(receive, key, payload))
+            self._inbox.enqueue(OWN_QUEUE, key, partial(receive, key, payload))
         if not self._configuration.has_others or self._closed.is_set():
             return
         session = self._session
@@ -166,7 +166,7 @@ class ZenohBus:
                 self._dropped += 1
                 return
             key = str(sample.key_expr)
-            self._inbox.take(MESSAGE_QUEUE, key, partial(receive, key, bytes(sample.payload)))
+            self._inbox.enqueue(MESSAGE_QUEUE, key, partial(receive, key, bytes(sample.payload)))
 
         self._routes.add(key_expression, receive)
         self._declare(
@@ -183,7 +183,7 @@ class ZenohBus:
 
             asked_key = str(query.key_expr)
             delivery = partial(serve, asked_key, _query_payload(query.payload), reply)
-            if not self._inbox.take(QUERY_QUEUE, asked_key, delivery):
+            if not self._inbox.enqueue(QUERY_QUEUE, asked_key, delivery):
                 # zenoh-python types drop() and close() as untyped.
                 query.drop()  # type: ignore[no-untyped-call]
 
@@ -341,7 +341,7 @@ class ZenohBus:
         is_new = links.record((event.link.src, event.link.dst), has_started=has_started)
         if is_new and self._on_link is not None:
             report = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_started)
-            self._inbox.take(OWN_QUEUE, "", report)
+            self._inbox.enqueue(OWN_QUEUE, "", report)
 
     def _bound_port(self, session: zenoh.Session) -> int:
         """Return the free port that Zenoh has chosen, from its admin space."""

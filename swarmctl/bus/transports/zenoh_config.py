@@ -30,8 +30,8 @@ LEASE_MS = 2_000
 RETRY_MS = (100, 300)
 """first and longest pause between attempts to connect"""
 HANDSHAKE_MS = 2_000
-"""Time limit of one attempt, with TCP's handshake. A kernel repeats a lost SYN after 1 s, then at growing
-intervals. Longer attempts find a restarted router late; shorter attempts fail on slow radio links."""
+"""Time limit of one attempt to connect, TCP's handshake included. A kernel repeats a lost SYN after 1 s, then
+at growing intervals. Longer attempts find a restarted router late; shorter ones fail on slow radio links."""
 JOIN_MS = 3_000
 """time limit for the connection of a visitor"""
 OPENING_MS = 4_000
@@ -109,7 +109,7 @@ def standalone(
 ) -> Configuration:
     """Return the configuration of a process that connects to no other process.
 
-    At `listen` other processes may query and put under these keys.
+    At `listen` other processes may query `ask_keys` and put `put_keys`.
     """
     values = _common("peer", listen=listen)
     if listen is not None:
@@ -151,8 +151,8 @@ def mesh_node(
     """Return the configuration of a mesh node, which relays for its neighbours; neighbours may be absent.
 
     Only one node of each pair should connect to the other node. If both connect, the pair has two links and
-    one transport. After a cut only one end may close the transport. Then messages are lost in one direction,
-    and no table of Zenoh (1.10) shows this.
+    one transport. After a cut sometimes only one end closes the transport. Then messages are lost in one
+    direction, and no table of Zenoh (1.10) shows this.
     """
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # No time-out: Zenoh tries in the background.
@@ -169,14 +169,14 @@ def _common(
     connect: Sequence[BusEndpoint] = (),
     credentials: Credentials | None = None,
 ) -> dict[str, Any]:
-    first, most = RETRY_MS
+    first, longest = RETRY_MS
     endpoints = [*connect] if listen is None else [listen, *connect]
     values: dict[str, Any] = {
         "mode": mode,
         "listen/endpoints": [] if listen is None else [str(listen)],
         "listen/exit_on_failure": True,
         "connect/endpoints": [str(endpoint) for endpoint in connect],
-        "connect/retry": {"period_init_ms": first, "period_max_ms": most, "period_increase_factor": 1.5},
+        "connect/retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,  # wait for scouting before a router opens [ms]
@@ -191,7 +191,7 @@ def _common(
             "max_wait_before_drop_fragments": DROP_AFTER_US,
         },
         "transport/link/tx/queue/congestion_control/block": {"wait_before_close": GIVE_UP_AFTER_US},
-        # Zenoh checks only messages in fragments, longer than a batch; `ZenohBus` checks shorter messages.
+        # Zenoh checks only messages longer than a batch, sent in fragments; `ZenohBus` checks all messages.
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + KEY_AND_HEADER_BYTES,
     }
     if listen is not None and listen.port == 0:

@@ -12,7 +12,7 @@ from swarmctl.core.operator_text import printable
 
 EVERYTHING = "**"
 MAX_TEXTS = 32
-"""largest number of different texts about bugs; senders can influence the texts"""
+"""largest number of different texts about bugs; senders of messages can influence the texts"""
 
 
 class Subscriptions:
