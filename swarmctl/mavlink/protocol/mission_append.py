@@ -56,13 +56,13 @@ class Append(Conversation[AppendResult]):
     QUIET_S = 0.5
     """shortest silence after which the number of stored items is requested; 1.5 round trips if longer"""
     MAX_QUIET_S = 4.0
-    """limit of this silence, which doubles at each deadline"""
+    """longest silence before the number of stored items is requested; the silence doubles at each deadline"""
     STUCK_LIMIT_S = 30.0
     """longest time without a further stored item"""
     NO_ANSWER_S = 5.0
     """longest wait for the first answer"""
     MAX_COPIES = 3
-    """greatest number of copies of each message; each loss adds one"""
+    """greatest number of copies of each message; each further burst adds a copy"""
     MAX_BURSTS = 2
     """number of bursts without a stored item after which partial lists count as unsupported"""
 

@@ -12,7 +12,7 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 class SetCurrent(Conversation[CommandResult]):
     """One try of MISSION_SET_CURRENT, for PX4, which lacks MAV_CMD_DO_SET_MISSION_CURRENT.
 
-    A MISSION_CURRENT with that item is the answer.
+    The answer is a MISSION_CURRENT with the item's number.
     """
 
     ANSWER_WAIT_S = 1.0

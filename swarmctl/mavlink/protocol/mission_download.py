@@ -38,10 +38,10 @@ class DownloadResult:
 class Download(Conversation[DownloadResult]):
     """One attempt to read the items from `first` on.
 
-    window: number of items requested at a time; with 1 each item takes a round trip
+    window: number of items requested at a time; 1: each item takes a round trip
     copies: number of times that each request is sent
     in_order: True for PX4, which serves only the next item and the last served item. Any other request ends
-        the transfer. So after a loss with `window` > 1 the download has to be restarted.
+        the transfer. So if `window` > 1, the download has to be restarted after a loss.
     """
 
     REPEAT_PERIOD_S, MAX_REPEAT_PERIOD_S = 1.0, 4.0

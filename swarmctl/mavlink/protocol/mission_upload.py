@@ -57,7 +57,7 @@ class UploadResult:
 
 WINDOW = 8
 """Number of items under way at a time: some 400 bytes, which fit into the receive buffer of a serial port.
-After a loss each item is sent twice. If the buffer overflows, the vehicle requests the lost items again."""
+After a loss each item is sent twice; if the buffer then overflows, the vehicle requests the items again."""
 
 
 class Upload(Conversation[UploadResult]):
@@ -71,13 +71,13 @@ class Upload(Conversation[UploadResult]):
 
     OVERDUE_ROUND_TRIPS = 1.25
     MAX_OVERDUE_S = 2.5
-    """time after which an item counts as lost: a number of round trips, and its limit"""
+    """time after which an item counts as lost: this number of round trips, at most MAX_OVERDUE_S"""
     REPEAT_PERIOD_S = 1.0
     """period of repeating the count until the first request, and of repeating a requested item"""
     FIRST_LIMIT_S = 12.0
-    """longest wait for the first request; with 30 % loss and 2 s per answer, 1 in 20 takes longer than 6 s"""
+    """longest wait for the first request; at 30 % loss and 2 s per answer, 1 wait in 20 takes over 6 s"""
     IDLE_LIMIT_S, STUCK_LIMIT_S = 6.0, 30.0
-    """Longest time without a request, and without a request for a further item. ArduPilot gives up after 8 s
+    """Longest time without a request, and without a request for a new item. ArduPilot gives up after 8 s
     without an item, PX4 after 5 s. The whole transfer has no limit."""
 
     def __init__(
@@ -167,7 +167,7 @@ class Upload(Conversation[UploadResult]):
             self._round_trip_s = now - self._begin_s
         self._idle_at = now + self.IDLE_LIMIT_S
         if seq > self._max_requested:
-            self._advance_to(seq, now)
+            self._record_progress(seq, now)
         self.next_deadline = min(self._idle_at, self._stuck_at)
         if seq == len(self._items) - 1 and self._too_late(self._round_trip_s):
             return self._withhold_last(seq, now)
@@ -181,7 +181,7 @@ class Upload(Conversation[UploadResult]):
         self._end(UploadOutcome.TOO_LATE, "the last item was not sent")
         return self._closing_messages(now)
 
-    def _advance_to(self, seq: int, now: float) -> None:
+    def _record_progress(self, seq: int, now: float) -> None:
         self._max_requested = seq
         self._stuck_at = now + self.STUCK_LIMIT_S
         if seq - 1 in self._sent_s and seq - 1 not in self._resent:
@@ -258,7 +258,7 @@ class Upload(Conversation[UploadResult]):
         return closing
 
     def _end(self, outcome: UploadOutcome, reason: str) -> None:
-        nack = f", earlier {self._last_nack}" if self._last_nack and outcome is not outcome.ACCEPTED else ""
+        nack = f"; refusal {self._last_nack}" if self._last_nack and outcome is not outcome.ACCEPTED else ""
         text = f"upload {outcome.value}: {reason}{nack}"
         self._finish(UploadResult(outcome, text, is_lossy=self._is_lossy))
 

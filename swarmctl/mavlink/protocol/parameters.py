@@ -104,14 +104,14 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
     def _request(self, name: str) -> Message:
         raise NotImplementedError
 
-    def _settles(self, name: str, parameter: Parameter) -> bool:
+    def _is_answer(self, name: str, parameter: Parameter) -> bool:
         raise NotImplementedError
 
     def _begin(self, now: float) -> list[Message]:
         self._enter(ConversationState.EXCHANGING)
-        return self._proceed(now)
+        return self._request_next(now)
 
-    def _proceed(self, now: float) -> list[Message]:
+    def _request_next(self, now: float) -> list[Message]:
         room = self.MAX_PENDING - len(self._tries)
         started, self._waiting = self._waiting[:room], self._waiting[room:]
         self._tries.update(dict.fromkeys(started, 1))
@@ -128,16 +128,16 @@ class _ParameterExchange(Conversation[dict[str, Parameter]]):
         if name not in self._tries:
             return []
         self._values[name] = decoded(message, byte_wise=self._byte_wise)
-        if not self._settles(name, self._values[name]):
+        if not self._is_answer(name, self._values[name]):
             return []
         del self._tries[name]
-        return self._proceed(now)
+        return self._request_next(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
         again = [name for name, tries in self._tries.items() if tries < self.TRIES]
         self._tries = {name: self._tries[name] + 1 for name in again}
         requests = [self._request(name) for name in again]
-        return requests + self._proceed(now)
+        return requests + self._request_next(now)
 
 
 class ReadParameters(_ParameterExchange):
@@ -148,7 +148,7 @@ class ReadParameters(_ParameterExchange):
             self._peer.sysid, self._peer.compid, name.encode(), -1
         )
 
-    def _settles(self, name: str, parameter: Parameter) -> bool:
+    def _is_answer(self, name: str, parameter: Parameter) -> bool:
         return True
 
 
@@ -170,7 +170,7 @@ class WriteParameters(_ParameterExchange):
             self._peer.sysid, self._peer.compid, name.encode(), self._fields[name], kind
         )
 
-    def _settles(self, name: str, parameter: Parameter) -> bool:
+    def _is_answer(self, name: str, parameter: Parameter) -> bool:
         # Another value may be the late answer to an earlier request.
         return same_value(parameter.value, self._new[name].value)
 

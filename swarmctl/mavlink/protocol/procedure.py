@@ -30,7 +30,7 @@ class Context:
     telemetry: Telemetry
     now: float = 0.0
     verified_items: tuple[MissionItem, ...] = field(default=())
-    """the mission last verified on the vehicle; empty if none, or if the vehicle may store another"""
+    """the mission last verified on the vehicle; empty if none, or if the vehicle may store another mission"""
     plan_first_seq: int = 0
     """index in `verified_items` of the flown plan's first waypoint, after home, take-off and earlier plans"""
     interrupted: bool = False
@@ -57,15 +57,15 @@ class Driver(Conversation[R]):
 
     def _begin(self, now: float) -> list[Message]:
         self._enter(ConversationState.EXCHANGING)
-        return self._advance(None, now)
+        return self._resume(None, now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         assert self._current is not None
-        return self._continue(self._current.receive(message, now), now)
+        return self._resume_after_end(self._current.receive(message, now), now)
 
     def _on_deadline(self, now: float) -> list[Message]:
         assert self._current is not None
-        return self._continue(self._current.tick(now), now)
+        return self._resume_after_end(self._current.tick(now), now)
 
     def _closing_messages(self, now: float) -> list[Message]:
         assert self._current is not None
@@ -73,14 +73,14 @@ class Driver(Conversation[R]):
         self._procedure.close()
         return messages
 
-    def _continue(self, messages: list[Message], now: float) -> list[Message]:
+    def _resume_after_end(self, messages: list[Message], now: float) -> list[Message]:
         assert self._current is not None
         if self._current.result is not None:
-            return messages + self._advance(self._current.result, now)
+            return messages + self._resume(self._current.result, now)
         self.next_deadline = self._current.next_deadline
         return messages
 
-    def _advance(self, result: Any, now: float) -> list[Message]:
+    def _resume(self, result: Any, now: float) -> list[Message]:
         """Resume the procedure until a conversation waits for the vehicle; return the messages to send."""
         self._context.now = now
         messages: list[Message] = []

@@ -42,7 +42,9 @@ def wait(seconds: float) -> WaitUntil:
 
 
 class RequestUntil(Conversation[bool]):
-    """Request of a message: True if the message arrives and `condition()` holds; False after `timeout_s`.
+    """Repeated request of a message, until the message has arrived and `condition()` holds.
+
+    The result is True, or False after `timeout_s`.
 
     The message is usually a heartbeat, the only message with mode and arming. ArduPilot sends a heartbeat
     soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.

@@ -1,7 +1,7 @@
 """Mission watch: check, between own procedures, that a vehicle still stores the verified mission.
 
-https://mavlink.io/en/messages/common.html#MISSION_CURRENT: `total` is 0 if unsupported, and 65535 without a
-mission; `mission_id` changes with the mission's content, and is 0 if unsupported.
+https://mavlink.io/en/messages/common.html#MISSION_CURRENT: `total` is 0 if unsupported, and 65535 if there is
+no mission; `mission_id` changes with the mission's content, and is 0 if unsupported.
 
 - PX4 sends `mission_id` from 1.15 on, and in the MISSION_ACK of an upload (`MavlinkMissionManager`).
 - ArduPilot sends no id (`GCS_MAVLINK::send_mission_current`), but serves single items outside of a transfer
@@ -23,9 +23,9 @@ from swarmctl.mavlink.protocol.mission_download import item_of
 from swarmctl.mavlink.protocol.mission_upload import MISSION
 
 SETTLING_S = 2.0
-"""time after an own procedure during which messages are ignored: late messages show the earlier mission"""
+"""time after an own procedure during which messages are ignored: late messages show the previous mission"""
 OTHER_MISSION_LASTS_S = 1.0
-"""shortest deviation that counts: one MISSION_CURRENT (2 Hz) may be late"""
+"""least duration of a deviation that counts, because one MISSION_CURRENT (2 Hz) may be late"""
 REQUEST_PERIOD_S = 5.0
 """period of requests for an item; every second request is for the flown item"""
 REQUEST_SOON_S = 1.0
@@ -74,7 +74,7 @@ class MissionWatch:
             self._acknowledged_id = extension(message, _OPAQUE_ID_AT)
 
     def own_procedure_ended(self, own_items: tuple[MissionItem, ...], now: float) -> None:
-        """Start watching. `own_items`: the mission verified on the vehicle; empty: none."""
+        """Watch `own_items`, the mission verified on the vehicle; empty: watch no mission."""
         if own_items != self._own_items:
             self._own_items, self._own_id = own_items, self._acknowledged_id or None
         elif self._acknowledged_id not in (0, self._own_id):
@@ -86,7 +86,7 @@ class MissionWatch:
         self._request_at_s = now + REQUEST_PERIOD_S if can_request else math.inf
 
     def shows_other_mission(self, message: Message, now: float) -> bool:
-        """Return whether an item has differed twice, or count or id differ for OTHER_MISSION_LASTS_S."""
+        """Return whether an item has differed twice, or count or id have for OTHER_MISSION_LASTS_S."""
         if not self._own_items or now < self._settled_at_s:
             return False
         kind = message.get_type()

@@ -56,7 +56,7 @@ class Presence:
         return self._last_heartbeat_s + self._lost_after_s if self.state is LinkState.ALIVE else None
 
     def on_heartbeat(self, now: float) -> LinkState:
-        """Record a heartbeat; return the earlier state."""
+        """Record a heartbeat; return the state before the heartbeat."""
         before, self.state, self._last_heartbeat_s = self.state, LinkState.ALIVE, now
         return before
 

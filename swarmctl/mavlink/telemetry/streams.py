@@ -15,15 +15,15 @@ from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 _REPEAT_PAUSE_S, _MAX_REPEAT_PAUSE_S = 3.0, 30.0
 """first and longest pause between requests for a missing stream"""
 AFTER_SILENCE_S = 1.5
-"""delay of new requests after a silence: without a reboot the streams continue unrequested"""
+"""delay of new requests after a silence: if the vehicle has not rebooted, its streams continue"""
 
 _POSITION = int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
 _STOPPED_US = -1.0
 """the interval of MAV_CMD_SET_MESSAGE_INTERVAL that ends a stream"""
 _MAX_STREAM_INTERVAL_S = 3.0
-"""longest interval between messages of one stream; after a longer interval a message is a single message"""
+"""longest interval between messages of one stream; after a longer interval a message is no stream"""
 _STOP_SPACING_S = 0.2
-"""pause between commands that end streams: without pauses they would fill a slow link"""
+"""pause between commands that end streams, because many commands at once would fill a slow link"""
 _STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0
 """first and longest pause before a stream is ended again: another station may have requested the stream"""
 

@@ -19,9 +19,10 @@ from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
 STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 """a vehicle in the air below both speeds stands still"""
 REBOOT_STEP_S = 3.0
-"""limit of a late datagram: a larger step back of the vehicle's clock is a reboot"""
+"""greatest step back of the vehicle's clock by a late datagram; a larger step is a reboot"""
 LATE_MESSAGE_S = 1.0
-"""margin for late messages: a clock that shows less than the last silence minus this margin has restarted"""
+"""Margin for late messages. A vehicle has rebooted if its time since boot is shorter than the time since the
+previous message of its clock, by more than this margin."""
 CLOCK_WRAP_S = 2**32 / 1000.0
 """period of time_boot_ms, which has 32 bits: 49.7 days"""
 MAX_POSITION_AGE_S = 3.0
@@ -29,23 +30,23 @@ MAX_POSITION_AGE_S = 3.0
 stops sending positions."""
 MAX_POSITIONS, MIN_POSITIONS = 10, 3
 """largest and smallest number of positions for their mean interval"""
-SNAPSHOT_PERIOD_S = 0.9
-"""shortest time between two snapshots that heartbeats or SYS_STATUS cause while no positions arrive"""
+NEW_STATE_PERIOD_S = 0.9
+"""shortest time between two new states that heartbeats or SYS_STATUS cause while no positions arrive"""
 MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
 """limits of a valid altitude above sea level or home"""
 TEXTS_KEPT = 256
 
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
 _COMPLAINTS_KEPT = 3
-_SNAPSHOT_SOURCES = ("HEARTBEAT", "SYS_STATUS")
+_PERIODIC_SOURCES = ("HEARTBEAT", "SYS_STATUS")
 _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEXT")
 
 
 class Telemetry:
     """Telemetry of one vehicle.
 
-    `receive` returns whether there is a new snapshot: with each position and each change of mode or arming,
-    and without positions about once a second.
+    `receive` returns True for a new state: at each position, at each change of mode or arming, and about once
+    a second while no positions arrive.
 
     texts: last TEXTS_KEPT STATUSTEXTs (severity, text); `n_texts` counts all of them
     stood_still_s: time in hold or without motion in the air, by the vehicle's clock
@@ -64,8 +65,8 @@ class Telemetry:
         self._clock_received_s: float | None = None
         self._clock_reported_s = 0.0
         self._clock_before_s = 0.0
-        """total of the clock's earlier periods of 49.7 days"""
-        self._snapshot_s = -math.inf
+        """time in completed periods of the clock, 49.7 days each"""
+        self._new_state_s = -math.inf
         self._positions_s: deque[float] = deque(maxlen=MAX_POSITIONS)
         """arrival times of the last positions"""
         self._assembler = TextAssembler()
@@ -101,21 +102,21 @@ class Telemetry:
         return self._state
 
     def receive(self, message: Message, now: float) -> bool:
-        """Update the state from a message; return whether there is a new snapshot. `now`: local clock [s]."""
+        """Update the state from a message; return True for a new state. `now`: local clock [s]."""
         handler = self._handlers.get(message.get_type())
         if handler is None:
             return False
         self._now = now
         was_missing = message.get_msgId() in self._missing
         self._missing.discard(message.get_msgId())
-        is_snapshot = handler(message)
+        is_new_state = handler(message)
         if was_missing or message.get_type() in _READINESS_SOURCES:
             self._update_readiness()
-        if not is_snapshot and message.get_type() in _SNAPSHOT_SOURCES:
-            is_snapshot = now - self._snapshot_s >= SNAPSHOT_PERIOD_S
-        if is_snapshot:
-            self._snapshot_s = now
-        return is_snapshot
+        if not is_new_state and message.get_type() in _PERIODIC_SOURCES:
+            is_new_state = now - self._new_state_s >= NEW_STATE_PERIOD_S
+        if is_new_state:
+            self._new_state_s = now
+        return is_new_state
 
     def set_other_mission(self, is_stored: bool) -> None:
         """Set whether the vehicle stores another mission than the verified one."""
@@ -226,7 +227,7 @@ class Telemetry:
         has_restarted = received_s is not None and 0.0 <= ran_s < self._now - received_s - LATE_MESSAGE_S
         if not (went_back or has_restarted):
             return False
-        # Heartbeats come without a request, so their fields stay; all others are from before the reboot.
+        # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
         last = self.state
         time_boot_s -= self._clock_before_s
         self._clock_before_s, self._clock_reported_s = 0.0, time_boot_s
@@ -262,7 +263,7 @@ class Telemetry:
         return False
 
     def _gps_ok(self, present: int, health: int) -> bool | None:
-        """Return whether the GPS works; None without a receiver. A receiver that disappears has failed.
+        """Return whether the GPS works; None if there is no receiver. A receiver that disappears has failed.
 
         PX4 reports the GPS as present only while the estimator uses the GPS, but always as healthy
         (estimatorCheck.cpp, SYS_STATUS.hpp). In ArduPilot the GPS is present while the receiver sends data.

@@ -39,7 +39,8 @@ CLEAR_WAIT_S = 10.0
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     """Append the new route, read it back and make it current. If this is impossible or fails, swap in hold.
 
-    A vehicle that is late, lands or reports no position keeps the old route. Raises NotInControl.
+    A vehicle that is past the splice point, off the new route, landing, or without a known position stays on
+    the old route. Raises NotInControl.
     """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
     old, stored = OldPlan.of(ctx), ctx.verified_items
@@ -61,7 +62,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
     if not failure:
         # A command is based on telemetry. When the command arrives, that telemetry is one round trip old.
         later_s = appended.round_trip_s
-        yield WaitUntil(lambda: _is_clear(ctx, plan, later_s), CLEAR_WAIT_S)
+        yield WaitUntil(lambda: _next_item_is_certain(ctx, plan, later_s), CLEAR_WAIT_S)
         late, no_position = is_past(appended.round_trip_s), plan.lacks_position(ctx)
         if late or no_position or ctx.state.landed is Landed.LANDING:
             # Another station or the pilot may have ordered a landing.
@@ -79,7 +80,7 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
             ctx, len(stored), tail, lambda: plan.next_waypoint(ctx, later_s)
         )
     if not failure:
-        plan.mark_current(ctx)
+        plan.record_current(ctx)
         ctx.verified_items, ctx.plan_first_seq = stored + found, len(stored)
         failure = yield from confirm_flying(ctx, len(stored))
     if not failure:
@@ -101,7 +102,7 @@ def _read_back(
     return read.items, f"read back after the old route: {mismatches[0]}" if mismatches else None
 
 
-def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
+def _next_item_is_certain(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
     """Return whether it is certain which item of the new route is next when a command arrives."""
     if plan.lacks_position(ctx):
         return False

@@ -28,7 +28,7 @@ HOLD_LIMIT_S = 120.0
 def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swapped]:
     """Hold, upload, read back, set the current item, fly; after a failure do the same with the old mission.
 
-    After a second failure the vehicle stays in hold. Raises NotInControl.
+    After a second failure, or after HOLD_LIMIT_S, the vehicle stays in hold. Raises NotInControl.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     failure = yield from enter_hold(ctx, plan)
@@ -47,12 +47,12 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
             ctx, plan, plan.items, lambda: first + plan.next_waypoint(ctx), is_over
         )
     if not failure:
-        plan.mark_current(ctx)
+        plan.record_current(ctx)
         return Swapped(None, "new")
     if is_over():
         failure = f"{failure}; the vehicle has held for more than {HOLD_LIMIT_S:g} s [hold-limit]"
     elif old.items:
-        second = yield from _fly_back(ctx, plan, old, is_over)
+        second = yield from _return_to_old(ctx, plan, old, is_over)
         if not second:
             return Swapped(failure, "old", is_late=is_late)
         failure = f"{failure}; back to the old mission: {second}"
@@ -60,7 +60,7 @@ def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swappe
     return Swapped(failure, "hold")
 
 
-def _fly_back(
+def _return_to_old(
     ctx: Context, plan: SwapPlan, old: OldPlan, is_over: Callable[[], bool]
 ) -> Procedure[str | None]:
     """Make a vehicle that is still on the old route fly the old mission; return the failure."""

@@ -13,8 +13,8 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import WaitUntil
 
 MAX_ITEMS = 400
-"""Longest list with flown items; a longer list is replaced by the new plan alone. ArduPilot stores 650 items
-or more."""
+"""Greatest number of stored items if flown items stay stored; above this number only the new plan is stored.
+ArduPilot stores 650 items or more."""
 MOVE_WAIT_S = 10.0
 """longest wait until the vehicle flies to its new item"""
 MAX_CROSS_TRACK_TURNING_M = 150.0
@@ -51,7 +51,7 @@ class OldPlan:
         return cls(items, seq, RouteProgress(ctx.state, items[seq:]))
 
     def next_item(self, ctx: Context) -> int | None:
-        """Return the index of the vehicle's next item; None off this plan or without a position."""
+        """Return the index of the vehicle's next item; None if off this plan or without a position."""
         if not (self.items and self.progress.is_known and ctx.state.has_position):
             return None
         at = self.progress.at(ctx.state)
@@ -92,7 +92,7 @@ class SwapPlan:
         return self.leaves_ahead and not ctx.state.has_position
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
-        """Return the index of the next waypoint; 0 if late, in a plan without `leaves_ahead`."""
+        """Return the index of the next waypoint; 0 if not `leaves_ahead` and the position is late."""
         at = self.position(ctx, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
 
@@ -100,8 +100,8 @@ class SwapPlan:
         """Return whether the vehicle is past the splice point or off the plan when a message takes effect."""
         return self.leaves_ahead and self.position(ctx, round_trip_s).is_late
 
-    def mark_current(self, ctx: Context) -> None:
-        """Record that the plan is current from now on; telemetry shows this later."""
+    def record_current(self, ctx: Context) -> None:
+        """Record that the plan is current from now on; telemetry shows the new current item later."""
         self.current_since_s = ctx.state.time_boot_s
 
 
@@ -115,7 +115,7 @@ def takes_off(ctx: Context) -> bool:
 def confirm_flying(ctx: Context, first: int) -> Procedure[str | None]:
     """Wait until the vehicle flies to item `first` or a later item; return the failure.
 
-    Without a position, mode and current item are the only evidence.
+    If no position is known, mode and current item are the only evidence.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     # The last position may be from before the hold.
