@@ -46,7 +46,7 @@ from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.evidence.file import Signer
 from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.report.final_state import describe_final_state
-from swarmctl.report.outcome import Ending, Report
+from swarmctl.report.outcome import Ending, FlightReport
 from swarmctl.report.record import Recorder
 from swarmctl.report.summary import FlightStatistics, summary
 from swarmctl.report.ui import SafeUi, Ui, UiObserver
@@ -61,9 +61,9 @@ class FlightOptions:
     launch: Launch = "when-ready"
     operator_service_of: int | None = None
     """the vehicle that this process flies for a swarm of several processes; None: this process flies all"""
-    orders_closed: Callable[[Sequence[Member]], str] | None = None
+    order_refusal: Callable[[Sequence[Member]], str] | None = None
     """function that returns the reason why operators' orders are refused now, or an empty text; None:
-    `operator_orders.orders_closed` decides"""
+    `operator_orders.unsigned_order_refusal` decides"""
     signing: CommandSigning = UNSIGNED
     """verifier of operators' commands and signer of answers"""
     frame_codec: FrameCodec | None = None
@@ -87,7 +87,7 @@ async def fly(
     address_of: AddressOf = undisturbed,
     bus: Transport | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
-) -> Report:
+) -> FlightReport:
     """Fly the scenario, record the flight in `folder`, and return the report.
 
     `bus` is an open transport; None opens the configured transport, or a bus in memory on a virtual clock.
@@ -155,7 +155,7 @@ class _Run:
             else:
                 self.bug = error
 
-    def report(self) -> Report:
+    def report(self) -> FlightReport:
         states = {m.spec.sysid: m.state for m in self.members}
         simulator_failed = any(isinstance(error, simulator.SimulatorFailed) for error in self.failures)
         final_states = tuple(
@@ -167,7 +167,7 @@ class _Run:
         )
         content = self._summary(states) if states else {}
         trouble = tuple(self.trouble)
-        return Report(
+        return FlightReport(
             self.ended, trouble, final_states, states, self.statistics, content, self.bug, self.checked
         )
 
@@ -201,10 +201,10 @@ def _build_members(
         run.commands,
         run.members,
         uav=run.options.operator_service_of,
-        closed_by=run.options.orders_closed,
+        order_refusal=run.options.order_refusal,
         signing=run.options.signing,
     )
-    # All or none: the summary needs the links of all members, so an error must not leave only some.
+    # The summary needs the links of all members, so after an error `members` has all members or none.
     run.members += list(
         build_members(
             run.scenario,
@@ -254,7 +254,7 @@ def _return_queue(run: _Run, network: Network) -> ReturnQueue | None:
 
 
 async def _run_flight(run: _Run, director: Director, network: Network, resources: FlightResources) -> None:
-    """Run the task tree; order armed vehicles to `flight.on_exit` if the tree fails or is abandoned."""
+    """Run the task tree. After a failure or an abandoned flight, armed vehicles get the order `on_exit`."""
     flight, say = run.scenario.config.flight, run.ui.say
     order = FlightOrder(flight.on_exit)
     show_states = partial(show, run.members, run.statistics, run.ui, run.scenario, director, network)

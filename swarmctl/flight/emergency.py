@@ -37,8 +37,8 @@ async def in_turns(
     """Order all armed vehicles except released vehicles, after the agents have crashed.
 
     Returning vehicles hold until their turns, so that no two vehicles meet; after `within_s` they return in
-    any case. `speedup` is vehicle seconds in one second of the loop. No operator has given these orders, so
-    each order first checks that swarmctl has set the vehicle's mode.
+    any case. `speedup` is vehicle seconds in one second of the loop. No operator has given these orders, so a
+    vehicle whose mode has just changed gets no order.
     """
     armed = _armed_and_unreleased(members)
     if not armed:

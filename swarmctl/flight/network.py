@@ -31,9 +31,10 @@ def options_of(scenario: Scenario) -> NodeOptions:
 
 
 def radio_settings(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
-    """Return the radio between vehicles of these names (system id: name).
+    """Return the settings of the radio; `names`: names of the vehicles by system id.
 
-    Raises ValueError if a configured name does not match one vehicle, or if the losses contradict each other.
+    Raises ValueError if a configured name does not match exactly one vehicle, or if the losses contradict
+    each other.
     """
     c = communication
     return RadioSettings(

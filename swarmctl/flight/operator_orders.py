@@ -1,4 +1,4 @@
-"""The operator service of a flight, and the conditions under which the service takes orders."""
+"""The operator service of a flight, and the conditions under which the service accepts orders."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def operator_service_for(
     members: Sequence[Member],
     *,
     uav: int | None,
-    closed_by: Callable[[Sequence[Member]], str] | None,
+    order_refusal: Callable[[Sequence[Member]], str] | None,
     signing: CommandSigning,
 ) -> OperatorService:
-    """Return the operator service of vehicle `uav`; None: the service of all vehicles.
+    """Return the operator service of vehicle `uav`, or of all vehicles if `uav` is None.
 
-    `members` may be filled later. `closed_by` returns the reason why orders are refused now, or an empty
-    text. If `closed_by` is None, `orders_closed` decides.
+    `members` may be filled later. `order_refusal` returns the reason why orders are refused now, or an empty
+    text. If `order_refusal` is None, `unsigned_order_refusal` decides.
     """
 
     def refusal(command: Request) -> str:
         if not isinstance(command, GiveOrder):
             return ""
-        if closed_by is not None:
-            return closed_by(members)
-        return orders_closed(scenario, members, command)
+        if order_refusal is not None:
+            return order_refusal(members)
+        return unsigned_order_refusal(scenario, members, command)
 
     return OperatorService(
         transport,
@@ -51,7 +51,7 @@ def operator_service_for(
     )
 
 
-def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
+def unsigned_order_refusal(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
     """Return the reason why a process that flies all vehicles refuses an order; empty for an accepted order.
 
     Orders to this process are not signed. Therefore no order launches a real vehicle, and real vehicles

@@ -16,7 +16,7 @@ from swarmctl.agent.traffic.return_schedule import (
     MIN_SILENCE_S,
     SINK_M_S,
     may_be_returning,
-    place_from_state,
+    position_from_state,
     schedule_for,
 )
 from swarmctl.core.frames import StateShared
@@ -71,8 +71,8 @@ class ReturnQueue:
             if state.alt_rel_m < AIRBORNE_M or age_s > max(MIN_SILENCE_S, state.alt_rel_m / SINK_M_S):
                 continue
             home_amsl_m = place.home_alt_amsl_m
-            up_m = home_amsl_m + state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
-            lower = (up_m, uav) < (place.alt_amsl_m, self.uav)
+            alt_amsl_m = home_amsl_m + state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
+            lower = (alt_amsl_m, uav) < (place.alt_amsl_m, self.uav)
             if lower and distance_m(here, (state.lat_deg, state.lon_deg)) < apart_m:
                 return False
         return True
@@ -87,7 +87,9 @@ class ReturnQueue:
         """Return the positions of vehicles that return, or may still return after their last state."""
         places = {}
         for uav, received in self._received.items():
-            place = None if received.state.phase == Phase.HOLDING else place_from_state(received.state, own)
+            place = (
+                None if received.state.phase == Phase.HOLDING else position_from_state(received.state, own)
+            )
             if place is not None and may_be_returning(place, now_s - received.at_s):
                 places[uav] = place
         return places

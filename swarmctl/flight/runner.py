@@ -100,7 +100,7 @@ class Runner:
         """a function that repeats the preflight checks and returns a line for each failure"""
         self._cleared_s = -math.inf
         self.conflict = ""
-        """a message about another sender with the vehicle's system id; empty without one"""
+        """a message about another sender with the vehicle's system id; empty if there is none"""
         self._sensor = sensor
         self._network = network
         self._observers = observers
@@ -148,7 +148,7 @@ class Runner:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
                 self.post(ev.TelemetryReceived(state))
                 self._read_neighbours(state.time_boot_s)
-                if cells := self._sensor.look(state):
+                if cells := self._sensor.observe(state):
                     self.post(ev.Observed(cells))
             case VehicleLost(age_s):
                 self.post(ev.LinkLost(age_s))
@@ -175,7 +175,9 @@ class Runner:
             case ProcedureDone(name, failure, stood_still_s):
                 result = f"not completed: {failure}" if failure else "completed"
                 text = f"procedure {name.replace('_', ' ')}: {result}"
-                stood = f"; the vehicle stood still for {stood_still_s:.1f} s" if stood_still_s else ""
+                stood = (
+                    f"; the vehicle held or stood still for {stood_still_s:.1f} s" if stood_still_s else ""
+                )
                 self.note(extended(text, stood))
             case FirstHeartbeat():
                 self.note("first heartbeat")
@@ -325,7 +327,7 @@ class Runner:
         return ""
 
     async def _check_launch(self) -> None:
-        """Raise LinkError if the vehicle must not be armed now."""
+        """Raise LinkError if the vehicle must not be armed now, LaunchNotPermitted if `armable` is None."""
         if self.armable is None:
             raise LaunchNotPermitted(f"{self.state.task.name}: launch without permission to arm")
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from swarmctl.agent.orders import place_for_return
+from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.state import IN_FLIGHT, Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, describe_schedule, schedule_for
 from swarmctl.config.flight import FlightSection
@@ -45,15 +45,15 @@ class Shutdown:
         order = ev.FlightOrder(self._flight.on_exit)
         # Before a return, a vehicle that already returns or lands, or waits to return, gets no order to hold.
         leaving = [m for m in in_flight if order is ev.FlightOrder.RETURN and _is_leaving(m)]
-        stopped = [m for m in in_flight if m not in leaving]
+        to_hold = [m for m in in_flight if m not in leaving]
         if released := [m for m in self._members if is_released_in_air(m.state)]:
             self._say(
                 f"{names(released)}: released in the air, and therefore without an order; {HEARTBEATS_END} "
                 "[released-in-air]"
             )
-        self._say(f"stopping: {names(stopped) or 'no vehicle'} ordered to hold [stopping]")
+        self._say(f"stopping: {names(to_hold) or 'no vehicle'} ordered to hold [stopping]")
         self._order([m for m in self._members if m not in leaving], ev.FlightOrder.HOLD)
-        await self._within(HOLD_DEADLINE_S, _holds, stopped)
+        await self._within(HOLD_DEADLINE_S, _holds, to_hold)
         if order is ev.FlightOrder.HOLD:
             return
         flying = [m for m in in_flight if not m.state.ended]
@@ -62,24 +62,24 @@ class Shutdown:
             await self._land(flying)
             return
         began_s = asyncio.get_running_loop().time()
-        self._order(await self._when_others_are_clear(flying), order)
+        self._order(await self._await_clear_paths(flying), order)
         waited_s = asyncio.get_running_loop().time() - began_s
         remaining_s = self._flight.on_exit_deadline_s - waited_s
         if self._return_queue is not None:
             remaining_s = max(remaining_s, HOLD_DEADLINE_S)
         await self._within(remaining_s, lambda m: m.state.ended, flying)
-        late = [m for m in flying if m.state.return_turn_boot_s is not None]
+        late = [m for m in flying if m.state.return_latest_boot_s is not None]
         if late:
             self._say(RETURN_NOW.format(names(late)))
             for member in late:
                 member.runner.post(ev.OperatorCommand(ev.FlightOrder.RETURN))
             await self._within(HOLD_DEADLINE_S, _returns, late)
 
-    async def _when_others_are_clear(self, flying: Sequence[Member]) -> list[Member]:
+    async def _await_clear_paths(self, flying: Sequence[Member]) -> list[Member]:
         """Wait until the paths home are clear of other processes' vehicles, or the deadline is over.
 
-        Return the vehicles to order home: all but those that left their hold during the wait (low battery, or
-        an operator's order).
+        Return the vehicles to order home. A vehicle that left its hold during the wait (low battery, or an
+        operator's order) gets no order.
         """
         if self._return_queue is None:
             return list(flying)
@@ -89,7 +89,8 @@ class Shutdown:
         held = [m for m in flying if m.state.phase is Phase.HOLDING]
         for member in held:
             while (
-                member.state.phase is Phase.HOLDING and (place := place_for_return(member.state)) is not None
+                member.state.phase is Phase.HOLDING
+                and (place := position_for_return(member.state)) is not None
             ):
                 if queue.may_return(place, clock()):
                     break
@@ -110,7 +111,7 @@ class Shutdown:
         self._order([m for m in flying if m not in waiting], ev.FlightOrder.LAND)
 
         def has_ended(member: Member) -> bool:
-            # Each poll also orders the vehicles down whose descent is clear now.
+            # Each poll also orders a landing of vehicles with a clear descent.
             for held in [m for m in waiting if not self._is_above_another(m, flying)]:
                 waiting.remove(held)
                 self._order([held], ev.FlightOrder.LAND)
@@ -124,7 +125,7 @@ class Shutdown:
 
     def _is_above_another(self, member: Member, flying: Sequence[Member]) -> bool:
         """Return whether an airborne vehicle of any process is in the way of this vehicle's descent."""
-        place = place_for_return(member.state)
+        place = position_for_return(member.state)
         if place is None or self._return_queue is None:
             return bool(_vehicles_below(member, flying))
         return not self._return_queue.may_land(place, asyncio.get_running_loop().time())
@@ -132,9 +133,9 @@ class Shutdown:
     def _order(self, members: Iterable[Member], order: ev.FlightOrder) -> None:
         members = list(members)
         returning = [m.spec.sysid for m in members] if order is ev.FlightOrder.RETURN else []
-        turns = return_delays_s(self._members, self._say, returning)
+        delays_s = return_delays_s(self._members, self._say, returning)
         for member in members:
-            after_s = turns.get(member.spec.sysid, 0.0)
+            after_s = delays_s.get(member.spec.sysid, 0.0)
             member.runner.post(ev.OperatorCommand(order, after_s=after_s))
 
     async def _within(
@@ -162,7 +163,7 @@ def _holds(member: Member) -> bool:
 def _returns(member: Member) -> bool:
     """Return whether the vehicle returns without waiting for a turn, or has ended its flight."""
     state = member.state
-    return state.ended or (state.return_turn_boot_s is None and state.order_followed)
+    return state.ended or (state.return_latest_boot_s is None and state.order_followed)
 
 
 def _lands(member: Member) -> bool:
@@ -170,16 +171,16 @@ def _lands(member: Member) -> bool:
 
 
 def _vehicles_below(member: Member, flying: Sequence[Member]) -> list[Member]:
-    """Return the airborne vehicles in the descent of this vehicle.
+    """Return the lower airborne vehicles in the way of this vehicle's descent.
 
     At equal height the vehicle with the lower system id counts as the lower vehicle.
     """
-    place = place_for_return(member.state)
+    place = position_for_return(member.state)
     if place is None:
         return []
     here, found = (place.lat_deg, place.lon_deg), []
     for other in flying:
-        other_place = place_for_return(other.state)
+        other_place = position_for_return(other.state)
         if other is member or other.state.ended or other_place is None:
             continue
         apart_m = max(MIN_HORIZONTAL_M, place.min_separation_m[0], other_place.min_separation_m[0])
@@ -192,9 +193,9 @@ def _vehicles_below(member: Member, flying: Sequence[Member]) -> list[Member]:
 def return_delays_s(
     members: Sequence[Member], say: Callable[[str], None], uavs: Sequence[int]
 ) -> Mapping[int, float]:
-    """Return the wait of each of these vehicles for its turn to return [s], and report the order of turns."""
+    """Return how long each vehicle of `uavs` waits for its turn to return [s]; report the order of turns."""
     returning = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
-    places = {m.spec.sysid: place_for_return(m.state) for m in returning}
+    places = {m.spec.sysid: position_for_return(m.state) for m in returning}
     turns = schedule_for({uav: place for uav, place in places.items() if place is not None})
     if any(turns.begins_s.values()) or turns.height_only:
         schedule = describe_schedule(turns, {m.spec.sysid: m.name for m in returning})

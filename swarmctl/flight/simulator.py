@@ -23,7 +23,7 @@ from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
-"""battery capacity of simulated ArduPilot vehicles [mAh]; a swarm stacked hundreds of metres high needs it"""
+"""battery capacity of simulated ArduPilot vehicles [mAh], enough for heights of hundreds of metres"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
         # The plane points along its first leg, because it takes off straight ahead.
         body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
     params = autopilot.params(spec.speed_m_s, math.floor(scenario.config.wings.min_speed_m_s))
-    # The owner of a real vehicle sets these parameters by hand.
+    # On a real vehicle, the owner or `preflight.set_parameters` sets these parameters.
     params |= simulated_parameters(scenario, spec, autopilot.firmware)
     return {**body, "params": params}
 

@@ -33,7 +33,7 @@ async def run_tasks(
     show: Callable[[], Coroutine[Any, Any, None]],
     evidence: Evidence,
 ) -> Literal["ended", "stopped", "abandoned"]:
-    """Run all tasks of a flight in one group until the director ends; return the kind of the end."""
+    """Run all tasks of a flight in one group until the director ends; "abandoned": after a second signal."""
     abandoned = False
     async with asyncio.TaskGroup() as tasks:
         helpers = [tasks.create_task(m.runner.run()) for m in members]
@@ -99,7 +99,7 @@ def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
     try:
         for number in signals:
             loop.add_signal_handler(number, interrupted)
-    except (ValueError, RuntimeError):  # not the main thread: only that thread takes signals
+    except (ValueError, RuntimeError):  # only the main thread can handle signals
         yield
         return
     try:
@@ -118,13 +118,13 @@ async def show(
     network: Network,
 ) -> None:
     """Refresh the user interface several times a second until cancelled, and once more at the end."""
-    marks: list[tuple[float, float]] = []  # (wall time, latest vehicle clock) [s]
+    samples: list[tuple[float, float]] = []  # (wall time, latest vehicle clock) [s]
 
     def refresh() -> None:
-        nonlocal marks
+        nonlocal samples
         clocks = [m.state.vehicle.time_boot_s for m in members]
-        marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
-        (t0, v0), (t1, v1) = marks[0], marks[-1]
+        samples = [*samples[-20:], (time.monotonic(), max(clocks, default=0.0))]
+        (t0, v0), (t1, v1) = samples[0], samples[-1]
         rows = [
             vehicle_row(
                 m.state,

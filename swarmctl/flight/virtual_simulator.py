@@ -1,6 +1,6 @@
 """The simulator inside the ground station's own loop, for runs on the virtual clock.
 
-No other module of the two packages imports the other package. In flight they exchange only MAVLink bytes.
+Only this module imports both `swarmctl` and `sim_vehicle`. In flight the two exchange only MAVLink bytes.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ class SwapFailed(LinkError):
         self.stood_still_s = stood_still_s
         """time in hold or without motion in the air, by the vehicle's clock [s]"""
         self.is_late = is_late
-        """True if the vehicle had passed the splice point, where the new plan leaves the old plan"""
+        """True if the vehicle had passed the splice point or left the route of the new plan"""
 
 
 class CommandFailed(LinkError):
@@ -221,7 +221,7 @@ class Link(Protocol):
     async def read_fence(self) -> tuple[MissionItem, ...]:
         """Return the items of the fence on the vehicle. Raises FenceFailed."""
 
-    async def enforce_fence(self) -> None:
+    async def enable_fence(self) -> None:
         """Enable the fences of FENCE_TYPE on a disarmed ArduPilot. Raises FenceFailed."""
 
     async def count_rally_points(self) -> int:
@@ -249,8 +249,8 @@ class Link(Protocol):
         """Set hold mode. Raises CommandFailed.
 
         The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
-        With `check_mode_first`, a mode that has just changed stops the first command too; use this for
-        commands that no operator has given. The same applies to `return_home` and `land`.
+        If `check_mode_first`, a mode that has just changed stops the first command too; use this for commands
+        that no operator has given. The same applies to `return_home` and `land`.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:

@@ -135,7 +135,7 @@ class DirectLink:
         self._on_waiting = on_waiting
         try:
             async with asyncio.timeout(timeout_s):
-                done: Done = await self._perform("prepare", basic.prepare)
+                done: Done = await self._perform("prepare for arming", basic.prepare)
         except TimeoutError:
             raise self._not_ready(timeout_s) from None
         finally:
@@ -168,7 +168,7 @@ class DirectLink:
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
         items = fence.fence_items(polygon)
-        done: Done = await self._perform_on_ground("put fence", partial(fence.put_fence, items=items))
+        done: Done = await self._perform_on_ground("upload fence", partial(fence.put_fence, items=items))
         if done.failure:
             raise FenceFailed(f"{self._label}: the fence is not verified on the vehicle: {done.failure}")
 
@@ -178,8 +178,8 @@ class DirectLink:
             raise FenceFailed(f"{self._label}: the fence cannot be read: {found.text}")
         return found.items
 
-    async def enforce_fence(self) -> None:
-        done: Done = await self._perform_on_ground("enforce fence", fence.enforce_fence)
+    async def enable_fence(self) -> None:
+        done: Done = await self._perform_on_ground("enable fence", fence.enable_fence)
         if done.failure:
             raise FenceFailed(f"{self._label}: the fence is not confirmed as enabled: {done.failure}")
 
@@ -190,7 +190,7 @@ class DirectLink:
         return found.count
 
     async def read_instruments(self) -> Instruments:
-        result: Instruments = await self._read("instruments", instruments.read_instruments)
+        result: Instruments = await self._read("GPS and clock", instruments.read_instruments)
         return result
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
@@ -221,7 +221,7 @@ class DirectLink:
                 "theirs": "the pilot, a failsafe or another station has set the mode",
                 "unknown": "the flown mission is unknown",
             }[flying]
-            text = f"{self._label}: mission change failed, {now_flies}: {done.failure}"
+            text = f"{self._label}: mission change failed; {now_flies}. Cause: {done.failure}"
             raise SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
         return done
 
@@ -334,7 +334,7 @@ class DirectLink:
     def _apply(self, step: SessionStep) -> None:
         if self._channel is not None:
             self._channel.send(step.messages)
-        self._arm_timer()
+        self._set_timer()
         for event in step.events:
             if isinstance(event, FirstHeartbeat):
                 self._heartbeat_received.set()
@@ -353,7 +353,7 @@ class DirectLink:
             self._next_report_s = self._now() + REPORT_PERIOD_S
             self._on_waiting(reasons)
 
-    def _arm_timer(self) -> None:
+    def _set_timer(self) -> None:
         deadline = self._session.next_deadline
         if deadline is None or self._channel is None:
             return

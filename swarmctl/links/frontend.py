@@ -99,7 +99,7 @@ class FrontEnd:
     async def forward(self, endpoint: Endpoint, *, commands: bool = False) -> None:
         """Copy the frames of vehicles and of this program to the stations at an endpoint.
 
-        With `commands` the frames of those stations reach the vehicles, except forced arming and disarming.
+        If `commands`, frames of these stations reach the vehicles, except forced arming and disarming.
         Raises TransportError, and LinkError for a loop or if unknown stations could command.
         """
         refuse_loops([endpoint], list(self._lines))

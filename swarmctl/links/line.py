@@ -39,8 +39,8 @@ class AddressVerdict(Enum):
 class AddressTracker:
     """Address of one system id on one endpoint. No I/O.
 
-    A second address appears when a vehicle on UDP reboots, or when two vehicles have the same system id.
-    With two vehicles the first address continues to send.
+    A second address appears when a vehicle on UDP reboots, or when two vehicles have the same system id. If
+    there are two vehicles, the first address continues to send.
     """
 
     def __init__(self) -> None:
@@ -72,10 +72,10 @@ class EvidenceRecorder(Protocol):
     """Recorder of messages to and from vehicles."""
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
-        """Record a message to system `sysid` (0: all) from station `by` ("": this one); False forbids it."""
+        """Record a message to system `sysid` (0: all); False forbids it. `by`: sender; "": this station."""
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
-        """Record a message of a vehicle that its link reads."""
+        """Record a vehicle's message, of a type that the link reads."""
 
     async def settled(self) -> str:
         """Wait until the record is on disk; return the reason for a failure, or ""."""
@@ -167,7 +167,7 @@ class Line:
         return data
 
     def pass_on(self, frame: Frame, target: int) -> None:
-        """Send another station's frame unchanged to system `target`, if on this line (0: to all)."""
+        """Send another station's frame unchanged to vehicle `target` of this line; 0: to all its vehicles."""
         channels = [c for c in self.channels.values() if target in (0, c.sysid)]
         for channel in channels:
             channel.log(frame.data)

@@ -44,10 +44,10 @@ _TRANSFER_TIMEOUT_S = 1.5
 """MAVSDK's time-out in a transfer; five in a row end the transfer. ArduPilot requests a lost item every
 second, so the default of 0.5 s is too short."""
 _CALLBACKS_KEPT = 64
-"""number of kept callbacks per plug-in; MAVSDK never drops a callback, and older callbacks are not pending"""
+"""number of callbacks kept for each plug-in; MAVSDK itself drops none, and older callbacks are not pending"""
 _MAX_CLOCK_GAP_S = 1.0
 """largest difference between the loop's clock and the machine's monotonic clock"""
-_LOOK_UP_AFTER_S = 0.1
+_ATTACH_AFTER_S = 0.1
 
 
 class MavsdkStation:
@@ -55,7 +55,7 @@ class MavsdkStation:
 
     def __init__(self, front_end: FrontEnd) -> None:
         self._loop = asyncio.get_running_loop()
-        self._look_up_is_due = False
+        self._attach_is_due = False
         self._vehicles: dict[int, MavsdkVehicle] = {}
         self._plugins: dict[int, tuple[Any, Any]] = {}
         """plug-ins by system id: a shared pair would mix the transfers of two vehicles"""
@@ -83,7 +83,7 @@ class MavsdkStation:
         self._vehicles[vehicle.sysid] = vehicle
 
     def leave(self, vehicle: MavsdkVehicle) -> bool:
-        """Remove a vehicle, and close MAVSDK after the last; return whether none is left. Idempotent."""
+        """Remove a vehicle; if no vehicle is left, close MAVSDK and return True. Idempotent."""
         if self._vehicles.get(vehicle.sysid) is vehicle:
             del self._vehicles[vehicle.sysid]
         if not self._vehicles:
@@ -109,13 +109,13 @@ class MavsdkStation:
         return lambda *values: self._call_in_loop(call, *values[:-1])
 
     def _on_new_system(self) -> None:
-        # A whole swarm is found within a second, and each look-up makes handles for all systems.
-        if not self._look_up_is_due:
-            self._look_up_is_due = True
-            self._loop.call_later(_LOOK_UP_AFTER_S, self._look_up)
+        # A whole swarm is found within a second, and each `get_systems` makes handles for all systems.
+        if not self._attach_is_due:
+            self._attach_is_due = True
+            self._loop.call_later(_ATTACH_AFTER_S, self._attach_found_systems)
 
-    def _look_up(self) -> None:
-        self._look_up_is_due = False
+    def _attach_found_systems(self) -> None:
+        self._attach_is_due = False
         if self._mavsdk is None:
             return
         for system in self._mavsdk.get_systems():

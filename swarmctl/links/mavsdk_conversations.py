@@ -51,7 +51,7 @@ class ByMavsdk(Conversation[R]):
 
 
 class CommandByMavsdk(ByMavsdk[CommandResult]):
-    """One try of a command by MAVSDK; `command` keeps the deadlines and interprets the answer."""
+    """One try of a command by MAVSDK; `command`, the direct conversation, has deadlines and result."""
 
     def __init__(
         self, command: Command, adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
@@ -64,29 +64,29 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
     def _begin(self, now: float) -> list[Message]:
         (self._message,) = self._command.start(now)
         self._adapter.command(self._message, self._answered)
-        return self._follow()
+        return self._copy_state()
 
     def _answered(self, ack: Message) -> None:
         if self.result is None and self._is_running("an answer"):
             self._command.receive(ack, self._clock())
-            self._follow()
+            self._copy_state()
             self._on_end()
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         # MAVSDK does not report IN_PROGRESS and keeps waiting, so this conversation also waits.
         if message.get_type() == "COMMAND_ACK" and name_of("MAV_RESULT", message.result) == "IN_PROGRESS":
             self._command.receive(message, now)
-        return self._follow()
+        return self._copy_state()
 
     def _on_deadline(self, now: float) -> list[Message]:
         self._command.tick(now)
-        return self._follow()
+        return self._copy_state()
 
     def _closing_messages(self, now: float) -> list[Message]:
         self._adapter.give_up(self._message)
         return []
 
-    def _follow(self) -> list[Message]:
+    def _copy_state(self) -> list[Message]:
         self.next_deadline = self._command.next_deadline
         if self._command.result is not None:
             self._adapter.give_up(self._message)
@@ -153,7 +153,7 @@ class UploadByMavsdk(_Transfer[UploadResult]):
         self.limit_s = 20.0 + 2.0 * len(upload.items)
 
     def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
-        # MAVSDK sends only missions with exactly one current item; without a mark that is item 0.
+        # MAVSDK sends only missions with exactly one current item: item 0 if no item is marked.
         self._adapter.upload(self._upload.items, self._upload.current or 0, then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> UploadResult:
@@ -186,7 +186,8 @@ def with_mavsdk(
     """Run a procedure with its commands, and its transfers of whole missions, by MAVSDK.
 
     These conversations stay with this program:
-    - parts of a mission and MISSION_SET_CURRENT, which MAVSDK lacks
+    - parts of a mission, which MAVSDK cannot transfer
+    - MISSION_SET_CURRENT
     - an upload that may keep the current item (`flown`): MAVSDK always marks an item as current
     - fences and parameters
     - requests that change nothing on the vehicle

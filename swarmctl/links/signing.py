@@ -56,23 +56,23 @@ class TimestampStore(Protocol):
     def load(self) -> int:
         """Return a timestamp above all used timestamps; 0 if none is stored. Raises OSError, ValueError."""
 
-    def keep(self, timestamp: int) -> None:
-        """Store a timestamp, unless the stored one is higher. Raises OSError."""
+    def save(self, timestamp: int) -> None:
+        """Store a timestamp, unless the stored timestamp is higher. Raises OSError."""
 
 
 class Pool(Protocol):
     """Pool that writes the store, such as a `concurrent.futures.Executor`."""
 
-    def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]: ...
+    def submit(self, save: Callable[[int], None], timestamp: int, /) -> Future[None]: ...
 
 
 class SameThreadPool:
     """Pool without a thread: it writes at once."""
 
-    def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]:
+    def submit(self, save: Callable[[int], None], timestamp: int, /) -> Future[None]:
         done: Future[None] = Future()
         try:
-            keep(timestamp)
+            save(timestamp)
             done.set_result(None)
         except (OSError, ValueError) as error:
             done.set_exception(error)
@@ -109,7 +109,7 @@ class Signing:
         self._pool: Pool = pool or SameThreadPool()
         self._writing: tuple[Future[None], int] | None = None
         """pending write of the next timestamp"""
-        self._is_late = False
+        self._disk_timed_out = False
         """True after a wait for the disk that timed out"""
         self._first_link_id = first_link_id
         # Highest timestamp used or accepted, and its value at the start.
@@ -120,7 +120,7 @@ class Signing:
                 "[timestamps-used-up]"
             )
         self._reserved = self._last  # stored timestamp
-        store.keep(self._last)
+        store.save(self._last)
         self._streams: dict[tuple[int, int, int], int] = {}
         """last accepted timestamp by link id, system id and component id"""
 
@@ -163,25 +163,25 @@ class Signing:
 
     def _reserve(self) -> None:
         self._write(0.0)
-        # The pending write may be too low, after a jump of the clock.
+        # After a jump of the clock the pending write may store too low a timestamp, so a second one follows.
         for _ in range(2):
-            if self._last >= self._reserved and not self._is_late:
+            if self._last >= self._reserved and not self._disk_timed_out:
                 self._write(DISK_WAIT_S)
 
     def _write(self, wait_s: float) -> None:
-        """Begin a write unless one is pending, and wait up to `wait_s` for its end."""
+        """Begin a write unless a write is pending; wait up to `wait_s` for the end of the write."""
         if self._writing is None:
             until = self._last + RESERVE_TICKS
-            self._writing = (self._pool.submit(self._store.keep, until), until)
+            self._writing = (self._pool.submit(self._store.save, until), until)
         written, until = self._writing
         try:
             error = written.exception(wait_s)
         except TimeoutError:
             if wait_s > 0.0:
-                self._is_late = True
+                self._disk_timed_out = True
                 self.trouble = self._not_stored("the disk does not answer")
             return
-        self._writing, self._is_late, self._reserved = None, False, until
+        self._writing, self._disk_timed_out, self._reserved = None, False, until
         if isinstance(error, OSError | ValueError):
             # Signing continues: a vehicle without commands is worse than a repeated timestamp.
             reason = getattr(error, "strerror", None) or error
@@ -253,7 +253,7 @@ class Refusals:
 
     def of_vehicle(self, sysid: int, component: int, why: str, address: str, now_s: float) -> str:
         """Count a refused frame with the system id of an own vehicle."""
-        n = self._note(sysid, why, now_s)
+        n = self._count_refusal(sysid, why, now_s)
         origin = "" if component == AUTOPILOT_COMPID else f" of component {component}"
         so_far = f"{n} so far, the last{origin} from {address}"
         text = f"frames with this system id are refused, {why} ({so_far}): {MEANINGS[why]} [frames-refused]"
@@ -261,11 +261,11 @@ class Refusals:
 
     def of_stranger(self, sysid: int, why: str, address: str, now_s: float) -> str:
         """Count a refused frame of another system."""
-        n = self._note(0, why, now_s)
+        n = self._count_refusal(0, why, now_s)
         so_far = f"{n} so far, the last of system {sysid} at {address}"
         return f"frames are refused, {why} ({so_far}) [frames-refused]" if n else ""
 
-    def _note(self, sysid: int, why: str, now_s: float) -> int:
+    def _count_refusal(self, sysid: int, why: str, now_s: float) -> int:
         """Count a refused frame; return the number so far if a report is due, else 0."""
         count = self._counts.get((sysid, why))
         if count is None:

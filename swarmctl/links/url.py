@@ -17,7 +17,7 @@ _NETWORK: dict[str, Kind] = {
     "udpout": "udpout",
     "tcpin": "tcpin",
     "tcpout": "tcpout",
-    # Both libraries read a bare udp as "listen here" and a bare tcp as "connect there".
+    # MAVSDK and pymavlink read a bare udp as "listen here" and a bare tcp as "connect there".
     "udp": "udpin",
     "tcp": "tcpout",
 }

@@ -6,7 +6,7 @@
 | `telemetry` | presence, state, texts, streams, mission and instruments of a vehicle |
 | `procedures` | sequences of conversations: launch, land, `procedures.swap` |
 | `dialects` | differences between autopilots |
-| `session`, `events` | all of these for one vehicle; events of a session |
+| `session`, `events` | session of one vehicle, which joins all these modules; events of a session |
 
 Imports core and pymavlink; uses no sockets, no asyncio and no clock.
 Begin with `protocol.conversation`, `protocol.procedure` and `session`.

@@ -40,7 +40,7 @@ class FirstHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """New state: with each position, else about once a second; at once after a change of mode or mission."""
+    """New state: at each position, at once after a change of mode or mission, else about once a second."""
 
     state: VehicleState
 

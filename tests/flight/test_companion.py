@@ -33,7 +33,7 @@ from swarmctl.flight import app, companion, wiring
 from swarmctl.flight.director import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
 from swarmctl.station import client
@@ -46,7 +46,7 @@ def outcomes(answer: OperatorAnswer) -> dict[str, str]:
 
 
 def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> None:
-    async def scene() -> dict[int, Report]:
+    async def scene() -> dict[int, FlightReport]:
         swarm = Swarm(tmp_path)
         for uav in NAMES:
             swarm.start(uav)
@@ -96,10 +96,10 @@ def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> 
 
 
 @pytest.fixture(scope="module")
-def returned(tmp_path_factory: pytest.TempPathFactory) -> Report:
+def returned(tmp_path_factory: pytest.TempPathFactory) -> FlightReport:
     """The flight of a vehicle that its operator has recalled."""
 
-    async def scene() -> Report:
+    async def scene() -> FlightReport:
         swarm = Swarm(tmp_path_factory.mktemp("returned"))
         swarm.start(2, "when-ready")
         await swarm.until(2, Phase.FLYING)
@@ -109,7 +109,7 @@ def returned(tmp_path_factory: pytest.TempPathFactory) -> Report:
     return run_virtual(scene())
 
 
-def code_of(report: Report, folder: Path) -> int:
+def code_of(report: FlightReport, folder: Path) -> int:
     try:
         conclude(report, companion.scenario_for(small(), 2), folder)
     except typer.Exit as ended:
@@ -118,7 +118,7 @@ def code_of(report: Report, folder: Path) -> int:
 
 
 def test_a_followed_order_is_no_failure_and_stands_in_the_summary(
-    returned: Report, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    returned: FlightReport, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert (returned.states[2].phase, returned.states[2].ordered) == (Phase.DONE, FlightOrder.RETURN)
     assert code_of(returned, tmp_path) == 0
@@ -129,7 +129,7 @@ def test_a_followed_order_is_no_failure_and_stands_in_the_summary(
     assert json.loads((tmp_path / "summary.json").read_text())["ended_by_operator"] == ["uav2"]
 
 
-def test_a_recalled_vehicle_does_not_miss_its_time_bound(returned: Report, tmp_path: Path) -> None:
+def test_a_recalled_vehicle_does_not_miss_its_time_bound(returned: FlightReport, tmp_path: Path) -> None:
     (vehicle,) = returned.summary["vehicles"]
     late = {**returned.summary, "vehicles": [vehicle | {"arrival_bound_kept": False, "arrive_within_s": 9.0}]}
     assert code_of(replace(returned, summary=late), tmp_path) == 0
@@ -148,20 +148,20 @@ NOT_FOLLOWED: list[tuple[str, dict[str, Any]]] = [
 
 @pytest.mark.parametrize("changes", [row[1] for row in NOT_FOLLOWED], ids=[row[0] for row in NOT_FOLLOWED])
 def test_a_vehicle_that_neither_arrives_nor_follows_an_order_has_failed(
-    changes: dict[str, Any], returned: Report, tmp_path: Path
+    changes: dict[str, Any], returned: FlightReport, tmp_path: Path
 ) -> None:
     report = replace(returned, states={2: replace(returned.states[2], **changes)})
     assert companion.ended_by_operator(report) == []
     assert code_of(report, tmp_path) == 1
 
 
-def test_a_stopped_flight_or_trouble_changes_the_exit_code(returned: Report, tmp_path: Path) -> None:
+def test_a_stopped_flight_or_trouble_changes_the_exit_code(returned: FlightReport, tmp_path: Path) -> None:
     assert code_of(replace(returned, ended="stopped"), tmp_path) == 130
     assert code_of(replace(returned, trouble=("the disk is full",)), tmp_path) == 1
 
 
 def test_an_agent_alone_flies_the_same_task_as_in_one_process(tmp_path: Path) -> None:
-    async def scene() -> Report:
+    async def scene() -> FlightReport:
         swarm = Swarm(tmp_path)
         swarm.start(2, "when-ready")
         return await swarm.flights[2]
@@ -244,7 +244,7 @@ def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
 
     monkeypatch.setattr(companion if alone else wiring, "MemoryBus", Buggy)
 
-    async def scene(ui: Ui) -> Report:
+    async def scene(ui: Ui) -> FlightReport:
         scenario = small()
         permission: Permission = lambda foreign: None  # noqa: E731
         if alone:
@@ -273,7 +273,7 @@ def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
 
 @pytest.mark.full
 def test_an_operator_holds_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:
-    async def scene() -> Report:
+    async def scene() -> FlightReport:
         swarm = Swarm(tmp_path, small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 60.0}))
         swarm.start(2, "when-ready")
         await swarm.until(2, Phase.STANDBY)
@@ -308,8 +308,8 @@ def test_a_simulated_vehicle_gets_its_own_port_and_a_given_url_makes_it_a_real_o
 
 
 def test_one_process_with_all_vehicles_takes_orders_for_simulated_ones(tmp_path: Path) -> None:
-    async def scene() -> tuple[OperatorAnswer, Report]:
-        bus, there = MemoryBus(), client.Station("small", BusEndpoint("127.0.0.1", 7447))
+    async def scene() -> tuple[OperatorAnswer, FlightReport]:
+        bus, there = MemoryBus(), client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
         flight = asyncio.create_task(
             app.fly(
                 small(simulate={"count": 1, "ready_s": 3.0}),
@@ -355,6 +355,6 @@ def test_without_keys_only_simulated_vehicles_take_orders(
 ) -> None:
     identity = None if uid2 is None else Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0"))
     member: Any = KnownMember("alpha", identity)
-    reason = companion.orders_closed([member], has_keys=has_keys)
+    reason = companion.order_refusal([member], has_keys=has_keys)
     assert bool(reason) is closed
     assert not closed or ("alpha" in reason and reason.endswith("[orders-need-keys]"))

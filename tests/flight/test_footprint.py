@@ -38,17 +38,17 @@ def sensor(model: SensorModel = PERFECT, seed: int = 0) -> Footprint:
 def test_the_sensor_sees_three_by_three_cells_of_the_area(
     east_m: float, north_m: float, cells: set[tuple[int, int]]
 ) -> None:
-    seen = sensor().look(at(east_m, north_m))
+    seen = sensor().observe(at(east_m, north_m))
     assert {(row, col) for row, col, _ in seen} == cells
     assert all(occupied is ((row, col) in HOSTILES) for row, col, occupied in seen)
 
 
 def test_the_sensor_looks_once_over_each_cell() -> None:
     eye = sensor()
-    assert eye.look(at(125.0, 125.0))
-    assert eye.look(at(130.0, 120.0)) == ()
-    assert eye.look(at(175.0, 125.0))
-    assert eye.look(at(125.0, 125.0))
+    assert eye.observe(at(125.0, 125.0))
+    assert eye.observe(at(130.0, 120.0)) == ()
+    assert eye.observe(at(175.0, 125.0))
+    assert eye.observe(at(125.0, 125.0))
 
 
 @pytest.mark.parametrize(
@@ -57,16 +57,16 @@ def test_the_sensor_looks_once_over_each_cell() -> None:
     ids=["disarmed", "on the ground", "hardly off the ground"],
 )
 def test_the_sensor_sees_nothing_on_the_ground(changes: dict[str, object]) -> None:
-    assert sensor().look(at(125.0, 125.0, **changes)) == ()
+    assert sensor().observe(at(125.0, 125.0, **changes)) == ()
 
 
 def test_the_sensor_sees_nothing_without_a_position() -> None:
-    assert sensor().look(VehicleState(armed=True)) == ()
+    assert sensor().observe(VehicleState(armed=True)) == ()
 
 
 def there_and_back(eye: Footprint, n_times: int) -> list[tuple[int, int, bool]]:
     """Return the observations from (1, 1) and (2, 1), alternately."""
-    return [cell for i in range(n_times) for cell in eye.look(at(75.0, 75.0 + 50.0 * (i % 2)))]
+    return [cell for i in range(n_times) for cell in eye.observe(at(75.0, 75.0 + 50.0 * (i % 2)))]
 
 
 def test_misses_and_false_alarms_have_the_configured_rates() -> None:

@@ -28,13 +28,13 @@ from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAn
 from swarmctl.flight import app, operator_orders
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.live_rows import SwarmView
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.station import client, recall
 
 pytestmark = pytest.mark.virtual
 
 HOLD, RETURN, LAND = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND
-ONE_FLIES_ALL = client.Station("small", BusEndpoint("127.0.0.1", 7447))
+ONE_FLIES_ALL = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 
 
 # --- the agent
@@ -92,7 +92,7 @@ def test_a_low_battery_ends_the_wait() -> None:
 
 def test_a_vehicle_clock_that_is_set_back_ends_the_wait() -> None:
     story = queued()
-    story.state = replace(story.state, return_turn_boot_s=9000.0)
+    story.state = replace(story.state, return_latest_boot_s=9000.0)
     assert waits(story, 1.0) == [RETURN]
 
 
@@ -112,7 +112,7 @@ def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
 
 async def flown_with_commands(
     tmp_path: Path, *commands: tuple[float, Request]
-) -> tuple[Report, Ui, list[Any]]:
+) -> tuple[FlightReport, Ui, list[Any]]:
     """Fly all vehicles in one process; an operator gives commands at these times."""
     bus, ui, answers = MemoryBus(), Ui(), []
     flight = asyncio.create_task(
@@ -185,7 +185,7 @@ def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
 ) -> None:
     scenario = small(communication={"bus": "memory", "listen": listen})
     members: Any = [KnownMember("alpha")]
-    found = operator_orders.orders_closed(scenario, members, GiveOrder(None, order))
+    found = operator_orders.unsigned_order_refusal(scenario, members, GiveOrder(None, order))
     assert refused in found
     assert bool(found) is bool(refused)
 
@@ -195,7 +195,7 @@ def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
 
-    async def scene() -> tuple[list[OperatorAnswer], list[Report]]:
+    async def scene() -> tuple[list[OperatorAnswer], list[FlightReport]]:
         swarm = Swarm(tmp_path, gathering())
         for uav in NAMES:
             swarm.start(uav, "when-ready")

@@ -273,12 +273,12 @@ def test_parameters_fence_and_instruments_are_read_before_a_flight(kind):
             assert await link.count_rally_points() == 2
             world.copters[1].script.rally_points = None
             assert await link.count_rally_points() == 0
-            await link.enforce_fence()
+            await link.enable_fence()
             fences = [params for number, params in world.copters[1].commands if number == 207]
             assert fences == [(1.0, *(0.0,) * 6)]
             world.copters[1].script.fences = False
             with pytest.raises(FenceFailed, match=r"alpha .*DO_FENCE_ENABLE: UNSUPPORTED"):
-                await link.enforce_fence()
+                await link.enable_fence()
 
     play(story(), real=kind != "direct")
 

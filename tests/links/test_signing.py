@@ -47,7 +47,7 @@ class Memory:
     def load(self) -> int:
         return self.kept
 
-    def keep(self, timestamp: int) -> None:
+    def save(self, timestamp: int) -> None:
         if self.full:
             raise OSError(28, "No space left on device")
         self.kept = max(self.kept, timestamp)
@@ -310,8 +310,8 @@ def test_a_store_that_cannot_be_written_is_an_error_at_the_start_and_a_message_i
 def test_the_timestamp_file_never_goes_back_and_an_invalid_content_is_named(tmp_path: Path) -> None:
     one, other = TimestampFile(tmp_path / "key"), TimestampFile(tmp_path / "key")
     assert one.load() == 0
-    one.keep(START)
-    other.keep(START - 5)
+    one.save(START)
+    other.save(START - 5)
     assert (one.load(), other.load()) == (START, START)
     assert one.path.stat().st_mode & 0o077 == 0
     one.path.write_text("yesterday")

@@ -161,7 +161,7 @@ def test_a_disk_that_stores_no_timestamps_is_reported_in_flight(
             def full(_file: TimestampFile, _timestamp: int) -> None:
                 raise OSError(28, "No space left on device")
 
-            monkeypatch.setattr(TimestampFile, "keep", full)
+            monkeypatch.setattr(TimestampFile, "save", full)
             await asyncio.sleep(300.0)
             (trouble,) = world.said
             assert "No space left on device" in trouble

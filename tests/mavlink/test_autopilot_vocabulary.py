@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.basic import set_speed
-from swarmctl.mavlink.procedures.fence import enforce_fence, fence_items, put_fence, read_fence
+from swarmctl.mavlink.procedures.fence import enable_fence, fence_items, put_fence, read_fence
 from swarmctl.mavlink.procedures.rally import count_rally_points
 from swarmctl.mavlink.protocol.parameters import set_parameters
 from swarmctl.mavlink.telemetry.instruments import read_instruments
@@ -64,7 +64,7 @@ def life(personality: str) -> FlyingBench:
     assert bench.do("set", partial(set_parameters, wanted=wanted, byte_wise=bench.byte_wise)).failure is None
     assert bench.do("fence", partial(put_fence, items=fence_items(SQUARE))).failure is None
     if personality == "ardupilot":
-        assert bench.do("enforce fence", enforce_fence).failure is None
+        assert bench.do("enable fence", enable_fence).failure is None
     bench.do("read fence", read_fence)
     assert bench.do("rally points", count_rally_points).count == 0
     assert bench.upload(plan(north=8)).failure is None

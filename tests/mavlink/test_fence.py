@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.fence import (
     MAX_VERTICES,
-    enforce_fence,
+    enable_fence,
     fence_differences,
     fence_items,
     put_fence,
@@ -159,7 +159,7 @@ def test_the_limits_of_its_parameters_are_in_force(deed, at_boot, counts_anyway,
     deed(bench)
     assert (bench.params["FENCE_ENABLE"], bench.params["FENCE_TYPE"]) == (1.0, 5.0)
     if enforced:
-        assert bench.do("enforce fence", enforce_fence).failure is None
+        assert bench.do("enable fence", enable_fence).failure is None
     assert bench.upload(plan(north=4)).failure is None
     assert bench.do("launch", basic.launch).failure is None
     turned_back = bench.run(30, lambda: bench.session.state.mode_role == "return")
@@ -169,11 +169,11 @@ def test_the_limits_of_its_parameters_are_in_force(deed, at_boot, counts_anyway,
 def test_a_fence_is_enforced_on_the_ground_only_and_an_answer_is_needed():
     bench = on_the_ground("ardupilot")
     bench.block_down = lambda m: m.get_type() == "COMMAND_ACK"
-    assert "DO_FENCE_ENABLE: no answer" in bench.do("enforce fence", enforce_fence).failure
+    assert "DO_FENCE_ENABLE: no answer" in bench.do("enable fence", enable_fence).failure
     bench.vehicle.body.arm(True)
     bench.run(2.0)
     sent = len(bench.sent)
-    assert "[armed]" in bench.do("enforce fence", enforce_fence).failure
+    assert "[armed]" in bench.do("enable fence", enable_fence).failure
     assert len(bench.sent) == sent
 
 

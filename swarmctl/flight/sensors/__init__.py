@@ -22,7 +22,7 @@ from swarmctl.flight.sensors.footprint import Footprint
 class Sensor(Protocol):
     """The sensor of one vehicle."""
 
-    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
+    def observe(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
         """Return (row, col, occupied) of the cells observed now; often none."""
 
 
@@ -31,7 +31,7 @@ class NoSensor:
 
     def __init__(self, *_: object) -> None: ...
 
-    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
+    def observe(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
         return ()
 
 

@@ -18,7 +18,7 @@ MIN_HEIGHT_M = 2.0
 
 
 class Footprint:
-    """One vehicle's sensor, with one observation at each entry into a cell, inside or beside the area.
+    """One vehicle's sensor; it observes once at each entry into a cell, also into a cell beside the area.
 
     The model assumes independent errors; a repeated observation of one place would have the same error.
     """
@@ -32,11 +32,11 @@ class Footprint:
         self._rng = rng
         self._last: Cell | None = None
 
-    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
+    def observe(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
         """Return (row, col, occupied) of the cells in sight.
 
-        The result is empty without a position, disarmed, below MIN_HEIGHT_M, far outside the area, and over
-        the same cell as before.
+        The result is empty if the vehicle has no position, is disarmed, on the ground, below MIN_HEIGHT_M,
+        far outside the area, or over the same cell as at the last observation.
         """
         if vehicle.lat_deg is None or vehicle.lon_deg is None or not vehicle.armed:
             return ()

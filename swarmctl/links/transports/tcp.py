@@ -11,7 +11,7 @@ from swarmctl.links.transports.base import Address, Receive
 from swarmctl.links.url import Endpoint
 
 _SEND_LIMIT = 1 << 16
-"""length of the queue above which frames to a peer that does not read are dropped [bytes]"""
+"""length of a peer's send queue from which on further frames to this peer are dropped [bytes]"""
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 """pauses between attempts to connect; the last pause repeats"""
 _CONNECT_LIMIT_S = 10.0

@@ -14,7 +14,7 @@ from swarmctl.links.url import Endpoint
 _RECEIVE_BUFFER = 1 << 20
 """size for a burst of a hundred vehicles while the loop is busy [bytes]"""
 _SEND_LIMIT = 1 << 16
-"""length of the queue above which datagrams for a socket that accepts nothing are dropped [bytes]"""
+"""length of the send queue from which on further datagrams are dropped [bytes]"""
 
 
 class Udp(asyncio.DatagramProtocol):

@@ -83,10 +83,10 @@ class Px4:
     """after the take-off; there is no home placeholder"""
     uncounted_items = 0
     upload_timeout_s = 6.0
-    """PX4 ends a transfer after 5 s without an item, without a message of the protocol"""
+    """PX4 ends a transfer silently after 5 s without an item"""
     uploads_atomically = True
     serves_single_items = False
-    """PX4 sends an error text to all stations instead"""
+    """PX4 answers such requests by an error text to all stations"""
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:

@@ -55,7 +55,7 @@ class Px4Plane(Px4):
 
         After a landing PX4 continues with the next item, even on the ground, and does not disarm in mission
         mode (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`). So a jump leads from home's
-        landing to the last item, a landing. A vehicle on the ground completes this landing at once.
+        landing to the last NAV_LAND. A vehicle on the ground completes this item at once.
         """
         at_goal, at_home = plane_approaches(plan)
         # The vehicle climbs along the line to the take-off item's position.

@@ -97,8 +97,8 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
 def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     """Set hold mode.
 
-    `check_mode_first`: a new heartbeat also precedes the first command; a mode that has just changed stops
-    the procedure. The same applies to `return_home` and `land`.
+    If `check_mode_first`, a new heartbeat also precedes the first command, and a mode that has just changed
+    stops the procedure. The same applies to `return_home` and `land`.
     """
     return Done(
         (yield from _set_mode_urgently(ctx, ctx.dialect.hold_mode, check_mode_first=check_mode_first))

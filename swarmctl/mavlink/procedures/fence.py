@@ -40,7 +40,7 @@ def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
 
 
 def fence_differences(sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
-    """Return the differences between a fence and its read-back; empty if both enclose the same polygon."""
+    """Return the differences between a fence and its read-back; empty for equal vertices in equal order."""
     if len(sent) != len(found):
         return (f"{len(found)} items instead of {len(sent)}",)
     return tuple(
@@ -74,7 +74,7 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
     return Done(uploaded.failure)
 
 
-def enforce_fence(ctx: Context) -> Procedure[Done]:
+def enable_fence(ctx: Context) -> Procedure[Done]:
     """Enable the fences of FENCE_TYPE on a disarmed ArduPilot.
 
     Since 4.6 ArduPilot reads FENCE_TYPE at boot and when FENCE_ENABLE changes. A fence that a command has

@@ -1,7 +1,8 @@
 """Guarded commands: commands that never override a pilot or another station.
 
 A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
-later. So a requested heartbeat precedes every try, except a first try with `skip_first_check`.
+later. So a requested heartbeat precedes every try. Exceptions: a first try with `skip_first_check`, and
+`send_acknowledged` if `before` is None.
 """
 
 from __future__ import annotations
@@ -96,11 +97,11 @@ def send_guarded(
 ) -> Procedure[str | None]:
     """Send a command and wait for its effect in telemetry; return the failure with the vehicle's warnings.
 
-    before: condition for each try, checked by a new heartbeat
-    after: condition that the command leads to; before a repetition, `after` ends the tries
+    before: condition under which the command is sent, checked by a new heartbeat before each try
+    after: condition that the command leads to; a vehicle that already fulfils `after` gets no repetition
     awaited: condition to wait for at the end (default: `after`)
-    skip_if_done: True also checks `after` before the first try, and then sends nothing
-    skip_first_check: True sends the first try without a new heartbeat, in any state
+    skip_if_done: if True, a vehicle that already fulfils `after` does not get the first try either
+    skip_first_check: if True, the first try is sent without a new heartbeat, in any state
 
     Raises NotInControl if a heartbeat shows another state, or if no heartbeat arrives.
     """

@@ -92,13 +92,13 @@ def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
     return frozenset(found)
 
 
-def is_other_landing(items: tuple[MissionItem, ...], seq: int) -> bool:
-    """Return whether an item belongs to a landing and is not the circle after the waypoints.
+def is_landing_item_except_entry(items: tuple[MissionItem, ...], seq: int) -> bool:
+    """Return whether an item belongs to a landing, but is not the circle to which the first jump leads.
 
-    The first jump of the list leads from the waypoints to that circle.
+    The vehicle flies from the last waypoint to this circle.
     """
-    leads_to = next((int(item.param1) for item in items if item.command == JUMP), None)
-    return seq in landing_items(items) and seq != leads_to
+    entry_seq = next((int(item.param1) for item in items if item.command == JUMP), None)
+    return seq in landing_items(items) and seq != entry_seq
 
 
 def nearest_landing(items: tuple[MissionItem, ...], state: VehicleState) -> int | None:

@@ -16,7 +16,7 @@ from swarmctl.mavlink.procedures.guarded import (
     in_modes,
     set_mode,
 )
-from swarmctl.mavlink.procedures.land import is_other_landing
+from swarmctl.mavlink.procedures.land import is_landing_item_except_entry
 from swarmctl.mavlink.procedures.set_current import await_current_item, set_current_item
 from swarmctl.mavlink.procedures.swap.steps import (
     MAX_ITEMS,
@@ -51,12 +51,12 @@ def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 
     After a failure fly the old mission, or hold. Raises NotInControl.
 
-    A plan that begins like the rest of the old plan (`leaves_ahead`) is uploaded after the old plan's earlier
-    items. The common items keep their numbers, so the vehicle keeps its current item. In any other plan the
-    item to fly is marked.
+    If the new plan begins with the old plan's next waypoints (`leaves_ahead`), the upload has the items
+    already flown, then the new plan. The common items keep their numbers, so the vehicle keeps its current
+    item. For any other plan the upload marks the first waypoint as current (`current` = 1).
 
-    The vehicle flies on during the upload, so the upload is tried once. The last item is withheld from a
-    vehicle that has passed the splice point or reports no position.
+    The vehicle flies on during the upload, so the upload is tried once. If `leaves_ahead`, the last item is
+    withheld from a vehicle that has passed the splice point, is off the new route or reports no position.
     """
     old = OldPlan.of(ctx)
     items: tuple[MissionItem, ...] = plan.items
@@ -81,21 +81,21 @@ def swap_atomic(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
 
 
 def _joined(ctx: Context, plan: SwapPlan, old: OldPlan) -> tuple[tuple[MissionItem, ...], int | None]:
-    """Return the old plan's earlier items followed by the new plan, and None (no item to mark).
+    """Return the old plan's items before the current item, then the new plan; and None: no item is marked.
 
-    If that list is too long, return the new plan alone, and its first waypoint as the item to mark.
+    If this list is too long, return the new plan alone, and its first waypoint as the item to mark.
     """
-    first, n_earlier = ctx.dialect.first_waypoint_seq, old.seq
+    first, n_before = ctx.dialect.first_waypoint_seq, old.seq
     waypoint, on_first_leg = plan.items[first], list[MissionItem]()
-    if _position(old.items[n_earlier - 1]) == _position(waypoint):
-        n_earlier -= 1
+    if _position(old.items[n_before - 1]) == _position(waypoint):
+        n_before -= 1
     else:
-        # Old items on the first leg keep their numbers, even if the new plan leaves them out.
-        for item in old.items[n_earlier:]:
+        # Old items on the new plan's first leg stay, so that the items after them keep their numbers.
+        for item in old.items[n_before:]:
             if _position(item) == _position(waypoint) or not plan.progress.first_leg_passes(item):
                 break
             on_first_leg.append(replace(item, z=waypoint.z))
-    joined = append_items((*old.items[:n_earlier], *on_first_leg), plan.items, first)
+    joined = append_items((*old.items[:n_before], *on_first_leg), plan.items, first)
     return (joined, None) if len(joined) <= MAX_ITEMS else (plan.items, first)
 
 
@@ -106,7 +106,7 @@ def _position(item: MissionItem) -> tuple[int, int]:
 def _upload(
     ctx: Context, plan: SwapPlan, items: tuple[MissionItem, ...], marked: int | None, flown: int
 ) -> Procedure[VerifiedUpload]:
-    """Upload the new mission once to a vehicle that holds or flies item `flown`.
+    """Upload the new mission, with one try. `flown`: the vehicle's current item, in mission mode or in hold.
 
     After a failure `found` has the items on the vehicle, if they could be read.
     """
@@ -120,7 +120,7 @@ def _upload(
         return uploaded
     if uploaded.is_late and plan.lacks_position(ctx):
         uploaded = replace(uploaded, failure=POSITION_UNKNOWN, is_late=False)
-    # The vehicle flies a mission that it has accepted, even if only the read-back failed.
+    # Perhaps only the read-back failed, and the vehicle already flies the new mission. So read again.
     read = yield from read_back(ctx)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return uploaded
@@ -139,18 +139,18 @@ def _confirm_new_mission(
     Return the failure. `n_texts`: number of the vehicle's texts before the upload.
     """
     items = ctx.verified_items
-    if _has_landed_after(ctx, items):
+    if _has_flown_and_landed(ctx, items):
         return None
     try:
         if marked is None:
             # The next MISSION_CURRENT is about the new mission.
             yield from await_current_item(ctx, lambda _current: True)
-            if is_other_landing(items, ctx.state.mission_seq or 0):
-                # The current item number belongs to different landings in the two missions.
+            if is_landing_item_except_entry(items, ctx.state.mission_seq or 0):
+                # Before the upload this number may have been an item of another landing, or no landing item.
                 return "the vehicle reached its landing before the new mission was complete [landing-reached]"
             return (yield from _fly_mission_from(ctx, plan, flown))
         return (
-            yield from _fly_from(
+            yield from _make_current_and_fly(
                 ctx, plan, marked, lambda current: _begins_at_marked(ctx, plan, marked, flown, current)
             )
         )
@@ -162,7 +162,7 @@ def _confirm_new_mission(
         return why
 
 
-def _has_landed_after(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
+def _has_flown_and_landed(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
     """Return whether the vehicle has already flown the items and landed."""
     state, seq = ctx.state, ctx.state.mission_seq
     is_down = not state.armed and state.landed is Landed.ON_GROUND and state.mode == ctx.dialect.mission_mode
@@ -172,8 +172,8 @@ def _has_landed_after(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
 def _begins_at_marked(ctx: Context, plan: SwapPlan, marked: int, flown: int, current: int) -> bool:
     """Return whether the vehicle has begun the new mission at the marked item.
 
-    A `current` item below `flown`, the item flown before, proves this. A higher number may be the old item
-    number, so the vehicle has to be near the leg to `current`.
+    The marked item proves this, and any item from the marked item up to below `flown`, the item flown before.
+    Any other higher number may be of the old mission, so the vehicle has to be near the leg to `current`.
     """
     first = ctx.dialect.first_waypoint_seq
     if marked <= current < flown or current == marked:
@@ -190,7 +190,7 @@ def _rejection_in_hold(ctx: Context, n_texts: int) -> str | None:
 
 
 def rejection_text(ctx: Context, n_texts: int) -> str | None:
-    """Return the last text after the first `n_texts` that rejects a mission; None if there is none."""
+    """Return the vehicle's last text that rejects a mission, or None; the first `n_texts` do not count."""
     warnings = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
     rejections = [text for text in warnings if any(part in text.lower() for part in REJECTION_TEXTS)]
     return rejections[-1] if rejections else None
@@ -214,10 +214,10 @@ def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str 
     seq = old.next_item(ctx)  # the vehicle has flown on during the upload
     if seq is None:
         return NOT_ON_OLD_MISSION
-    return (yield from _fly_from(ctx, plan, seq, lambda current: current == seq))
+    return (yield from _make_current_and_fly(ctx, plan, seq, lambda current: current == seq))
 
 
-def _fly_from(
+def _make_current_and_fly(
     ctx: Context, plan: SwapPlan, seq: int, is_right: Callable[[int], bool]
 ) -> Procedure[str | None]:
     failure = None

@@ -67,16 +67,16 @@ def swap(
 ) -> Procedure[Swapped]:
     """Fly `new` from its first waypoint; after a failure fly the old mission, or hold. Return the outcome.
 
-    leaves_ahead: True if the new mission begins like the rest of the old mission, up to a splice point. The
-        vehicle continues with its next item. If the vehicle has passed the splice point, the swap fails.
+    leaves_ahead: True if the new mission begins with the old mission's next waypoints, up to a splice point.
+        The vehicle continues with its next item. The swap fails if the vehicle has passed the splice point.
     from_hold: True if this program has set hold mode; otherwise hold mode is another party's choice
 
     After another party has chosen a mode, no command is sent.
     """
     begin, stood_before_s = ctx.state, ctx.telemetry.stood_still_s
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
-    flown = OldPlan.of(ctx)
-    progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], flown.items[flown.seq :])
+    old = OldPlan.of(ctx)
+    progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], old.items[old.seq :])
     plan = SwapPlan(new, progress, leaves_ahead, own_modes)
     # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
     yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
@@ -84,7 +84,7 @@ def swap(
     yield WaitUntil(lambda: ctx.state.mode in plan.own_modes, STALE_MODE_S)
     if ctx.state.mode not in plan.own_modes:
         return Swapped(describe_takeover(ctx.state), "theirs")
-    unchanged: FlyingAfterSwap = "old" if flown.items else "unknown"
+    unchanged: FlyingAfterSwap = "old" if old.items else "unknown"
     if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
         return Swapped("the vehicle is not flying [not-flying]", unchanged)
     swap_kind = swap_atomic if ctx.dialect.uploads_atomically else swap_append

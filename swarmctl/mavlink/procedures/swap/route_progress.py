@@ -1,7 +1,7 @@
 """Route progress: position of a flying vehicle on a route, and the item ahead. No I/O.
 
-A new route may begin with a part of the flown route. The vehicle flies on until the new route is current, and
-may pass items of that part in this time. So the swap looks for the next item ahead.
+A new route may begin with a part of the flown route. During the upload the vehicle flies on, and may pass
+items of this part. So the swap finds the next item by the vehicle's position.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
 CORNER_MARGIN_S = 0.75
-"""time around a corner without commands: a command could arrive before or after the corner"""
+"""time before and after a corner in which no command is sent: its arrival could be on either side"""
 MAX_CROSS_TRACK_M = 12.0
 """greatest distance from a route at which a vehicle counts as on that route"""
 SAME_PLACE_M = 1.0
@@ -110,7 +110,7 @@ class RouteProgress:
         )
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
-        """Return whether the vehicle is near the leg to item `item`; a greater number means the last leg."""
+        """Return whether the vehicle is near the leg to an item; a number beyond the list means the last."""
         lat_lon, item = _lat_lon(state), min(item, len(self._points) - 2)
         if self._frame is None or lat_lon is None or item < 0:
             return False
