@@ -21,11 +21,11 @@ from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
-from swarmctl.flight.app import Report
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.flight.wiring import Clock
 from swarmctl.planners import warm_up
 from swarmctl.report.live_rows import SwarmView
+from swarmctl.report.outcome import FlightReport
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
 
@@ -41,7 +41,7 @@ class Quiet:
 @dataclass(frozen=True)
 class Flight:
     count: int
-    report: Report
+    report: FlightReport
     wall_s: float
     cpu_s: float
 

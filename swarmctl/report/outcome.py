@@ -1,4 +1,4 @@
-"""The result of a flight."""
+"""The report of a flight."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ Ending = Literal["ended", "stopped", "abandoned", "failed"]
 
 
 @dataclass(slots=True)
-class Report:
-    """The result of one flight."""
+class FlightReport:
+    """The report of one flight: ending, final states, summary and results of preflight."""
 
     ended: Ending
     trouble: tuple[str, ...]

@@ -17,13 +17,13 @@ from swarmctl.planners import Unreachable
 from swarmctl.report import foxglove
 from swarmctl.report.final_state import is_lost_in_air
 from swarmctl.report.first_plans import FirstRoute
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrack
 from swarmctl.report.plan_files import plan_json
 from swarmctl.report.summary import known_to_any
 
 
-def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
+def write_run(folder: Path, scenario: Scenario, report: FlightReport) -> None:
     """Write the summary, the map, Foxglove's layout, and a `.plan` for each vehicle with an accepted plan."""
     _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
     grid = scenario.grid
@@ -90,7 +90,7 @@ def _write_plan(path: Path, scenario: Scenario, spec: Spec, plan: FlightPlan) ->
     path.write_text(plan_json(plan, spec.start, home_alt_amsl_m, spec.speed_m_s), encoding="utf-8")
 
 
-def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
+def _flown_picture(scenario: Scenario, report: FlightReport) -> MapPicture:
     tracks = []
     for spec in scenario.specs:
         flight, state = report.statistics.vehicles[spec.sysid], report.states[spec.sysid]

@@ -28,7 +28,7 @@ from swarmctl.config.scenario import Scenario, build
 from swarmctl.links.transports.base import Address
 from swarmctl.report import record
 from swarmctl.report.live_rows import NOT_YET, OK, SwarmView
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
@@ -36,13 +36,13 @@ SHIPPED = Path(__file__).parents[2] / "configs" / "swarm.yaml"
 
 
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scenario, Report, Path]:
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scenario, FlightReport, Path]:
     scenario = build(model.load(SHIPPED, check_config))
     folder = tmp_path_factory.mktemp("shipped")
     return scenario, fly(scenario, folder), folder
 
 
-def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, report, _ = shipped
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 5
@@ -63,13 +63,13 @@ def test_normal_preparation_shows_neither_notes_nor_warnings(tmp_path: Path) -> 
     assert {(row.note, row.link, row.silence) for row in on_ground} <= {("", OK, ""), ("", NOT_YET, "")}
 
 
-def test_every_agent_ends_with_the_same_belief(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_every_agent_ends_with_the_same_belief(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, report, _ = shipped
     beliefs = {s.belief.known.tobytes() for s in report.states.values()}
     assert len(beliefs) == 1
 
 
-def test_beliefs_match_the_true_hostiles(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_beliefs_match_the_true_hostiles(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     scenario, report, _ = shipped
     known = report.states[1].belief.known
     for row in range(20):
@@ -79,7 +79,7 @@ def test_beliefs_match_the_true_hostiles(shipped: tuple[Scenario, Report, Path])
 
 
 def test_the_summary_holds_latencies_and_vehicles(
-    shipped: tuple[Scenario, Report, Path],
+    shipped: tuple[Scenario, FlightReport, Path],
 ) -> None:
     _, report, folder = shipped
     summary = json.loads((folder / "summary.json").read_text())
@@ -103,7 +103,7 @@ def test_the_summary_holds_latencies_and_vehicles(
         assert row["cells_own"] + row["cells_heard"] == state.belief.n_observed
 
 
-def test_other_readers_open_the_record(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_other_readers_open_the_record(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, _, folder = shipped
     with (folder / "run.mcap").open("rb") as file:
         topics = Counter(channel.topic for _, channel, _ in make_reader(file).iter_messages())
@@ -117,7 +117,9 @@ def test_other_readers_open_the_record(shipped: tuple[Scenario, Report, Path]) -
     assert {"foxglove.LocationFix", "foxglove.GeoJSON", "foxglove.Log"} <= set(schemas)
 
 
-def test_the_record_draws_area_hostiles_and_routes_on_a_map(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_the_record_draws_area_hostiles_and_routes_on_a_map(
+    shipped: tuple[Scenario, FlightReport, Path],
+) -> None:
     scenario, report, folder = shipped
 
     def shapes(topic: str) -> list[dict[str, Any]]:
@@ -134,14 +136,14 @@ def test_the_record_draws_area_hostiles_and_routes_on_a_map(shipped: tuple[Scena
     assert route["geometry"]["coordinates"][-1] == pytest.approx([landing.lon_deg, landing.lat_deg], abs=1e-6)
 
 
-def test_the_layout_shows_topics_that_the_record_has(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_the_layout_shows_topics_that_the_record_has(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, _, folder = shipped
     layout = json.loads((folder / "foxglove.json").read_text(encoding="utf-8"))
     for topic in layout["configById"]["map!swarm"]["topicColors"]:
         assert next(messages(folder, topic))
 
 
-def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, _, folder = shipped
     for sysid in range(1, 6):
         log = mavutil.mavlink_connection(str(folder / f"uav{sysid}.tlog"))
@@ -154,7 +156,7 @@ def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: tuple[Scenario, Repor
         log.close()
 
 
-def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, report, folder = shipped
     for sysid, state in report.states.items():
         plan = json.loads((folder / f"uav{sysid}.plan").read_text())
@@ -167,12 +169,12 @@ def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, Report, 
         ]
 
 
-def test_the_map_is_drawn(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_the_map_is_drawn(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, _, folder = shipped
     assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_replay_makes_the_same_decisions(shipped: tuple[Scenario, Report, Path]) -> None:
+def test_a_replay_makes_the_same_decisions(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, _, folder = shipped
     verdict = record.replay(folder / "run.mcap")
     assert verdict.difference == ""
@@ -181,7 +183,7 @@ def test_a_replay_makes_the_same_decisions(shipped: tuple[Scenario, Report, Path
 
 
 @pytest.mark.full
-def test_equal_seeds_leave_equal_files(shipped: tuple[Scenario, Report, Path], tmp_path: Path) -> None:
+def test_equal_seeds_leave_equal_files(shipped: tuple[Scenario, FlightReport, Path], tmp_path: Path) -> None:
     scenario, _, folder = shipped
     fly(scenario, tmp_path)
     for name in ["run.mcap", "map.png", "summary.json", "uav1.plan", "uav1.tlog"]:

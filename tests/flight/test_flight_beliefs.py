@@ -17,12 +17,12 @@ from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.report import record
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
 DOUBT = Path(__file__).parents[2] / "configs" / "doubt.yaml"
-Flight = tuple[Scenario, Report, Path]
+Flight = tuple[Scenario, FlightReport, Path]
 
 
 @pytest.fixture(scope="module")

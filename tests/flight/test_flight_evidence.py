@@ -33,7 +33,7 @@ from swarmctl.preflight.waivers import parse_waivers
 from swarmctl.report.evidence.chain import CheckedChain, canonical, check, sha256
 from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.evidence.story import event_entries, state_changes
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.security.issue import make_keys
 from swarmctl.station import client
 
@@ -138,7 +138,7 @@ def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     by_camera = json.dumps({"version": 1, "cells": [[0, 1, False]], "source": "camera"}).encode()
     waivers = parse_waivers(["battery:uav1"], ["uav1"])
 
-    async def scene() -> Report:
+    async def scene() -> FlightReport:
         bus = MemoryBus()
         flight = asyncio.create_task(
             app.fly(

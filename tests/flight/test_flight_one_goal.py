@@ -18,7 +18,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.flight.app import FlightOptions
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
@@ -84,7 +84,7 @@ def six() -> Scenario:
 
 def flown(
     scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[Report, SeparationMonitor, Ui]:
+) -> tuple[FlightReport, SeparationMonitor, Ui]:
     monitor, ui = SeparationMonitor(scenario), Ui()
     with monkeypatch.context() as patched:
         inject(Trouble(on_step=monitor.look), patched)

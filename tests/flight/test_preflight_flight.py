@@ -17,7 +17,7 @@ from swarmctl.flight.app import FlightOptions
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.waivers import Waiver
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
@@ -41,7 +41,7 @@ def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
     return afflict
 
 
-def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> Report:
+def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> FlightReport:
     """Run the checks without a launch."""
     options = FlightOptions(launch="never", waivers=waivers)
     folder.mkdir(exist_ok=True)
@@ -54,7 +54,7 @@ def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = 
     return report
 
 
-def failing(report: Report) -> list[tuple[str, str]]:
+def failing(report: FlightReport) -> list[tuple[str, str]]:
     return [
         (found.vehicle, found.check)
         for findings in report.checked.values()

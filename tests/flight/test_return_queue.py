@@ -25,7 +25,7 @@ from swarmctl.core.messages import VehiclePosition
 from swarmctl.flight import task_tree
 from swarmctl.flight.return_queue import SLOT_S, ReturnQueue
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 HOME = (46.0, 14.4)
 OWN = VehiclePosition(46.005, 14.4, 340.0, *HOME, 300.0, speed_m_s=10.0, min_separation_m=(20.0, 5.0))
@@ -147,7 +147,7 @@ def test_a_silent_vehicle_below_blocks_the_landing_until_it_must_be_down() -> No
 
 def pressing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: Scenario, at_s: float
-) -> list[Report]:
+) -> list[FlightReport]:
     """Fly several agents and press Ctrl-C on each at the same time."""
     pressed: list[Callable[[], None]] = []
 
@@ -159,7 +159,7 @@ def pressing(
     # One process has one handler of signals.
     monkeypatch.setattr(task_tree, "_signals", signals)
 
-    async def scene() -> list[Report]:
+    async def scene() -> list[FlightReport]:
         swarm = Swarm(tmp_path, scenario)
         uavs = [uav for uav in NAMES if any(spec.sysid == uav for spec in scenario.specs)]
         for uav in uavs:
@@ -171,7 +171,7 @@ def pressing(
             press()
         return list(await asyncio.gather(*swarm.flights.values()))
 
-    reports: list[Report] = run_virtual(scene())
+    reports: list[FlightReport] = run_virtual(scene())
     assert [report.ended for report in reports] == ["stopped"] * len(reports)
     assert not any(s.vehicle.armed for report in reports for s in report.states.values())
     return reports

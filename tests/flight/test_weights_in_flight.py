@@ -30,7 +30,7 @@ from swarmctl.planners import PLANNERS, method
 from swarmctl.report import outputs, record
 from swarmctl.report.answers import weights_line
 from swarmctl.report.live_rows import SwarmView, live_table, plain_line, vehicle_row
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.report.summary import MAX_WEIGHTS, FlightStatistics
 from swarmctl.report.ui import SafeUi, UiObserver
 from swarmctl.station import client
@@ -289,7 +289,7 @@ STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 class Flown:
     scenario: Scenario
     folder: Path
-    report: Report
+    report: FlightReport
     answer: OperatorAnswer
     ui: Ui
 
@@ -301,7 +301,7 @@ class Flown:
 def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: object) -> Flown:
     scenario, ui = small(**sections), Ui()
 
-    async def scene() -> tuple[Report, OperatorAnswer]:
+    async def scene() -> tuple[FlightReport, OperatorAnswer]:
         bus = MemoryBus()
         flight = asyncio.create_task(
             app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)

@@ -18,7 +18,7 @@ from sim_vehicle.vehicle.mission import Item
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.app import DEFAULT_OPTIONS
 from swarmctl.preflight.waivers import Waiver
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
@@ -26,7 +26,7 @@ NEVER = replace(DEFAULT_OPTIONS, launch="never")
 Deed = Callable[[Fleet], None]
 
 
-def failing(report: Report) -> dict[tuple[str, str], str]:
+def failing(report: FlightReport) -> dict[tuple[str, str], str]:
     """Return the found values of failed checks, by vehicle and check."""
     return {
         (found.vehicle, found.check): found.finding.found

@@ -18,7 +18,7 @@ from swarmctl.core.messages import (
 )
 from swarmctl.flight import companion
 from swarmctl.flight.director import Launch
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 from swarmctl.station import client
 
 NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
@@ -35,7 +35,7 @@ class Swarm:
     scenario: Scenario = field(default_factory=small)
     bus: MemoryBus = field(default_factory=MemoryBus)
     uis: dict[int, Ui] = field(default_factory=dict)
-    flights: dict[int, asyncio.Task[Report]] = field(default_factory=dict)
+    flights: dict[int, asyncio.Task[FlightReport]] = field(default_factory=dict)
 
     def start(self, uav: int, launch: Launch = "ordered") -> None:
         folder = self.folder / f"uav{uav}"

@@ -27,7 +27,7 @@ from swarmctl.mavlink.dialects import Dialect, dialect_for
 from swarmctl.report import record
 from swarmctl.report.evidence.chain import check
 from swarmctl.report.evidence.file import FILE_NAME
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 LIMIT_S = 1500.0
 """longest drawn flight"""
@@ -135,7 +135,7 @@ class FlightMonitor:
 # --- afterwards
 
 
-def findings(monitor: FlightMonitor, report: Report, folder: Path) -> list[str]:
+def findings(monitor: FlightMonitor, report: FlightReport, folder: Path) -> list[str]:
     """Return a line for each broken rule."""
     return [
         *monitor.bad,
@@ -246,7 +246,7 @@ def _unwarned(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
             yield f"{at_s[0]:.1f} s: {pair} are too close without a warning [no-warning]"
 
 
-def _untrue(monitor: FlightMonitor, report: Report) -> Iterator[str]:
+def _untrue(monitor: FlightMonitor, report: FlightReport) -> Iterator[str]:
     """Yield final states and outcomes that contradict the simulator."""
     truth = monitor.truth
     assert truth is not None

@@ -15,7 +15,7 @@ from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import outputs
 from swarmctl.report.live_rows import SwarmView
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 
 @dataclass
@@ -67,7 +67,7 @@ def fly(
     broken: bool = False,
     options: FlightOptions = DEFAULT_OPTIONS,
     bus: Transport | None = None,
-) -> Report:
+) -> FlightReport:
     """Fly on the virtual clock and write the run folder; raise a bug unless it is `broken` on purpose."""
     folder.mkdir(parents=True, exist_ok=True)
     flight = app.fly(

@@ -17,7 +17,7 @@ from sim_vehicle.truth import Truth
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.simulator import AddressOf, undisturbed
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 OTHER_STATION = 200
 MODES = {"LOITER": 5, "RTL": 6, "GUIDED": 4, "LAND": 9, "AUTO": 3}
@@ -93,7 +93,7 @@ def fly_with(
     *,
     scenario: Scenario | None = None,
     address_of: AddressOf = undisturbed,
-) -> tuple[Report, Ui]:
+) -> tuple[FlightReport, Ui]:
     """Fly with this trouble."""
     inject(trouble, monkeypatch)
     ui = Ui()

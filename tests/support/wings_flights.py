@@ -9,7 +9,7 @@ from flights import AREA, small
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import Waypoint
-from swarmctl.report.outcome import Report
+from swarmctl.report.outcome import FlightReport
 
 
 def winged(**sections: Any) -> Scenario:
@@ -21,7 +21,7 @@ def winged(**sections: Any) -> Scenario:
     return small(area=area, simulate=simulate, flight=flight, **sections)
 
 
-def away_m(report: Report, uav: int, place: Waypoint | tuple[float, float]) -> float:
+def away_m(report: FlightReport, uav: int, place: Waypoint | tuple[float, float]) -> float:
     """Return the final distance of a vehicle from a place."""
     vehicle = report.states[uav].vehicle
     assert vehicle.lat_deg is not None
