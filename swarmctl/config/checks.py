@@ -170,10 +170,7 @@ def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Co
 
 
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:
-    """Yield problems of keys without effect.
-
-    `psi_per_cell` always has an effect: it changes the paper's routes, which `swarmctl plan` shows too.
-    """
+    """Yield problems of keys without effect. `psi_per_cell` always affects the paper's routes in `plan`."""
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)

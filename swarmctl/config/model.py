@@ -206,10 +206,7 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
 
 
 def _in_file(path: yaml_lines.KeyPath, data: Any, *, keep_last: bool) -> yaml_lines.KeyPath:
-    """Return the path without names of union members, which pydantic inserts.
-
-    `keep_last`: keep the last part of the path even if the file lacks this key.
-    """
+    """Return pydantic's path without names of union members; `keep_last`: keep a last key not in `data`."""
     kept: list[str | int] = []
     for i, part in enumerate(path):
         if isinstance(data, dict):

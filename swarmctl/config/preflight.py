@@ -12,10 +12,7 @@ MAX_LOST_LINK_S = 120
 
 
 class Policy(Section):
-    """Declared reactions of each vehicle's autopilot.
-
-    A vehicle with other parameters fails preflight, unless `set_parameters` lets a flight write them first.
-    """
+    """Declared reactions of the autopilots. Other parameters fail preflight if `set_parameters` is false."""
 
     lost_link: Literal["return", "land", "hold", "continue"] = Field(
         "continue",
@@ -62,8 +59,7 @@ class FenceSection(Section):
         None,
         min_length=3,
         max_length=60,
-        description="Corners of the fence, in order. Default: margin_m around area, starts and landing "
-        "patterns.",
+        description="Corners of the fence, in order. Default: margin_m around area, starts and landings.",
     )
 
 

@@ -46,9 +46,9 @@ def load_roster(path: Path) -> Roster:
     After an error in the roster's part, the whole configuration is checked. Raises RosterError.
     """
     try:
-        return _read(path.read_text(encoding="utf-8"))
+        return _from_roster_part(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, TypeError):  # pydantic's and YAML's errors are ValueErrors
-        return _check_whole(path)
+        return _from_whole_configuration(path)
 
 
 class _Part(BaseModel):
@@ -82,7 +82,7 @@ class _Swarm(_Part):
     vehicles: tuple[_Vehicle, ...] = ()
 
 
-def _read(text: str) -> Roster:
+def _from_roster_part(text: str) -> Roster:
     """Return the roster of a YAML text. Raises ValueError and TypeError."""
     data = yaml_lines.parse(text).data
     known = {key: data[key] for key in _Swarm.model_fields if key in data}
@@ -99,7 +99,7 @@ def _read(text: str) -> Roster:
     return Roster(found.name, found.communication, names, grid)
 
 
-def _check_whole(path: Path) -> Roster:
+def _from_whole_configuration(path: Path) -> Roster:
     """Return the roster from the whole configuration, with all its checks. Raises RosterError."""
     # The modules that plan and fly take a second to load, so other commands do not import them.
     from swarmctl.config.checks import check_config  # noqa: PLC0415

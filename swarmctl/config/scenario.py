@@ -41,7 +41,7 @@ class RandomStream(IntEnum):
     """Purposes of random numbers; each purpose and vehicle has a separate stream."""
 
     SENSOR = 1
-    CHANCE = 2
+    SURVIVAL = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class Scenario:
 
         Equal arguments give equal results.
         """
-        return survival_probability(belief, strength, cells, self.generator(RandomStream.CHANCE, uav))
+        return survival_probability(belief, strength, cells, self.generator(RandomStream.SURVIVAL, uav))
 
 
 def build(config: Config) -> Scenario:
@@ -159,7 +159,7 @@ def _tasks(
     for index, spec in enumerate(specs):
         # DEVIATION: the paper's UAVs may share a position in the air and on the ground. These vehicles fly
         # at different altitudes (`Spec.altitude_m`) and land at different spots.
-        sharing = _sharing(specs, index)
+        sharing = _sharing_goals(specs, index)
         yield Task(
             uav=spec.sysid,
             name=spec.name,
@@ -206,7 +206,7 @@ def _arrival(grid: Grid, spec: Spec) -> TimeBound:
     return TimeBound(spec.speed_m_s, spec.arrive_after_s, spec.arrive_within_s, approach_m)
 
 
-def _sharing(specs: tuple[Spec, ...], index: int) -> list[int]:
+def _sharing_goals(specs: tuple[Spec, ...], index: int) -> list[int]:
     """Return the indices of the vehicles that share goals with vehicle `index`, directly or through others.
 
     Each of these vehicles needs a separate landing spot.

@@ -77,7 +77,7 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
         yield ConfigProblem(
             ("wings", "final_height_m"), f"{text}{wings.final_height_m:g} m; lower it, or fly higher"
         )
-    sharing = [other.name for other in scenario.swarm if _shares(spec, other)]
+    sharing = [other.name for other in scenario.swarm if _share_a_goal(spec, other)]
     if sharing:
         text = f"{spec.name} shares a goal with {', '.join(sharing)}, so their landings would meet"
         yield ConfigProblem((*here, "goal"), f"{text}; give each fixed wing a goal of its own")
@@ -133,5 +133,5 @@ def _sampled(track: list[PlanarPoint]) -> Iterator[PlanarPoint]:
     yield track[-1]
 
 
-def _shares(spec: Spec, other: Spec) -> bool:
+def _share_a_goal(spec: Spec, other: Spec) -> bool:
     return other.sysid != spec.sysid and bool(set(spec.goals) & set(other.goals))

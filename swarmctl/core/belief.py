@@ -103,8 +103,7 @@ class Belief:
     sensor: SensorModel
     """assumed error rates of the sensors"""
     _base: LookCounts
-    """counts of the checkpoints, and of those of the log's first `_counted` observations that no checkpoint
-    replaces"""
+    """counts of the checkpoints, and of the first `_counted` observations except those replaced"""
     _counted: int
     _log: ObservationLog
     _n: int
@@ -309,10 +308,7 @@ class Belief:
         return self._classes[0]
 
     def items(self) -> Iterator[BeliefItem]:
-        """Return the checkpoints and the observations that no checkpoint replaces.
-
-        The order is by observer, incarnation and sequence number.
-        """
+        """Return the checkpoints and the observations that none replaces, by source and sequence number."""
         items: list[BeliefItem] = [
             *self._checkpoints.values(),
             *(item.seen for item in self._own_log().items),

@@ -41,7 +41,7 @@ def convex_hull(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
     Points within MIN_CORNER_OFFSET_M of an edge are left out.
     """
     ordered = sorted(set(points))
-    return (*_half(ordered)[:-1], *_half(ordered[::-1])[:-1])
+    return (*_half_hull(ordered)[:-1], *_half_hull(ordered[::-1])[:-1])
 
 
 def bounding_box(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
@@ -50,7 +50,7 @@ def bounding_box(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
     return (west, south), (east, south), (east, north), (west, north)
 
 
-def _half(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
+def _half_hull(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
     chain: list[PlanarPoint] = []
     for point in ordered:
         while len(chain) >= 2 and _is_redundant(chain[-1], chain[-2], point):

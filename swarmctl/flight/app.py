@@ -105,7 +105,7 @@ async def fly(
             observers = (recorder, run.statistics, UiObserver(run.ui, run.names), evidence)
             network = opened.enter_context(contextlib.closing(_network(run, resources, observers)))
             _build_members(run, resources, network, observers)
-            director = _director(run, _recorded(permission, evidence), evidence, network)
+            director = _director(run, _recording_permission(permission, evidence), evidence, network)
             await _run_flight(run, director, network, resources)
     except Exception as error:  # noqa: BLE001 - the report accounts for the vehicles after any error
         run.note_error(error)
@@ -187,7 +187,7 @@ class _Run:
 
 
 def _network(run: _Run, resources: FlightResources, observers: Sequence[Observer]) -> Network:
-    refused = partial(_refused, observers)
+    refused = partial(_note_refusal, observers)
     return network_of(run.scenario, resources.transport, run.run_clock, run.options.frame_codec, refused)
 
 
@@ -231,7 +231,7 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
         speedup=run.run_clock.speedup,
         free_clocks=run.clock == "real",
         say=run.ui.say,
-        on_waived=partial(_waived, evidence),
+        on_waived=partial(_record_waiver, evidence),
         sets_parameters=run.options.launch != "never",
         crossings=run.crossings,
     )
@@ -277,7 +277,7 @@ async def _run_flight(run: _Run, director: Director, network: Network, resources
         await emergency.at_once("the operator ends the program at once", reachable, order, say)
 
 
-def _recorded(permission: Permission, evidence: Evidence) -> Permission:
+def _recording_permission(permission: Permission, evidence: Evidence) -> Permission:
     """Return a permission that also records the operator's answer as evidence."""
 
     def permit(external: Sequence[Member]) -> None:
@@ -289,11 +289,11 @@ def _recorded(permission: Permission, evidence: Evidence) -> Permission:
     return permit
 
 
-def _waived(evidence: Evidence, checked: CheckResult) -> None:
+def _record_waiver(evidence: Evidence, checked: CheckResult) -> None:
     evidence.waived(checked.vehicle, checked.check, f"found {checked.finding.found}")
 
 
-def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
+def _note_refusal(observers: Sequence[Observer], uav: int, text: str) -> None:
     """Note a message that vehicle `uav` refused, or a report that contradicts its own observations."""
     now = asyncio.get_running_loop().time()
     for observer in observers:

@@ -35,10 +35,10 @@ from swarmctl.security.evidence_keys import EvidenceSigner
 from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import CommandVerifier, sign_answer
 
-FIRST_LINK_S = 3.0
+REPORT_MISSING_AFTER_S = 3.0
 """time from the start to the message about a missing network [s]"""
 POLL_S = 0.5
-REACHED = "the agent is connected to the swarm's network [network-reached]"
+NETWORK_REACHED = "the agent is connected to the swarm's network [network-reached]"
 
 
 def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenario:
@@ -169,16 +169,16 @@ class _KeyringSigning:
 
 
 async def _report_connection(bus: ZenohBus, network: Configuration, ui: Ui) -> None:
-    """Report each connection and disconnection, and a network that is missing for FIRST_LINK_S."""
+    """Report each connection and disconnection, and a network that is missing after the start."""
     connected = None
     with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(FIRST_LINK_S):
+        async with asyncio.timeout(REPORT_MISSING_AFTER_S):
             while not bus.connected:  # noqa: ASYNC110 - Zenoh's threads change `connected`
                 await asyncio.sleep(POLL_S)
     while True:
         if bus.connected is not connected:
             connected = bus.connected
-            ui.say(REACHED if connected else _missing(bus, network))
+            ui.say(NETWORK_REACHED if connected else _missing(bus, network))
         await asyncio.sleep(POLL_S)
 
 

@@ -202,10 +202,7 @@ class Director:
             await self._clear([member])
 
     def _permit(self) -> None:
-        """Ask for permission to arm vehicles that are not simulated, then make all vehicles armable.
-
-        Raises PreflightFailed.
-        """
+        """Make all vehicles armable, after permission for vehicles not simulated. Raises PreflightFailed."""
         external = self._not_simulated()
         if external:
             self._permission(external)

@@ -68,7 +68,7 @@ def test_the_sensor_is_perfect_by_default(tmp_path: Path) -> None:
 def test_each_vehicle_and_use_has_a_random_stream_of_its_own(tmp_path: Path) -> None:
     built = scenario.build(loaded(tmp_path, "5"))
     stream = scenario.RandomStream
-    ends = [(stream.SENSOR, 1), (stream.SENSOR, 2), (stream.CHANCE, 1)]
+    ends = [(stream.SENSOR, 1), (stream.SENSOR, 2), (stream.SURVIVAL, 1)]
     draws = {built.generator(*end).random() for end in ends}
     assert len(draws) == 3
     assert built.generator(*ends[0]).random() in draws

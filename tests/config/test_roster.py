@@ -27,7 +27,7 @@ def test_the_roster_of_a_shipped_configuration_equals_the_part_of_the_whole(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = build(load(path, check_config))
-    monkeypatch.setattr(roster, "_check_whole", lambda _: pytest.fail("the whole was checked"))
+    monkeypatch.setattr(roster, "_from_whole_configuration", lambda _: pytest.fail("the whole was checked"))
     found = roster.load_roster(path)
     assert found.name == whole.config.name
     assert found.communication == whole.config.communication
@@ -38,7 +38,7 @@ def test_the_roster_of_a_shipped_configuration_equals_the_part_of_the_whole(
 def test_a_mesh_may_name_vehicles_by_system_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "swarm.yaml"
     file.write_text(GOOD + MESH)
-    monkeypatch.setattr(roster, "_check_whole", lambda _: pytest.fail("the whole was checked"))
+    monkeypatch.setattr(roster, "_from_whole_configuration", lambda _: pytest.fail("the whole was checked"))
     assert roster.load_roster(file).communication.mesh == {
         "1": "tcp/10.0.0.1:7447",
         "uav2": "tcp/10.0.0.2:7447",

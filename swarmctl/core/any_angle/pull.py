@@ -52,12 +52,11 @@ def pull_straight(
     radius_cells: float = 0.0,
     weights: CostWeights | None = None,
 ) -> Track:
-    """Return the track of fewest straight legs for a route over neighbouring cells.
+    """Return the shortest track of fewest straight legs for a route over neighbouring cells.
 
-    Of several such tracks the result is the shortest. If the turn radius `radius_cells` [cells] is above 0,
-    each turn is an arc inside its corner. The arc takes at most half of a leg between two turns. If all such
-    tracks found are worse than the route, the result has the least cost by `weights` (Eq. 5). If `weights` is
-    None, the result has the least exposure. Raises Unflyable.
+    If the turn radius `radius_cells` [cells] is above 0, each turn is an arc inside its corner. The arc takes
+    at most half of a leg between two turns. If all such tracks found are worse than the route, the result has
+    the least cost by `weights` (Eq. 5), or the least exposure if `weights` is None. Raises Unflyable.
     """
     if len(cells) < 3:
         return track(threat, cells, tuple(range(len(cells))), radius_cells)
@@ -106,9 +105,8 @@ def is_still_good(
     """Return whether the track ahead of the vehicle is as good as the route ahead, by the threat `now`.
 
     The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
-    the threat at the last decision for this track. The track ahead may be more exposed than the route ahead:
-    by the excess under the threat `before`, and by TOLERATED_EXCESS. A wall that `before` lacks is not
-    allowed.
+    the threat at the last decision for this track. The track may be more exposed than the route by the excess
+    under `before` and by TOLERATED_EXCESS. A wall that `before` lacks is not allowed.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)

@@ -92,10 +92,7 @@ class HostileGroups:
         return means
 
     def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
-        """Return (size, n_groups) draws of the numbers in the first `n_groups` groups.
-
-        The draws are in the order of the ranges of totals, which is not random.
-        """
+        """Return (size, n_groups) random numbers in the first `n_groups` groups, by range of totals."""
         shares = rng.multinomial(size, self._weight).tolist()
         parts = zip(shares, self._ranges, strict=True)
         return np.concatenate([total_range.draw(rng, n, n_groups) for n, total_range in parts if n])
