@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from swarmctl.planners import is_small
-from swarmctl.planners.kernels.compilation import cache
+from swarmctl.planners.kernels.compilation import numba_cache
 
 PROGRESS_TEXT = "compiling the planners for large areas, once on this machine"
 COMPILER = (
@@ -34,7 +34,7 @@ def prepare(n_cells: int, console: Console) -> None:
     """
     if is_small(n_cells) or is_ready():
         return
-    if cache() is None:
+    if numba_cache() is None:
         text = "machine code cannot be stored, so every run compiles the planners"
         _print(console, f"{text}; set NUMBA_CACHE_DIR to a writable folder")
         return
@@ -70,7 +70,7 @@ def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
 
 def _ready_file() -> Path | None:
     """Return the path of a file that exists if all machine code is stored; None if no folder is writable."""
-    if (stored := cache()) is None:
+    if (stored := numba_cache()) is None:
         return None
     folder, key = stored
     return folder / f"swarmctl-{key}.ready"

@@ -6,7 +6,7 @@ import typer
 
 from swarmctl.cli import machine_code
 from swarmctl.cli.console import FAILED, fail, out, say
-from swarmctl.planners.kernels.compilation import cache
+from swarmctl.planners.kernels.compilation import numba_cache
 
 
 def register(cli: typer.Typer) -> None:
@@ -15,7 +15,7 @@ def register(cli: typer.Typer) -> None:
 
 def warm_up() -> None:
     """Compile the planners for large areas, once on a machine; small areas need no compiler."""
-    if (stored := cache()) is None:
+    if (stored := numba_cache()) is None:
         fail(["machine code cannot be stored; set NUMBA_CACHE_DIR to a writable folder"], FAILED)
     folder, _ = stored
     if machine_code.is_ready():

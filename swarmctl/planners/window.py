@@ -3,7 +3,7 @@
 The search begins with the least exposed route within the upper bound, as in `constrained`. If this route is
 too short, the planner tries detours over one cell, and if none is within the window, over two cells. A detour
 joins the best routes to the cell and from the cell to a goal, by Eq. 5 at w = 1/2 and ψ = mean exposure. The
-answer is the least exposed of these detours that passes no cell twice. A better route may exist.
+answer is the least exposed detour within the window that passes no cell twice. A better route may exist.
 """
 
 from __future__ import annotations

@@ -119,7 +119,7 @@ class FactCollector:
             return (), str(error)
 
     async def _ask(self, vehicle: VehicleToCheck) -> _Answers:
-        """Return a vehicle's answers; a failed request for instruments or parameters ends the requests."""
+        """Return a vehicle's answers; a LinkError ends the requests, except at the rally points."""
         link, required = vehicle.runner.link, self.required_parameters(vehicle)[0]
         answers = _Answers()
         try:

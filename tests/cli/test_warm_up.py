@@ -37,7 +37,7 @@ THREE_STEPS = compiler("for done in range(4): print(done, 3, flush=True)")
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder for machine code."""
-    monkeypatch.setattr(machine_code, "cache", lambda: (tmp_path, "key"))
+    monkeypatch.setattr(machine_code, "numba_cache", lambda: (tmp_path, "key"))
     return tmp_path
 
 
@@ -61,7 +61,7 @@ def test_each_step_is_a_line_and_the_second_time_nothing_is_compiled(
     again = console()
     machine_code.prepare(LARGE, again)
     assert printed(again) == ""
-    monkeypatch.setattr(machine_code, "cache", lambda: (cache, "another machine"))
+    monkeypatch.setattr(machine_code, "numba_cache", lambda: (cache, "another machine"))
     assert not machine_code.is_ready()
 
 
@@ -83,7 +83,7 @@ def test_a_compiler_that_fails_is_an_error_and_leaves_nothing_ready() -> None:
 def test_without_a_folder_for_machine_code_the_process_compiles_by_itself(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(machine_code, "cache", lambda: None)
+    monkeypatch.setattr(machine_code, "numba_cache", lambda: None)
     on = console()
     machine_code.prepare(LARGE, on)
     assert "NUMBA_CACHE_DIR" in printed(on)

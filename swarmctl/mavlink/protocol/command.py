@@ -71,7 +71,7 @@ class Command(Conversation[CommandResult]):
     ANSWER_WAIT_S, IN_PROGRESS_WAIT_S = 1.0, 10.0
     """longest wait for the first answer, and after each IN_PROGRESS"""
     IN_PROGRESS_LIMIT = 6
-    """greatest number of IN_PROGRESS answers to one try; one more counts as a refusal"""
+    """greatest number of IN_PROGRESS answers to one try; a further IN_PROGRESS counts as a refusal"""
 
     def __init__(self, peer: MavlinkPeer, command: int, *params: float, confirmation: int = 0) -> None:
         super().__init__()

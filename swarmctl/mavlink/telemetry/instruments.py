@@ -1,7 +1,7 @@
 """Instruments of a vehicle, read by the preflight check.
 
-https://mavlink.io/en/messages/common.html: GPS_RAW_INT, SYSTEM_TIME, HOME_POSITION, SYS_STATUS. The last two
-are also part of the vehicle's state; the request brings recent values.
+https://mavlink.io/en/messages/common.html: GPS_RAW_INT, SYSTEM_TIME, HOME_POSITION, SYS_STATUS. The request
+of HOME_POSITION and SYS_STATUS brings recent values into the vehicle's state.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class Telemetry:
         return 0.0 if reported_s is None else self._now - reported_s
 
     def position_every_s(self, now: float) -> float | None:
-        """Return the mean time between the last positions and `now` [s]; None before MIN_POSITIONS."""
+        """Return the mean interval of the last positions, `now` included [s]; None before MIN_POSITIONS."""
         times_s = self._positions_s
         return (now - times_s[0]) / len(times_s) if len(times_s) >= MIN_POSITIONS else None
 

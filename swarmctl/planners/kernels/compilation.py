@@ -39,7 +39,7 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     return _dispatcher(kernel)  # type: ignore[no-any-return]
 
 
-def cache() -> tuple[Path, str] | None:
+def numba_cache() -> tuple[Path, str] | None:
     """Return numba's cache folder, and a key of this machine, Python, numba and the files of the kernels.
 
     None if no folder is writable; numba then compiles again in each process.
