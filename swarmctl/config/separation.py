@@ -31,7 +31,6 @@ class SeparationSection(Section):
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
         description="Reaction of the vehicle that gives way in a predicted conflict, usually the vehicle "
-        "with the higher system id. hold: a copter holds until the way is clear; it climbs if its hold would "
-        "be too close to another vehicle, and a fixed wing always climbs. climb: a climb. none: only the "
-        "alarm.",
+        "with the higher system id. hold: a hold until the way is clear; a climb for a fixed wing, or if the "
+        "hold would be too close to another vehicle. climb: a climb. none: only the alarm.",
     )

@@ -44,9 +44,8 @@ class WingsSection(Section):
         ge=0.0,
         lt=360.0,
         description="Heading of all landings, clockwise from north [deg], such as into the wind. Default: "
-        "for each landing, the heading with the fewest cells of the area under its path. If several headings "
-        "are equal: the heading with the least turn from the direction start to goal (at home: start to "
-        "entry).",
+        "for each landing, the heading with the fewest cells of the area under its path; of equal headings, "
+        "the heading closest to the direction from start to goal (at home: from start to entry).",
     )
 
     def model_post_init(self, _context: object) -> None:

@@ -186,7 +186,7 @@ class Belief:
         return ObservationLog(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
     def _add_checkpoints(self, new: list[Checkpoint]) -> Belief:
-        """Return the belief with new checkpoints in place of the items that they replace.
+        """Return the belief with new checkpoints in place of the replaced observations and checkpoints.
 
         If observations are replaced and the counts stay equal, the result is this belief, compacted in place.
         So the agent has no reason to plan again.
@@ -308,7 +308,7 @@ class Belief:
         return self._classes[0]
 
     def items(self) -> Iterator[BeliefItem]:
-        """Return the checkpoints and the observations that none replaces, by source and sequence number."""
+        """Return the checkpoints and the unreplaced observations, in order of source and sequence number."""
         items: list[BeliefItem] = [
             *self._checkpoints.values(),
             *(item.seen for item in self._own_log().items),

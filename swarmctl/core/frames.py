@@ -8,7 +8,7 @@
 | `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists the sender's observations |
 | `inform/snapshot` | Snapshot | the answer: frames as received, with observations, states and intents |
 | `inform/relayed` | Relayed | new frames of other UAVs, passed on at once; or a checkpoint of the sender |
-| `inform/checkpoint` | Checkpoint | in a snapshot or relayed: replaces an observer's first observations |
+| `inform/checkpoint` | Checkpoint | inside both messages above: replaces an observer's first observations |
 
 A frame is the byte VERSION, a flag byte (signed or not), a 64-byte Ed25519 signature if signed, and a
 MessagePack map. The signature covers the swarm's name and the map. Unknown fields are ignored. A frame is

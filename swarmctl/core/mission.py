@@ -55,7 +55,7 @@ class FlightPlan:
     begins: Waypoint | None = None
     """position at the time of planning; None on the ground"""
     leaves_ahead: bool = False
-    """True if `track` begins with waypoints ahead in the plan being flown, and then leaves that plan"""
+    """True if the plan first follows the plan being flown, and leaves it at a splice point ahead"""
     from_hold: bool = False
     """True if the vehicle is in hold mode by its agent's order at the time of planning"""
 

@@ -84,7 +84,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """exclusive or of `mark_of` over the replaced observations, for comparison with those of another UAV"""
+    """exclusive or of `mark_of` over the replaced observations, for comparison with another UAV's mark"""
 
     @property
     def source(self) -> Source:

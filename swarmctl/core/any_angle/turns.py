@@ -30,7 +30,7 @@ def tangent_length(before: GridPoint, corner: GridPoint, after: GridPoint, radiu
 
 
 def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> list[GridPoint]:
-    """Return points on the arc of a corner, from the leg before the corner to the leg after the corner.
+    """Return points on the arc of a corner, from the leg `before`–`corner` to the leg `corner`–`after`.
 
     `radius` is in the unit of the points. A corner without a turn, or with `radius` 0, stays one point.
     """
