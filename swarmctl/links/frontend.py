@@ -168,7 +168,7 @@ class FrontEnd:
 
     async def why_not_arm(self) -> str:
         """Wait until the evidence so far is on disk; return the reason that forbids arming, or ""."""
-        return "" if self._shared.evidence is None else await self._shared.evidence.settled()
+        return "" if self._shared.evidence is None else await self._shared.evidence.wait_until_stored()
 
     def trouble_on(self, endpoint: Endpoint) -> str:
         """Return the fault of an endpoint's transport, and `refusal_summary`; empty if there is neither."""

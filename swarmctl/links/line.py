@@ -77,7 +77,7 @@ class EvidenceRecorder(Protocol):
     def from_vehicle(self, sysid: int, message: Message) -> None:
         """Record a vehicle's message, of a type that the link reads."""
 
-    async def settled(self) -> str:
+    async def wait_until_stored(self) -> str:
         """Wait until the record is on disk; return the reason for a failure, or ""."""
 
 

@@ -41,7 +41,7 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, sockets: contextlib.ExitSta
         try:
             probe.bind((endpoint.host, endpoint.port))
         except OSError as error:
-            yield f"{name}: {endpoint}: {_cure(endpoint, error)}"
+            yield f"{name}: {endpoint}: {_bind_problem(endpoint, error)}"
     elif endpoint.kind in ("udpout", "tcpout"):
         try:
             socket.getaddrinfo(endpoint.host, endpoint.port)
@@ -60,8 +60,8 @@ def _listen_trouble(communication: Communication, sockets: contextlib.ExitStack)
         port_in_use = (
             f"port {endpoint.port} is in use; stop the other program, or give another port (0: any free port)"
         )
-        cure = f"{error.strerror or error}; give an address of this machine"
-        yield f"communication.listen: {endpoint}: {port_in_use if error.errno == errno.EADDRINUSE else cure}"
+        other = f"{error.strerror or error}; give an address of this machine"
+        yield f"communication.listen: {endpoint}: {port_in_use if error.errno == errno.EADDRINUSE else other}"
 
 
 def _stream_socket(host: str) -> socket.socket:
@@ -70,7 +70,7 @@ def _stream_socket(host: str) -> socket.socket:
     return stream
 
 
-def _cure(endpoint: Endpoint, error: OSError) -> str:
+def _bind_problem(endpoint: Endpoint, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return f"port {endpoint.port} is in use; stop the other ground station, or give another port"
     return f"cannot listen here: {error.strerror or error}; give an address of this machine"

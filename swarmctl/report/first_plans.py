@@ -61,8 +61,8 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:
     """Return a table with one row for each route of `first_routes`.
 
-    A row has the numbers of the track that the vehicle would fly, or – if the turns of every track are too
-    tight. The configured choice is bold.
+    A row has the numbers of the track that the vehicle would fly, or – if no track of the route has turns as
+    wide as the vehicle needs. The configured choice is bold.
     """
     table = FittedTable(COLUMNS)
     for index, spec in enumerate(scenario.specs):

@@ -99,7 +99,7 @@ def _arrival_text(vehicle: dict[str, Any]) -> Text:
 
 
 def missed_bounds(summary: dict[str, Any]) -> list[str]:
-    """Return the names of the vehicles that did not keep their time bounds, or did not arrive."""
+    """Return the names of the vehicles that have a time bound and did not arrive within the bound."""
     return [vehicle["name"] for vehicle in summary["vehicles"] if vehicle["arrival_bound_kept"] is False]
 
 

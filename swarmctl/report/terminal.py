@@ -1,4 +1,4 @@
-"""The two user interfaces of a flight: a live table on a terminal, plain lines elsewhere."""
+"""The two user interfaces of a flight: a live table for a terminal, and plain lines for a file or pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of MAVLink signing: the key, and the timestamp from which its use continues."""
+"""Files of MAVLink signing: the key, and a timestamp that no used timestamp exceeds."""
 
 from __future__ import annotations
 

@@ -43,7 +43,9 @@ LEGEND = (
     "messages that the vehicle refused"
 )
 LATE_LEGEND = "; late: predicted flight time to the goal, outside the time bound"
-CONTRADICTED_LEGEND = "; contradicted by: vehicles whose reports contradict this vehicle's or each other's"
+CONTRADICTED_LEGEND = (
+    "; contradicted by: vehicles whose observations contradict this vehicle's observations, or each other"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ class VehicleRow:
     state: StateShared | None
     cell: Cell | None
     contradicted_by: tuple[str, ...] = ()
-    """vehicles whose reports contradict this vehicle's observations, or each other"""
+    """vehicles whose observations contradict this vehicle's observations, or each other"""
 
     @property
     def is_silent(self) -> bool:
@@ -79,7 +81,7 @@ class SwarmView:
     """endpoint and state of the connection, as text"""
     rows: Sequence[VehicleRow]
     refused: int
-    """number of refused messages: invalid, repeated or old ones, and others than states of these vehicles"""
+    """number of refused messages: invalid, repeated, old, or not a state of a vehicle of this swarm"""
 
 
 class StateBoard:

@@ -49,7 +49,7 @@ class Unrecorded:
     def from_vehicle(self, sysid, message):
         pass
 
-    async def settled(self):
+    async def wait_until_stored(self):
         return "the disk is full"
 
 

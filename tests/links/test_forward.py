@@ -32,7 +32,7 @@ class SentRecorder:
     def from_vehicle(self, sysid: int, message: Any) -> None:
         pass
 
-    async def settled(self) -> str:
+    async def wait_until_stored(self) -> str:
         return ""
 
 

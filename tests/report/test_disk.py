@@ -71,7 +71,7 @@ def test_a_blocked_disk_delays_neither_the_loop_nor_the_order_of_entries(
 ) -> None:
     async def story() -> None:
         run = Run(tmp_path)
-        assert await run.evidence.settled() == ""
+        assert await run.evidence.wait_until_stored() == ""
         before = len(disk.synced)
         disk.free.clear()
         began_s = asyncio.get_running_loop().time()
@@ -82,7 +82,7 @@ def test_a_blocked_disk_delays_neither_the_loop_nor_the_order_of_entries(
         assert [json.loads(line)["kind"] for line in run.lines] == ["opened", *["command"] * 10]
         assert len(disk.synced) == before
         disk.free.set()
-        assert await run.evidence.settled() == ""
+        assert await run.evidence.wait_until_stored() == ""
         # One was under way, and one more took all the rest.
         assert len(disk.synced) == before + 2
         run.evidence.close()
@@ -93,15 +93,15 @@ def test_a_blocked_disk_delays_neither_the_loop_nor_the_order_of_entries(
     asyncio.run(story())
 
 
-def test_evidence_is_settled_when_all_entries_are_on_the_disk(disk: SlowDisk, tmp_path: Path) -> None:
+def test_evidence_is_stored_when_all_entries_are_on_the_disk(disk: SlowDisk, tmp_path: Path) -> None:
     async def story() -> None:
         run = Run(tmp_path)
         disk.free.clear()
         run.evidence.remark("before")
-        waits = asyncio.create_task(run.evidence.settled())
+        waits = asyncio.create_task(run.evidence.wait_until_stored())
         await asyncio.sleep(0.01)
         run.evidence.remark("launch")
-        also = asyncio.create_task(run.evidence.settled())
+        also = asyncio.create_task(run.evidence.wait_until_stored())
         await asyncio.sleep(0.01)
         assert not waits.done()
         assert not also.done()
@@ -116,10 +116,10 @@ def test_evidence_is_settled_when_all_entries_are_on_the_disk(disk: SlowDisk, tm
 def test_a_disk_that_fails_later_is_reported_once_and_forbids_arming(disk: SlowDisk, tmp_path: Path) -> None:
     async def story() -> None:
         run = Run(tmp_path)
-        await run.evidence.settled()
+        await run.evidence.wait_until_stored()
         disk.error = OSError(5, "Input/output error")
         assert run.evidence.to_vehicle(1, ARM)
-        assert "Input/output error" in await run.evidence.settled()
+        assert "Input/output error" in await run.evidence.wait_until_stored()
         assert not run.evidence.to_vehicle(1, ARM)
         (line,) = run.said
         assert "Input/output error" in line
@@ -133,7 +133,7 @@ def test_a_disk_that_fails_later_is_reported_once_and_forbids_arming(disk: SlowD
 def test_a_disk_that_fails_at_the_end_of_the_run_is_reported(disk: SlowDisk, tmp_path: Path) -> None:
     async def story() -> None:
         run = Run(tmp_path)
-        await run.evidence.settled()
+        await run.evidence.wait_until_stored()
         disk.error = OSError(5, "Input/output error")
         run.evidence.to_vehicle(1, ARM)
         run.evidence.close()
@@ -151,11 +151,11 @@ def test_the_wait_for_a_blocked_disk_has_a_limit(
 
     async def story() -> None:
         run = Run(tmp_path)
-        await run.evidence.settled()
+        await run.evidence.wait_until_stored()
         disk.free.clear()
-        assert "0.05 s" in await run.evidence.settled()
+        assert "0.05 s" in await run.evidence.wait_until_stored()
         disk.free.set()
-        assert await run.evidence.settled() == ""
+        assert await run.evidence.wait_until_stored() == ""
         run.evidence.close()
 
     asyncio.run(story())

@@ -65,7 +65,7 @@ def _copter_position_loss() -> tuple[RequiredParameter, ...]:
     )
 
 
-_PRESENT_ALTITUDE = -1.0  # of RTL_ALTITUDE
+_CURRENT_ALTITUDE = -1.0  # of RTL_ALTITUDE
 _LAND_AT_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission a plane does not arm
 _PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 need a quadplane, or 4.7
 
@@ -112,8 +112,8 @@ def _plane_circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[Requ
         RequiredParameter(
             "RTL_ALTITUDE",
             "a return at the flight altitude" if behaviour.among_others else behaviour.fence,
-            _PRESENT_ALTITUDE,
-            (_PRESENT_ALTITUDE,),
+            _CURRENT_ALTITUDE,
+            (_CURRENT_ALTITUDE,),
             # ArduPlane also descends to this altitude.
             least=behaviour.altitude_m if behaviour.among_others else wings.final_height_m,
             most=behaviour.altitude_m if behaviour.among_others else behaviour.ceiling_m,

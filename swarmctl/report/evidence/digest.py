@@ -36,7 +36,7 @@ _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQU
 
 @dataclass(slots=True)
 class CommandRow:
-    """The digest of all commands, or other messages, of one name to one vehicle."""
+    """The digest of all commands or messages to one vehicle that have the same name."""
 
     vehicle: str
     command: str

@@ -74,7 +74,7 @@ class EvidenceFile:
                 self._file_sync.sync()
         return not self.trouble
 
-    async def settled(self) -> str:
+    async def wait_until_stored(self) -> str:
         """Wait at most SYNC_TIMEOUT_S for all entries to reach the disk; return the failure, or ""."""
         if self.trouble or self._file.closed:
             return self.trouble or f"{self._path}: the evidence is closed"

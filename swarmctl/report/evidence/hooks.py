@@ -58,8 +58,8 @@ class Evidence:
                 if vehicle == sysid:
                     others_traffic.byte_wise = traffic.byte_wise
 
-    async def settled(self) -> str:
-        return await self._file.settled()
+    async def wait_until_stored(self) -> str:
+        return await self._file.wait_until_stored()
 
     # The agents
 

@@ -95,7 +95,7 @@ class Traffic:
         return [] if self._upload is None else self._upload.unrecorded_entries()
 
     def _begin_or_end(self, kind: str, message: Message) -> list[NewEntry]:
-        """Begin the transfer that a sent message announces; return unrecorded entries of the last upload."""
+        """Begin the transfer that a sent message announces; return entries that end the previous upload."""
         entries: list[NewEntry] = []
         if kind in ANNOUNCEMENTS or kind == "MISSION_ACK" or self._is_partial:
             entries = self.unrecorded_entries()

@@ -46,7 +46,7 @@ def draw_map(path: Path, picture: MapPicture) -> None:
 
 
 def figure_of(picture: MapPicture) -> Figure:
-    """Return the figure: the map, the legend beside the map, and below it vehicles without room there."""
+    """Return the figure: the map and the legend. Many vehicles have their rows below the map."""
     west, south, east, north = view_of(picture)
     inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
     map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
@@ -77,7 +77,7 @@ def figure_of(picture: MapPicture) -> Figure:
 def _beside_and_below(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
     """Return the legend's rows beside the map, and blocks of rows below the map.
 
-    The blocks are of the vehicles if the rows of all vehicles do not fit beside the map; else there are none.
+    If all rows fit beside the map, there are no blocks. Else each vehicle has a block below the map.
     """
     blocks, symbols = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
     vehicles = [row for block in blocks for row in block]
