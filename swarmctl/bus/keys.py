@@ -5,7 +5,7 @@
 | `uav/TO/inform/observation/FROM` | a UAV | a UAV in range | put | a frame: Observation |
 | `uav/TO/inform/state/FROM` | a UAV | a UAV in range, or a silent UAV | put | a frame: StateShared |
 | `uav/TO/inform/intent/FROM` | a UAV | a UAV in range | put | a frame: IntentShared |
-| `uav/TO/query-ref/snapshot/FROM` | a UAV | a UAV in range | put | a frame: SnapshotAsked |
+| `uav/TO/query-ref/snapshot/FROM` | a UAV | another UAV | put | a frame: SnapshotAsked |
 | `uav/TO/inform/snapshot/FROM` | the UAV with the snapshot | the requesting UAV | put | a frame: Snapshot |
 | `uav/TO/inform/relayed/FROM` | a UAV | a UAV in range | put | a frame: Relayed |
 | `station/inform/state/FROM` | a UAV | ground stations | put | a frame: StateShared |
@@ -86,5 +86,4 @@ def sender_of(key: str) -> tuple[int, str] | None:
 
 
 def is_wild(key: str) -> bool:
-    """Return whether a key has wildcards."""
     return "*" in key or "$" in key

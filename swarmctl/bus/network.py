@@ -202,9 +202,8 @@ class Network:
             return  # a report of the vehicle's payload, handled by `external_observations`
         origin = keys.sender_of(key)
         if origin is None:
-            member.node.count_refusal(
-                RefusalReason.WILDCARD if keys.is_wild(key) else RefusalReason.SOURCE, None
-            )
+            why = RefusalReason.WILDCARD if keys.is_wild(key) else RefusalReason.SOURCE
+            member.node.count_refusal(why, None)
             return
         sender, act = origin
         try:
@@ -285,9 +284,8 @@ class Network:
             lost = member.node.counters.lost
             if not lost[LossReason.OVERLOAD]:
                 text = (
-                    "this machine is too slow for the swarm's messages; some are dropped, and missing "
-                    "observations are requested again (`lost` in the summary counts all dropped messages) "
-                    "[bus-overload]"
+                    "this machine is too slow for the swarm's messages; some are dropped (`lost` in the "
+                    "summary counts them), and missing observations are requested again [bus-overload]"
                 )
                 self._show(member, [(LossReason.OVERLOAD, text)])
             lost[LossReason.OVERLOAD] += 1
@@ -333,10 +331,8 @@ class Network:
         sender, act, decoded, to = queued
         if not self._has_fast_path:
             return to
-        delivered_mask = self._receptions.deliver(
-            sender, act, decoded, self._receiver_mask(to), now_s, unix_s
-        )
-        delivered = self._receptions.uavs(delivered_mask)
+        mask = self._receptions.deliver(sender, act, decoded, self._receiver_mask(to), now_s, unix_s)
+        delivered = self._receptions.uavs(mask)
         if isinstance(seen := decoded.frame.content, Observation):
             news = (seen,)
             for uav in delivered:

@@ -25,7 +25,7 @@ UNSIGNED = (
     "[evidence-not-signed]"
 )
 
-_LEADING_KEYS = (
+_LEADING = (
     *("message", "command", "items", "of", "first", "result", "times"),
     *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
 )
@@ -195,10 +195,7 @@ def _grouped(seen: Counter[str]) -> str:
 
 def _line(entry: Entry) -> str:
     what = entry["what"]
-    names = [
-        *(name for name in _LEADING_KEYS if name in what),
-        *(name for name in what if name not in _LEADING_KEYS),
-    ]
+    names = [*(name for name in _LEADING if name in what), *(name for name in what if name not in _LEADING)]
     text = ", ".join(f"{name} {what[name]}" for name in names if what[name] not in (None, ""))
     return printable(f"{entry['run_s']:9.3f} s  {entry['vehicle'] or 'all':<8} {entry['kind']:<15} {text}")
 

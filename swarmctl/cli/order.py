@@ -26,9 +26,7 @@ def register(cli: typer.Typer) -> None:
 
 
 def order(
-    flight_order: Annotated[
-        FlightOrder, typer.Argument(metavar="launch|hold|return|land", show_default=False)
-    ],
+    kind: Annotated[FlightOrder, typer.Argument(metavar="launch|hold|return|land", show_default=False)],
     uav: UavsOption = None,
     ignore: Annotated[
         list[str] | None,
@@ -55,10 +53,10 @@ def order(
     """
     send_or_exit(
         lambda: GiveOrder(
-            client.chosen_vehicles(uav or [], all_vehicles), flight_order.value, ignore=tuple(ignore or ())
+            client.chosen_vehicles(uav or [], all_vehicles), kind.value, ignore=tuple(ignore or ())
         ),
         swarm,
         config,
         connect,
-        partial(order_line, flight_order.value),
+        partial(order_line, kind.value),
     )

@@ -22,7 +22,6 @@ class OwnSightings:
             opposite[cell] &= ~(1 << index)
 
     def has_any(self, index: int) -> bool:
-        """Return whether the UAV with this index has a sighting."""
         return bool(self._observers >> index & 1)
 
     def forget(self, index: int) -> None:

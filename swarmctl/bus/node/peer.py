@@ -233,10 +233,7 @@ class PeerRecord(msgspec.Struct, gc=False):
 
 
 def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
-    """Return the frames of states newer than `known` (UAV -> unix time [s]), and these UAVs' recent intents.
-
-    A state is newer if its lead over `known` is above `MIN_STATE_LEAD_S`.
-    """
+    """Return the frames of states newer than `known` (UAV -> unix [s]), and these UAVs' recent intents."""
     newer = [
         (peer, decoded)
         for peer in peers

@@ -90,7 +90,6 @@ class ReceptionTable:
         return self._indices[uav]
 
     def mask(self, uavs: Iterable[int]) -> ReceiverMask:
-        """Return the mask of a set of UAVs."""
         mask = np.zeros(len(self._indices), np.bool_)
         mask[[self._indices[uav] for uav in uavs]] = True
         return mask
@@ -126,7 +125,7 @@ class ReceptionTable:
         if isinstance(content, Observation):
             delivered &= self.upto[row] == content.seq - 1
             delivered[_set_bits(self.sightings.conflicting_uavs(decoded.clear, decoded.occupied))] = False
-            self._append_to_logs(decoded, delivered, self.log_number[row])
+            self._append(decoded, delivered, self.log_number[row])
             self.upto[row] += delivered
             self._toggle_mark(delivered, decoded.mark)
         else:
@@ -166,9 +165,7 @@ class ReceptionTable:
             holds |= np.any(self.fingerprints == fingerprint, axis=1)
         return holds
 
-    def _append_to_logs(
-        self, decoded: DecodedFrame, delivered: ReceiverMask, numbers: NDArray[np.int64]
-    ) -> None:
+    def _append(self, decoded: DecodedFrame, delivered: ReceiverMask, numbers: NDArray[np.int64]) -> None:
         """Append an observation to the receivers' logs; nearly always all receivers share one log.
 
         Remove from `delivered` the receivers without a shared log, or with another observation of the number.

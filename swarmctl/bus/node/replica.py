@@ -235,10 +235,7 @@ class Replica:
         return tuple(record.digest_entry(MAX_BEYOND // max(n_with_gap, 1)) for record in records)
 
     def missing(self, digest: Iterable[HeldObservations]) -> Iterator[bytes]:
-        """Yield the frames that a digest lacks.
-
-        A source's checkpoint comes first if it replaces lacking frames, or many frames of the receiver.
-        """
+        """Yield the frames that a digest lacks, after each source's checkpoint if that is worth sending."""
         entries: Mapping[Source, HeldObservations] = {(h.observer, h.incarnation): h for h in digest}
         for source in sorted(self._records):
             record = self._records[source]
