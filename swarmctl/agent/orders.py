@@ -24,18 +24,18 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
     remote = event.command is not None
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
-    place = place_for_return(state)
+    place = position_for_return(state)
     if (outcome == "taken" or not remote) and not _would_stop_landing(state, event):
         if event.after_s and urgent_return_reason(state):
             event = msgspec.structs.replace(event, after_s=0.0)  # other returns are scheduled around it
-        state, effects = _ordered(state, event, remote=remote)
+        state, effects = _apply_order(state, event, remote=remote)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
         effects = [*effects, ev.Answer(event.command, answer)]
     return state, effects
 
 
-def place_for_return(state: AgentState) -> VehiclePosition | None:
+def position_for_return(state: AgentState) -> VehiclePosition | None:
     """Return position, home and speed for the schedule of returns; None if unknown or not in flight."""
     v = state.vehicle
     if state.phase not in IN_FLIGHT or v.lat_deg is None or v.lon_deg is None or v.alt_amsl_m is None:
@@ -66,7 +66,7 @@ def holding_radius_m(task: Task) -> float:
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
     """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
-    is_temporary = state.return_turn_boot_s is not None or state.interrupted_plan is not None
+    is_temporary = state.return_latest_boot_s is not None or state.interrupted_plan is not None
     return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not is_temporary
 
 
@@ -86,13 +86,13 @@ def _would_stop_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
     return is_recall and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
-def _is_released_in_air(state: AgentState) -> bool:
+def _is_released_and_armed(state: AgentState) -> bool:
     return state.phase is Phase.RELEASED and state.vehicle.armed
 
 
 def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[CommandOutcome, str]:
     order = event.order
-    if _is_released_in_air(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
+    if _is_released_and_armed(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
         return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
     if state.ended:
         return "over", f"the flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
@@ -109,9 +109,9 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     if _would_stop_landing(state, event):
         reason = _demanded(state, DemandKind.LAND)
         return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
-    notes = (
-        ["the link is lost; the order is sent when the link is back [waits-for-link]"] if state.lost else []
-    )
+    notes = []
+    if state.lost:
+        notes.append("the link is lost; the order is sent now, and repeated after the loss [waits-for-link]")
     if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
         notes += [
             f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
@@ -145,9 +145,9 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     return "taken", ""
 
 
-def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:
+def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:
     order = event.order
-    if _is_released_in_air(state) and remote and order is not ev.FlightOrder.LAUNCH:
+    if _is_released_and_armed(state) and remote and order is not ev.FlightOrder.LAUNCH:
         return command(state, order, by_person=True)
     if state.ended or state.launch_aborted or _follows(state, order):
         return state, []
@@ -170,7 +170,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LEAVING, **changes)
     changes = {
         "dirty": False,
-        "return_turn_boot_s": None,
+        "return_latest_boot_s": None,
         "returns_when_clear": False,
         "interrupted_plan": None,
     }
@@ -181,7 +181,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
     # A recall with a start time: hold until then.
-    changes |= {"phase": Phase.HOLDING, "return_turn_boot_s": state.vehicle.time_boot_s + event.after_s}
+    changes |= {"phase": Phase.HOLDING, "return_latest_boot_s": state.vehicle.time_boot_s + event.after_s}
     if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)
@@ -215,7 +215,7 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
-    `by_person`: an operator or a recall has just given the order, so it is sent without a look at the mode.
+    `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})
@@ -232,5 +232,5 @@ def command(
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:
     """Release the vehicle to another operator: the agent sends no further commands of its own."""
-    outcome = f"{why}; the program no longer commands it"
+    outcome = f"{why}; the program now sends only an operator's orders (`swarmctl order`)"
     return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=outcome), [ev.Release()]

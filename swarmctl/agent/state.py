@@ -101,7 +101,7 @@ class Task:
     wings: FixedWing | None = None
     """parameters of a fixed wing; None: a copter"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
-    """order after MAX_FAILED_SWAPS failed mission changes, or without any route: RETURN or LAND"""
+    """order after MAX_FAILED_SWAPS failed mission changes, or if there is no route: RETURN or LAND"""
     rules: tuple[ActiveRule, ...] = ALWAYS_ON
     fence: Fence | None = None
     separation: SeparationRules = DEFAULT_SEPARATION
@@ -170,7 +170,7 @@ class AgentState:
     dirty: bool = False
     """True: the agent has to decide on a plan"""
     because: tuple[ev.ObservationId, ...] = ()
-    """names of the observations merged since the last decision, or behind a failed mission change"""
+    """names of the observations merged since the last decision, and those of a failed mission change"""
     exposure: NDArray[np.float64] | None = None
     """P_s as of the last decision, (rows, cols)"""
     route_exposure: NDArray[np.float64] | None = None
@@ -194,15 +194,15 @@ class AgentState:
     """own mode roles before the order"""
     hold_is_own: bool = False
     """True if this agent or its swap has set the hold between two plans"""
-    return_turn_boot_s: float | None = None
-    """start of the return of a holding vehicle at the latest; None: the vehicle does not wait to return"""
+    return_latest_boot_s: float | None = None
+    """latest start of the return of a holding vehicle; None: the vehicle does not wait to return"""
     returns_when_clear: bool = False
     """True: the return starts as soon as its path is clear; False: at its start time in a recall"""
     return_checked_boot_s: float = -math.inf
     return_started_boot_s: float | None = None
-    """start of a return during which the vehicle may have to hold again"""
+    """start of the return, while the vehicle may still have to hold again; otherwise None"""
     return_deadline_boot_s: float = -math.inf
-    """end of all waiting for a return, counted from its first demand"""
+    """end of the longest wait before a return; a second wait does not extend it"""
     returning_neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of other vehicles that return or wait to return"""
     repeat_order_at_s: float = math.inf
@@ -277,7 +277,7 @@ class AgentState:
     flown_m: float = 0.0
     flown_cells: tuple[Cell, ...] = ()
     flown_exposure: float = 0.0
-    """ΣP_s over the cells entered after the first, by the last decision before each; without no-fly cells"""
+    """ΣP_s over the cells entered after the first, by the last decision before the entry; no-fly cells: 0"""
     flown_safety: float = 1.0
     """∏(1 − P_s) over the same cells"""
     no_fly_entered: int = 0
@@ -316,8 +316,8 @@ class AgentState:
         rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
         arrives_s = round_away(10.0 * self.late_s - rounding) / 10.0
         return (
-            f"no route found keeps the time bound of {arrival}; the vehicle flies the nearest route, with "
-            f"arrival over the goal {arrives_s:.1f} s after the take-off [no-timely-route]"
+            f"no route found keeps the time bound of {arrival}; the vehicle flies the route nearest to the "
+            f"bound, with arrival over the goal {arrives_s:.1f} s after the take-off [no-timely-route]"
         )
 
     @property

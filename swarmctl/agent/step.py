@@ -76,7 +76,7 @@ def _was_just_swapped(state: AgentState) -> bool:
 
 
 def _must_plan_now(state: AgentState) -> bool:
-    """Return whether the plan has to change, because none is flown, it must change, or a wall is close."""
+    """Return whether planning is urgent: no plan is flown, the plan must change, or a wall is close."""
     if state.must_change or state.route is None:
         return True
     if not may_learn_of_walls(state):
@@ -167,7 +167,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     steps wait for the next telemetry.
     """
     vehicle = event.state
-    state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
+    state = _update_position(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
     launched_s = state.launched_boot_s
     is_launched = vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT)
     if is_launched and not (state.armed_seen and launched_s is not None):
@@ -217,7 +217,7 @@ def _intents(state: AgentState, event: ev.Intents, now: float) -> StepResult:
     return check_own_route(state)
 
 
-def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
+def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None
     before, grid, flown_m = state.vehicle, state.task.grid, state.flown_m
@@ -226,10 +226,10 @@ def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
     cell = grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
     entered = cell is not None and cell != state.cell and vehicle.armed
     state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown_m=flown_m)
-    return _entered(state, cell) if entered and cell is not None else state
+    return _enter_cell(state, cell) if entered and cell is not None else state
 
 
-def _entered(state: AgentState, cell: Cell) -> AgentState:
+def _enter_cell(state: AgentState, cell: Cell) -> AgentState:
     if state.route is not None and (index := route_index_at(state.route, cell, state.progress)) is not None:
         state = replace(state, progress=index)
     if state.exposure is None:

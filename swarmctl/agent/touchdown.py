@@ -46,9 +46,9 @@ def end_at_touchdown(state: AgentState) -> AgentState:
         return replace(state, phase=phase, outcome=f"{cause}; landed{_distance_text(state)}")
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
-    rest = "" if battery is None else f", battery {battery} %"
+    charge = "" if battery is None else f", battery {battery} %"
     mode = state.vehicle.mode or "unknown"
-    reason = f"the vehicle disarmed {where}, not at its goal, in mode {mode}{rest} [disarmed-on-the-way]"
+    reason = f"the vehicle disarmed {where}, not at its goal, in mode {mode}{charge} [disarmed-on-the-way]"
     return replace(state, phase=Phase.FAILED, outcome=reason)
 
 
@@ -69,6 +69,6 @@ def _rolled_out(state: AgentState) -> bool:
     vehicle, swap = state.vehicle, state.route
     if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False
-    down = swap.plan.approach.touchdown
-    away_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), (down.lat_deg, down.lon_deg))
+    touchdown = swap.plan.approach.touchdown
+    away_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), (touchdown.lat_deg, touchdown.lon_deg))
     return away_m <= ROLL_OUT_M

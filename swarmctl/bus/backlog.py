@@ -46,8 +46,8 @@ class Backlog:
     def append(self, message: QueuedMessage) -> list[QueuedMessage]:
         """Append a message; return the messages dropped for lack of memory.
 
-        Above the limit the older part is dropped, down to half the limit. The newest state and intent of each
-        sender to each receiver stay.
+        Above the limit, the oldest messages are dropped until half the limit remains. The newest state and
+        intent of each sender to each receiver stay.
         """
         self._waiting.append(message)
         self._n_bytes += message.n_bytes
@@ -72,7 +72,7 @@ class Backlog:
             else:
                 dropped.append(message)
         self._waiting, self._n_bytes = kept, n_bytes
-        # Usually a quarter is free now, so a very large swarm does not search the queue at each message.
+        # Usually at least a quarter of the limit is free now, so the next messages cause no search.
         self._limit_bytes = max(self._min_limit_bytes, 4 * newest_bytes)
         return dropped
 

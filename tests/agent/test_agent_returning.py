@@ -16,7 +16,7 @@ from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.orders import place_for_return
+from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import schedule_for
@@ -309,7 +309,7 @@ def test_a_recall_of_an_ordered_hold_with_low_battery_starts_at_once() -> None:
     story(ev.OperatorCommand(HOLD, 1))
     story(ev.OrderDone(HOLD))
     assert orders(story.holds(19)) == []
-    place = place_for_return(story.state)
+    place = position_for_return(story.state)
     assert place is not None
     assert place.is_returning
     assert called_back(story)[0] == [RETURN]

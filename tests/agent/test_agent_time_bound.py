@@ -14,7 +14,7 @@ from agent_stories import GRID, Story, orders
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.replan.time_bound import change_cells, is_no_worse, lead_in_to
+from swarmctl.agent.replan.time_bound import is_no_worse, lead_in_to, swap_cost_cells
 from swarmctl.agent.replan.travel_time import lost_s
 from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev
@@ -191,8 +191,8 @@ def test_the_time_of_a_swap_counts_if_both_routes_miss_the_bound() -> None:
     bent = ((0, 0), (1, 1), *((1, col) for col in range(2, 7)), (0, 7), (0, 8))  # 8.83 cells
     problem = Problem(np.zeros((9, 9)), (0, 0), ((0, 8),), 0.5, 0.1, max_length_cells=8.2)
     route = route_of(problem, straight(8), 0.0)
-    assert is_no_worse(state.task, problem, bent, route, change=2.0)
-    assert not is_no_worse(state.task, problem, bent, route, change=0.1)
+    assert is_no_worse(state.task, problem, bent, route, swap_cost=2.0)
+    assert not is_no_worse(state.task, problem, bent, route, swap_cost=0.1)
 
 
 def test_between_centres_the_route_counts_from_the_vehicle_and_a_swap_flies_back() -> None:
@@ -203,7 +203,7 @@ def test_between_centres_the_route_counts_from_the_vehicle_and_a_swap_flies_back
     assert lead_in.elapsed_s == pytest.approx(30.0)
     assert lead_in.lead_m == pytest.approx(-20.0, abs=0.01)
     braking_and_hold_m = 10.0 * (20.0 / 7.0 + 0.5)
-    changed = change_cells(flight.state, (0, 0), lead_in)
+    changed = swap_cost_cells(flight.state, (0, 0), lead_in)
     assert changed == pytest.approx((braking_and_hold_m + 40.0) / 50.0, abs=0.001)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 LEAST_SHARE = 0.2
 """least speed of an early vehicle, as a share of its full speed"""
 LEAST_M_S = 1.0
-"""least speed of an early vehicle [m/s], above the speed at which `not_following` acts"""
+"""least speed of an early vehicle [m/s]; below 0.5 m/s, the rule `not_following` may act"""
 N_BISECTIONS = 14
 """number of bisections for a speed, to within about 1 mm/s"""
 
@@ -50,8 +50,8 @@ def speed_for(
 ) -> float:
     """Return the speed at which a vehicle arrives at `due_s` [m/s].
 
-    `arrival_at` returns the arrival time at a speed; a higher speed gives no later time. If no speed from
-    `least_m_s` to `full_m_s` meets `due_s`, the result is the nearer of these two speeds.
+    `arrival_at` returns the arrival time at a speed, and a faster vehicle is never later. If even full speed
+    is too late, the result is full speed. If even `least_m_s` is too early, the result is `least_m_s`.
     """
     low, high = least_m_s(full_m_s, slowest_m_s), full_m_s
     if arrival_at(high) >= due_s:

@@ -36,8 +36,8 @@ BEFORE_ARRIVAL = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
 def earliest_in_s(state: AgentState) -> float | None:
     """Return the least time until the vehicle is over its goal, on its route at full speed [s].
 
-    The time counts from now and is not positive after the arrival. It is None without a simultaneous arrival,
-    for a vehicle that does not fly to its goal, and without a position. On standby, the launch is now.
+    On standby, a launch now is assumed. After the arrival, the time is 0 or negative. The result is None if
+    there is no simultaneous arrival or no position, or if the vehicle does not fly to its goal.
     """
     if state.task.arrival_group is None:
         return None

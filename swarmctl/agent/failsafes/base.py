@@ -15,7 +15,7 @@ class DemandKind(StrEnum):
     """Kinds of demands, the weakest first."""
 
     WARN = "warn"
-    """message to the operator alone"""
+    """only a message to the operator"""
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"

@@ -13,7 +13,7 @@ from swarmctl.agent.failsafes.base import ActiveRoute, ActiveRule, Activity, Dem
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.state import AgentState, Phase
-from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, NOT_WAITING, return_started, wait_to_return
+from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, NOT_WAITING, return_changes, wait_to_return
 from swarmctl.core import events as ev
 
 _ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
@@ -48,16 +48,16 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     if strongest is not None and strongest.kind is DemandKind.RELEASE:
         return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
-        ev.NotifyOperator(f"this warning no longer applies {_code(active)}")
+        ev.NotifyOperator(f"{active.rule.NAME.replace('_', ' ')}: the warning is over {_code(active)}")
         for active, previous, demand in zip(state.task.rules, before, demands, strict=True)
         if previous is not None and previous.kind is DemandKind.WARN and demand is None
     ]
-    followed = (
-        _follow(state, strongest) if strongest is not None and _exceeds_activity(state, strongest) else None
-    )
+    followed = None
+    if strongest is not None and _exceeds_activity(state, strongest):
+        followed = _order_for(state, strongest)
     for active, demand in zip(state.task.rules, new_demands, strict=True):
         if demand is not None:
-            reaction = _reaction(followed, demand) if demand is strongest else ""
+            reaction = _reaction(state, followed, demand) if demand is strongest else ""
             effects.append(ev.NotifyOperator(f"{demand.reason}{reaction} {_code(active)}"))
     if followed is None:
         return state, effects
@@ -69,13 +69,16 @@ def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
     if previous is None or previous.kind is not demand.kind:
         return True
     # A return that has become urgent ends the wait for a clear path.
-    return demand.urgent and not previous.urgent and state.return_turn_boot_s is not None
+    return demand.urgent and not previous.urgent and state.return_latest_boot_s is not None
 
 
-def _reaction(followed: StepResult | None, demand: Demand) -> str:
+def _reaction(state: AgentState, followed: StepResult | None, demand: Demand) -> str:
     if followed is not None:
         return f"; the vehicle {_WAITS if followed[0].returns_when_clear else _REACTIONS[demand.kind]}"
-    return "" if demand.kind is DemandKind.WARN else "; the vehicle already returns or lands"
+    if demand.kind is DemandKind.WARN:
+        return ""
+    does = "returns" if _activity(state) == "return" else "lands"
+    return f"; the vehicle already {does} (mode {state.vehicle.mode}), so no new order is sent"
 
 
 def _code(active: ActiveRule) -> str:
@@ -115,7 +118,7 @@ def _exceeds_activity(state: AgentState, demand: Demand) -> bool:
     return fulfilled is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[fulfilled]
 
 
-def _follow(state: AgentState, demand: Demand) -> StepResult:
+def _order_for(state: AgentState, demand: Demand) -> StepResult:
     order = ev.FlightOrder(demand.kind.value)
     is_leaving = order is not ev.FlightOrder.HOLD
     changes: dict[str, Any] = {
@@ -130,7 +133,7 @@ def _follow(state: AgentState, demand: Demand) -> StepResult:
         until_s = state.vehicle.time_boot_s + MAX_RETURN_WAIT_S
         if (waiting := wait_to_return(state, until_s, **changes)) is not None:
             return waiting
-        changes |= return_started(state, until_s)
+        changes |= return_changes(state, until_s)
     else:
         changes |= NOT_WAITING
     return command(state, order, phase=Phase.LEAVING if is_leaving else Phase.HOLDING, **changes)

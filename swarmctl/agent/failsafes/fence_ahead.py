@@ -62,7 +62,7 @@ def evaluate(
     position_s = facts.vehicle.position_s
     if memory is not None and memory.evaluated_s == position_s:
         return memory, memory.demanded
-    before, memory = memory, _moved(memory, here)
+    before, memory = memory, _update_course(memory, here)
     found = _position_demand(params, memory, facts, fence, here)
     demand = None if before is None else _weaker(before.found, found)
     return FenceAheadMemory(memory.here, memory.course, position_s, found, demand), demand
@@ -89,7 +89,7 @@ def _weaker(a: Demand | None, b: Demand | None) -> Demand | None:
     return min((b, a), key=lambda demand: STRENGTH[demand.kind])
 
 
-def _moved(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemory:
+def _update_course(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemory:
     if memory is None:
         return FenceAheadMemory(here)
     moved_m = dist(memory.here, here)

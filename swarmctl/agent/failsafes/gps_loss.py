@@ -6,7 +6,7 @@ If the autopilot does not react, this rule acts:
 | condition | after `seconds` | after `land_s` | after twice `land_s` |
 |---|---|---|---|
 | no fix | warning | landing: without a position the vehicle can neither hold nor return | |
-| no position, no fix reported | warning | landing | |
+| no position, and no report of a GPS fix | warning | landing | |
 | no position, GPS has a fix | warning | return, which may still work | landing, unless the vehicle returns |
 """
 
@@ -80,7 +80,7 @@ def _demand(
         text, order = "telemetry without a position", "a return or a landing"
     else:
         return None
-    wait = f"if the autopilot does not react, this program orders {order} after {params.land_s:g} s"
+    wait = f"if this lasts {params.land_s:g} s and the autopilot does not react, this program orders {order}"
     return Demand(DemandKind.WARN, f"{text} for {params.seconds:g} s; {wait}")
 
 

@@ -62,8 +62,8 @@ def evaluate(
     if off_since_s is None and still_since_s is None:
         demanded = None
     elif demanded is None and has_lasted(off_since_s, params.seconds, now):
-        found = f"the vehicle has been more than {params.metres:g} m off its route for {params.seconds:g} s"
-        demanded = Demand(DemandKind(params.action), f"{found} (now {away_m:.0f} m)")
+        found = f"the vehicle was more than {params.metres:g} m off its route for {params.seconds:g} s"
+        demanded = Demand(DemandKind(params.action), f"{found} ({away_m:.0f} m at the end)")
     elif demanded is None and has_lasted(still_since_s, params.seconds, now):
         mode = facts.vehicle.mode
         demanded = Demand(

@@ -59,7 +59,7 @@ def evaluate(
         return memory, demand
     if is_own:
         return memory, None
-    # The mode may be an earlier mode of this agent: wait for the next heartbeat.
+    # The mode may be an outdated report of a mode that this agent set: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
     if facts.activity == "ground" and not has_lasted(memory.foreign_since_s, FOREIGN_ON_GROUND_S, now):

@@ -53,8 +53,8 @@ def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: floa
     """Return the plan with one more waypoint, at the point where the vehicle can reach the plan's height.
 
     The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints, so a plan without
-    this waypoint reaches its height only at its first waypoint. A plan with a near first waypoint, or hardly
-    another height, stays unchanged.
+    this waypoint reaches its height only at its first waypoint. A plan whose first waypoint is near, or whose
+    height hardly differs, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
@@ -93,9 +93,9 @@ def fly_with_stop(
     initial_m_s: float,
     stop: BrakingStop | None,
 ) -> Trajectory:
-    """Return the trajectory of `fly_along` with a stop on the path; the copter keeps its height until then.
+    """Return the trajectory of `fly_along` with a stop; the copter keeps its height until the stop.
 
-    Without a stop on the path the result is that of `fly_along`.
+    If the stop is None or beyond the path, the result is that of `fly_along`.
     """
     parts = None if stop is None else split_track([here[:2], *path], stop.stops_in_m)
     if stop is None or parts is None:

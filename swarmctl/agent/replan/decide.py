@@ -21,12 +21,12 @@ from swarmctl.agent.replan.time_bound import (
     ahead_lost_s,
     arrival_outside_bound_s,
     bounds_of,
-    change_cells,
     is_no_worse,
     joining_leg,
     lead_in_to,
     route_lost_s,
     route_within_bounds,
+    swap_cost_cells,
 )
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core import events as ev
@@ -63,13 +63,13 @@ def _decide_from(
     ahead = _cells_ahead(state, start)
     lead_in = lead_in_to(state, start, ahead, splice)
     problem = _problem(task, p_s, start, state.w, lead_in)
-    change = change_cells(state, start, lead_in, splice)
+    swap_cost = swap_cost_cells(state, start, lead_in, splice)
     try:
-        route = route_within_bounds(task, problem, change, joining)
+        route = route_within_bounds(task, problem, swap_cost, joining)
     except BoundTooTight as error:
         route = error.nearest  # a late vehicle flies the best route found
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, splice)
-    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, joining)
+    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
     is_track_good = off_track is not None or not keeps or is_track_still_good(state, p_s, route_cell)
     keeps = keeps and is_track_good and not state.must_change
     if not keeps and off_track is None and task.wings is None and _is_on_track(state):
@@ -86,8 +86,8 @@ def _decide_from(
     )
     if keeps:
         return replace(state, route_exposure=p_s, because=()), []
-    route = _from_vehicle(task, problem, route, splice)
-    track, position = pulled_track(task, problem, route), _position(state)
+    route = _with_kept_cells(task, problem, route, splice)
+    track, position = pulled_track(task, problem, route), _position_in_flight(state)
     flown = route if track is None else track
     plan = mission_for(task, p_s, route, track, position, splice)
     if position is not None:
@@ -109,7 +109,7 @@ def _decide_from(
     return state, [swap]
 
 
-def _from_vehicle(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
+def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
     """Return the kept cells of the old route and the new route as one route, measured as a whole."""
     if len(splice.kept) == 1:
         return route
@@ -167,8 +167,8 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_i
 def _planning_start(state: AgentState) -> Cell:
     """Return the cell from which to plan: the route's cell nearest to the vehicle.
 
-    The result is the vehicle's cell without a route or off the route. Outside the area the result is the last
-    cell flown, or the entry cell. At a cut corner it is the next cell of the route.
+    If there is no route, or the vehicle is off its route, the result is the vehicle's cell. Outside the area
+    the result is the last cell flown, or the entry cell. At a cut corner it is the next cell of the route.
     """
     cell = state.cell
     if cell is None:
@@ -197,7 +197,7 @@ def _is_on_track(state: AgentState) -> bool:
     return swap is not None and swap.track is not None and cell in swap.track.over
 
 
-def _position(state: AgentState) -> LatLon | None:
+def _position_in_flight(state: AgentState) -> LatLon | None:
     vehicle = state.vehicle
     if state.phase is Phase.FLYING and vehicle.lat_deg is not None and vehicle.lon_deg is not None:
         return vehicle.lat_deg, vehicle.lon_deg

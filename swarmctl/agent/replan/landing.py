@@ -1,6 +1,6 @@
 """The two landings of a fixed wing: at its goal and at home. Pure.
 
-New observations do not change the approaches, so preflight can check that approaches do not meet.
+New observations do not change the approaches, so preflight can check the approaches of all vehicles.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def goal_approach(task: Task, goal: Cell) -> Approach | None:
 
 
 def home_approach(task: Task) -> Approach | None:
-    """Return the landing at the place of take-off, for a return. The rest is as in `goal_approach`."""
+    """Return the landing at home, for a return; None for a copter. Raises Unreachable as `goal_approach`."""
     pattern = home_pattern(task)
     return None if pattern is None else _as_planned(task, pattern)
 
@@ -65,7 +65,7 @@ def _pattern(
     assert task.wings is not None
     corners_m = () if task.fence is None else task.fence.corners_m
     try:
-        return _chosen(
+        return _cached_pattern(
             task.wings,
             task.turn_radius_m,
             task.grid,
@@ -80,7 +80,7 @@ def _pattern(
 
 
 @lru_cache(maxsize=1024)
-def _chosen(
+def _cached_pattern(
     wings: FixedWing,
     turn_radius_m: float,
     grid: Grid,
@@ -115,7 +115,7 @@ def _heading_rad(a: PlanarPoint, b: PlanarPoint) -> float:
 
 
 def _exposure_under(threat: ThreatMap, grid: Grid, path: Sequence[PlanarPoint]) -> float:
-    """Return ΣP_s over the cells of the area under a path, each once; infinite with a forbidden cell."""
+    """Return ΣP_s over the cells of the area under a path, each once; infinite if a cell is forbidden."""
     points = [(east / grid.cell_size_m, north / grid.cell_size_m) for east, north in path]
     if threat.blocked.any() and not is_clear(threat, points):
         return math.inf

@@ -1,8 +1,8 @@
 """The landing pattern of a fixed wing: a circle to lose height, and a straight final. Pure.
 
-Ground stations draw this pattern for fixed wings. The vehicle descends in a circle to the height of the final
-(MAV_CMD_NAV_LOITER_TO_ALT). It leaves the circle along a tangent and descends on a straight slope
-(MAV_CMD_NAV_LAND). Points are in the area's plane, headings are clockwise from north [rad].
+Ground stations draw this pattern for fixed wings. The vehicle descends in a circle to the height at which the
+final begins (MAV_CMD_NAV_LOITER_TO_ALT). It leaves the circle along a tangent and descends on a straight
+slope (MAV_CMD_NAV_LAND). Points are in the area's plane, headings are clockwise from north [rad].
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def choose_pattern(
 
     Among equal patterns, the result needs the least turn from `from_pose`. `with_path_to_circle`: the path
     from `from_pose` to the circle counts too. `exposure_under(path)` is the exposure of the cells under a
-    path, infinite with a forbidden cell. Raises NoApproach.
+    path, infinite if a cell is forbidden. Raises NoApproach.
     """
 
     def cost(candidate: LandingPattern) -> float:
@@ -185,7 +185,7 @@ def path_to_circle(from_pose: Pose, pattern: LandingPattern, turn_radius_m: floa
 
 
 def planned_approach(pattern: LandingPattern, frame: LocalFrame, height_m: float) -> Approach:
-    """Return the pattern as a part of a plan; `height_m` is the height of the final above home."""
+    """Return the pattern as a part of a plan; `height_m`: height above home at which the final begins."""
 
     def place(point: PlanarPoint, up_m: float) -> Waypoint:
         return Waypoint(*frame.to_geodetic(*point), up_m)

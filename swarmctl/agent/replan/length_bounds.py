@@ -94,7 +94,7 @@ class LengthBounds:
         return missed if missed > ROUNDING_CELLS else 0.0
 
     def with_reserve(self, cells: float) -> LengthBounds:
-        """Return the bounds with the greatest length reduced by `cells`, at most to the middle of both."""
+        """Return the bounds with the greatest length reduced by `cells`, but not below the middle of both."""
         kept = max(self.max_cells - cells, 0.5 * (self.min_cells + self.max_cells))
         return LengthBounds(self.min_cells, min(kept, self.max_cells))
 
@@ -112,11 +112,11 @@ def before_takeoff(arrival: TimeBound, altitude_m: float) -> LeadIn:
 def swap_loss_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
     """Return the time lost by a swap before the new route begins [s], at least the time lost by braking.
 
-    `stop_s` is the vehicle's measured stop (`SwapTimes.stop_s`); for None a stop is assumed. `brakes_m_s2` is
-    the vehicle's deceleration before a new mission; None: it does not brake.
+    `stop_s` is the vehicle's measured stop (`SwapTimes.stop_s`); None: not measured, a stop is assumed.
+    `brakes_m_s2` is the vehicle's deceleration before a new mission; None: the vehicle does not brake.
     """
-    brakes_s = 0.0 if brakes_m_s2 is None else travel_time.brake_s(arrival.speed_m_s, brakes_m_s2)
-    return max(travel_time.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)
+    brakes_s = 0.0 if brakes_m_s2 is None else travel_time.braking_loss_s(arrival.speed_m_s, brakes_m_s2)
+    return max(travel_time.braking_loss_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)
 
 
 def length_bounds(arrival: TimeBound, cell_size_m: float, lead_in: LeadIn) -> LengthBounds:

@@ -76,8 +76,8 @@ def lattice_route(route: Route) -> FlownRoute:
 def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     """Return the straightened track of a route; None if the vehicle flies the lattice route.
 
-    Wide turns may make every track worse than its route. Then the result has the least cost: Eq. 5 for a
-    planner that uses w, otherwise the exposure. Raises Unreachable if no track has turns wide enough.
+    Wide turns may make every track worse than the route. Then the result is the track of least cost: Eq. 5
+    for a planner that uses w, otherwise the exposure. Raises Unreachable if no track has turns wide enough.
     """
     if task.any_angle is None:
         return None
@@ -104,7 +104,7 @@ def mission_for(
 ) -> FlightPlan:
     """Return the mission for a route or its track, from the entry cell or from the vehicle in flight.
 
-    With a `splice` ahead of the vehicle, the mission follows the present mission up to the splice point.
+    If `splice` is ahead of the vehicle, the mission follows the present mission up to the splice point.
     Raises Unreachable if a fixed wing has no room to land.
     """
     cells = route.cells
@@ -138,7 +138,7 @@ def mission_for(
 
     def may_cross(cell: Cell) -> bool:
         # DEVIATION: a vehicle past the centre of its cell would fly back to the centre for a diagonal turn.
-        # The vehicle cuts the corner if the cell under the shortcut is no worse than the cells of the step.
+        # The vehicle cuts the corner if the cell under the shortcut is no worse than the step's worse cell.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
     plan = flight_plan(
@@ -210,7 +210,7 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 
 def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
-    """Return the index of the route's cell nearest to `cell`, first from `since` on; None off the flight."""
+    """Return the index of the route's cell nearest to `cell`; None if the flight does not cross `cell`."""
     if swap.track is not None:
         return pull.route_index_at(swap.track, cell, since)
     return swap.cells.index(cell) if cell in swap.cells else None

@@ -12,7 +12,7 @@ from swarmctl.planners import window
 from swarmctl.planners.base import Method
 
 MIN_EARLY_S = 10.0
-"""Least spare time for another route [s]. With less, the vehicle only flies slower."""
+"""Spare time above which a less exposed route is planned [s]; up to it, the vehicle only flies slower."""
 LAST_MARGIN_S = 0.5
 """Greatest spare time of the last vehicle [s]; the last vehicle determines the common time."""
 RESERVE_S = 5.0
@@ -27,10 +27,10 @@ def is_early(due_s: float, soonest_s: float) -> bool:
 
 
 def with_spare_time(state: AgentState, task: Task) -> Task:
-    """Return the task, for an early copter with another method and time bound.
+    """Return the task; for an early copter, replace its method and its time bound.
 
-    The method finds the least exposed route. The bound allows routes on which the copter arrives at its due
-    time at a permitted speed.
+    The new method finds the least exposed route. The new bound allows routes on which the copter arrives at
+    its due time at a permitted speed.
     """
     vehicle, due_s = state.vehicle, state.due_s
     if task.arrival_group is None or state.spare_time_due_s is None or due_s is None:
@@ -58,7 +58,7 @@ def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> Agen
     new_due_s = due_s if is_early(due_s, soonest_s) else None
     previous_due_s = state.spare_time_due_s
     if new_due_s is None:
-        # The other route uses up the spare time. The vehicle keeps that route unless it is the last vehicle.
+        # The less exposed route uses up the spare time. Only the last vehicle gives this route up.
         is_last = due_s - soonest_s <= LAST_MARGIN_S and previous_due_s is not None
         return replace(state, spare_time_due_s=None, dirty=True) if is_last else state
     if previous_due_s is not None and math.isclose(previous_due_s, new_due_s, abs_tol=MIN_EARLY_S):

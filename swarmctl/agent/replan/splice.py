@@ -45,7 +45,7 @@ class Splice:
     kept: tuple[Cell, ...]
     """common cells, from the cell beside the vehicle to the cell in which the new route may turn off"""
     leaves_ahead: bool = False
-    """True: a copter flies these cells by its old plan; False: a fixed wing, or the copter leaves at once"""
+    """True: a copter flies `kept` by its old plan; False: a fixed wing, or the copter leaves at once"""
     previous: Cell | None = None
     """cell of the old route before `kept`; None: `kept` begins that route, or the vehicle is not on it"""
     is_first_passed: bool = False
@@ -53,7 +53,7 @@ class Splice:
     path: tuple[PlanarPoint, ...] = ()
     """points from the vehicle over the centres or corners ahead, without the splice point"""
     lead_m: float = 0.0
-    """length of the path to the centre of the last cell, or to the splice point on a track [m]"""
+    """length of the path to the centre of the last kept cell, or to the splice point on a track [m]"""
     lead_waypoints: tuple[Waypoint, ...] = ()
     """on a track: the corners before the splice point, and the splice point"""
 
@@ -63,7 +63,7 @@ def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) ->
     task, swap = state.task, state.route
     if task.wings is not None:
         return Splice(kept_cells(state, start))
-    here = _place_on_route(state)
+    here = _position_on_route(state)
     if here is None or swap is None or start not in swap.cells:
         return Splice((start,))
     index, cells = swap.cells.index(start), swap.cells
@@ -145,7 +145,7 @@ def may_learn_of_walls(state: AgentState) -> bool:
     return math.isfinite(state.task.max_exposure)
 
 
-def _place_on_route(state: AgentState) -> PlanarPoint | None:
+def _position_on_route(state: AgentState) -> PlanarPoint | None:
     """Return the vehicle's position; None if the vehicle is not on its lattice route."""
     vehicle, swap, grid = state.vehicle, state.route, state.task.grid
     if state.phase is not Phase.FLYING or vehicle.mode_role != "mission" or swap is None:

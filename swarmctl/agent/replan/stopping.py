@@ -1,6 +1,6 @@
 """The stop of a vehicle that brakes for a new plan: the time and position of the stop. Pure.
 
-An ArduPilot copter brakes to a stop before it flies to another mission item, in any direction
+An ArduPilot copter brakes to a stop before it flies by a new mission, even straight on
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
 At 10 m/s, braking and speeding up again together cost about 4 s.
 """

@@ -80,7 +80,7 @@ def lead_in_to(
     return LeadIn(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
 
 
-def change_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
+def swap_cost_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
     """Return the cost of a swap now [cells]: the standstill, and the flight back to the new route's start.
 
     A vehicle whose new route begins ahead does not fly back. On the ground the cost is 0.
@@ -121,7 +121,7 @@ def misses_by(
 def ahead_lost_s(
     state: AgentState, start: Cell, ahead: Sequence[Cell], splice: Splice | None = None
 ) -> float:
-    """Return the time lost at turns on the rest of the present route, with the present speed as start [s]."""
+    """Return the time lost at turns on the rest of the present route, begun at the present speed [s]."""
     task, vehicle = state.task, state.vehicle
     if splice is not None and splice.leaves_ahead:
         return route_lost_s(task, ahead, JoiningLeg(splice.path, vehicle.ground_speed_m_s))
@@ -144,9 +144,9 @@ def _in_cells(task: Task, seconds: float) -> float:
 
 
 def route_within_bounds(
-    task: Task, problem: Problem, change: float = 0.0, joining: JoiningLeg = FROM_A_STOP
+    task: Task, problem: Problem, swap_cost: float = 0.0, joining: JoiningLeg = FROM_A_STOP
 ) -> Route:
-    """Return a route that meets the bounds even with the cost `change` [cells] of the swap.
+    """Return a route that meets the bounds even with the cost `swap_cost` [cells] of the swap.
 
     If no such route is found, the result meets the bounds without that cost. Raises Unreachable, or
     BoundTooTight if the search finds no such route either.
@@ -154,16 +154,16 @@ def route_within_bounds(
     bounds = _bounds(problem)
     if math.isinf(bounds.max_cells):
         return task.method.plan(problem)
-    if change > 0.0:
+    if swap_cost > 0.0:
         try:
-            return _with_turns(task, problem, bounds.with_reserve(change).max_cells, joining)
+            return _plan_with_turn_losses(task, problem, bounds.with_reserve(swap_cost).max_cells, joining)
         except BoundTooTight as error:
             if _misses_by(task, bounds, error.nearest, joining) == 0.0:
                 return error.nearest
-    return _with_turns(task, problem, bounds.max_cells, joining)
+    return _plan_with_turn_losses(task, problem, bounds.max_cells, joining)
 
 
-def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
+def _plan_with_turn_losses(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
     """Return a route of at most `latest_cells`, with the time lost at turns counted as length.
 
     Planners bound the length alone. So the loss of each route found sets the bound of the next search, until
@@ -202,20 +202,20 @@ def is_no_worse(
     problem: Problem,
     ahead: tuple[Cell, ...],
     route: Route,
-    change: float,
+    swap_cost: float,
     lost_s: float = 0.0,
     joining: JoiningLeg = FROM_A_STOP,
 ) -> bool:
     """Return whether the rest of the present route is open and at least as good as a new route.
 
-    The present route, `ahead`, loses `lost_s` at turns; the change to the new route costs `change` [cells].
+    The present route, `ahead`, loses `lost_s` at turns. The swap to the new route costs `swap_cost` [cells].
     If either route misses the bounds, the route that misses the bounds by less is better.
     """
     if not is_open(problem, ahead):
         return False
     bounds = _bounds(problem)
     misses = bounds.misses_by(length_cells(ahead), _in_cells(task, lost_s))
-    would_miss = _misses_by(task, bounds.with_reserve(change), route, joining)
+    would_miss = _misses_by(task, bounds.with_reserve(swap_cost), route, joining)
     if misses > 0.0 or would_miss > 0.0:
         return misses <= would_miss
     return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)

@@ -38,7 +38,7 @@ STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 
 
-def brake_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
+def braking_loss_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
     """Return how much longer braking to a stop takes than the same distance at full speed [s]."""
     return speed_m_s / (2.0 * brakes_m_s2)
 

@@ -59,7 +59,7 @@ def _fly_and_land(
     builder: _TrajectoryBuilder, task: Task, plan: FlightPlan, track: list[PlanarPoint]
 ) -> None:
     flown, _ = rounded(_distinct(track), task.turn_radius_m)
-    builder.over(flown[1:], plan.height_m)
+    builder.fly_to(flown[1:], plan.height_m)
     heading_rad = 0.0
     if len(flown) > 1:
         (e0, n0), (e1, n1) = flown[-2:]
@@ -72,13 +72,13 @@ def _land(builder: _TrajectoryBuilder, task: Task, plan: FlightPlan, heading_rad
         return
     pattern, final_m = pattern_from(plan.approach, task.grid.frame), plan.approach.final.alt_rel_m
     path = path_to_circle(Pose(builder.point, heading_rad), pattern, task.turn_radius_m)
-    builder.over(path[1:], final_m)
+    builder.fly_to(path[1:], final_m)
     around = _circle_from(pattern, builder.point)
     while builder.up_m > final_m + 1.0:
-        builder.over(around, final_m)
-    builder.over(_to_exit(pattern, around), final_m)
-    builder.over([pattern.final], final_m)
-    builder.down_to(pattern.touchdown)
+        builder.fly_to(around, final_m)
+    builder.fly_to(_to_exit(pattern, around), final_m)
+    builder.fly_to([pattern.final], final_m)
+    builder.descend_to(pattern.touchdown)
     builder.stay(ROLL_OUT_S)
 
 
@@ -120,15 +120,15 @@ class _TrajectoryBuilder:
         self._points.append(self._points[-1])
         self._times_s.append(self._times_s[-1] + seconds)
 
-    def over(self, points: Iterable[PlanarPoint], height_m: float) -> None:
-        """Add legs to these points, with a climb or descent towards a height [m]."""
+    def fly_to(self, points: Iterable[PlanarPoint], height_m: float) -> None:
+        """Add legs to the points, with a climb or descent towards `height_m`."""
         for point in points:
             took_s = math.dist(self.point, point) / self._speed_m_s
             most_m = (CLIMB_M_S if height_m > self.up_m else SINK_M_S) * took_s
             change_m = min(max(height_m - self.up_m, -most_m), most_m)
             self._add(point, self.up_m + change_m, took_s)
 
-    def down_to(self, point: PlanarPoint) -> None:
+    def descend_to(self, point: PlanarPoint) -> None:
         """Add a straight slope to the ground."""
         self._add(point, 0.0, math.dist(self.point, point) / self._speed_m_s)
 

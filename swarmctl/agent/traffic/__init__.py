@@ -12,5 +12,5 @@
 | `returning`, `return_schedule` | return path | holds until the path is clear |
 
 Vehicles do not negotiate. All vehicles apply the same rule of priority to the same data, so one of two
-vehicles gives way. Begin with `separation`, then `collision_avoidance`.
+vehicles gives way if at least one can. Begin with `separation`, then `collision_avoidance`.
 """

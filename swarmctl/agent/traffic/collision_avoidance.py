@@ -1,7 +1,7 @@
 """Collision avoidance: alarms by positions, and evasive holds and climbs. Pure.
 
-An alarm predicts that within `look_ahead_s` (default 10 s) this vehicle and another come closer than both
-separation limits. The table says which vehicle gives way.
+An alarm predicts that this vehicle and another come too close within `look_ahead_s` (default 10 s). The table
+says which vehicle gives way.
 
 | the other vehicle | gives way |
 |---|---|
@@ -9,8 +9,9 @@ separation limits. The table says which vehicle gives way.
 | cannot change its plan: lands, returns, holds by order, is released | this vehicle |
 | does not acknowledge this vehicle's state | this vehicle, so possibly both |
 
-The evasive action is a hold, or a climb: for a fixed wing, by `separation.action`, or if a hold is too close.
-A copter that holds plans again when its route is clear. Every 60 s it tries to pass above the other vehicles.
+The evasive action is a hold. A fixed wing climbs instead, and so does a copter if `separation.action` is
+`climb` or a hold is too close. A copter in hold plans again when its route is clear. Every 60 s it tries to
+pass above the other vehicles.
 """
 
 from __future__ import annotations
@@ -49,10 +50,10 @@ from swarmctl.core import events as ev
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
 RETRY_HEIGHT_AFTER_S = 60.0
-"""Interval at which a vehicle that holds looks for another height [s]."""
+"""Interval at which a vehicle that holds tries another height [s]."""
 CEILING_MARGIN_M = 3.0
 """Distance kept below the fence's ceiling [m]."""
-MAX_LEVEL_SHARE = 1.0 / 3.0
+MAX_TOLERANCE_SHARE = 1.0 / 3.0
 """Greatest tolerance in height, as a share of the vertical limit."""
 
 
@@ -82,13 +83,13 @@ def avoid_collisions(state: AgentState) -> StepResult:
         state, done = _resume_if_clear(state, own, others)
     else:
         higher_ids = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
-        binding = [alarm for alarm in (*new, *higher_ids) if _has_to_give_way(state, alarm.other)]
-        state, done = _give_way(state, binding, others)
+        to_avoid = [alarm for alarm in (*new, *higher_ids) if _has_to_give_way(state, alarm.other)]
+        state, done = _give_way(state, to_avoid, others)
     return state, [*messages, *done]
 
 
 def end_give_way(state: AgentState) -> AgentState:
-    """Return the state without a hold that gives way."""
+    """Return the state after a hold to give way, with the fields of the hold reset."""
     return replace(
         state,
         interrupted_plan=None,
@@ -101,8 +102,8 @@ def end_give_way(state: AgentState) -> AgentState:
 def _has_to_give_way(state: AgentState, other: int) -> bool:
     """Return whether this vehicle gives way to another, by the table of the module."""
     report = state.neighbours.get(other)
-    other_may = report is None or (report.state.phase == Phase.FLYING and _acknowledges(state, report))
-    return gives_way_to((True, state.task.uav), (other_may, other))
+    other_may_change = report is None or (report.state.phase == Phase.FLYING and _acknowledges(state, report))
+    return gives_way_to((True, state.task.uav), (other_may_change, other))
 
 
 def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
@@ -111,10 +112,10 @@ def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
 
 
 def _give_way(
-    state: AgentState, binding: Sequence[ProximityAlarm], others: dict[int, Trajectory]
+    state: AgentState, to_avoid: Sequence[ProximityAlarm], others: dict[int, Trajectory]
 ) -> StepResult:
     rules = state.task.separation
-    if not may_give_way(state) or not binding:
+    if not may_give_way(state) or not to_avoid:
         return state, []
     hold = hold_trajectory(state)
     blocked = (
@@ -126,7 +127,7 @@ def _give_way(
     if rules.action == "hold" and not blocked and state.task.wings is None:
         # The vehicle has no route while it holds, and plans a new route when its old route is clear.
         now_s, n, reports = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
-        gave_way_to = {alarm.other: reports[alarm.other] for alarm in binding if alarm.other in reports}
+        gave_way_to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
         state = replace(state, gave_way_to=gave_way_to, n_holds=n, holding_since_boot_s=now_s)
         return command(state, ev.FlightOrder.HOLD, interrupted_plan=state.route, route=None)
     return _climb(state, others), []
@@ -165,7 +166,8 @@ def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Traje
         return state, []
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _passes_silent(state):
-        return _resume(state, "the route is clear of other vehicles; the vehicle plans it again [resumes]")
+        text = "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
+        return _resume(state, f"{text} [resumes]")
     if now_s - state.holding_since_boot_s < RETRY_HEIGHT_AFTER_S:
         return state, []
     return _resume_above(state, others)
@@ -194,14 +196,14 @@ def _get_no_closer(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
     beside = math.dist(here[:2], there[:2]) / limits.horizontal_m
     above = abs(here[2] - there[2]) / limits.vertical_m
     now = max(beside, above)
-    # Heights have this tolerance; positions over ground count as reported.
-    tolerance = min(HEIGHT_TOLERANCE_M / limits.vertical_m, MAX_LEVEL_SHARE) if above >= beside else 1e-6
+    # Heights have a tolerance; horizontal positions count as reported.
+    tolerance = min(HEIGHT_TOLERANCE_M / limits.vertical_m, MAX_TOLERANCE_SHARE) if above >= beside else 1e-6
     least = limits.share(at.horizontal_m, at.vertical_m)
     return now < 1.0 + tolerance and least >= min(now, 1.0) - tolerance
 
 
 def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
-    """Return the least distance of two flights, as a share of the limits; None without common time."""
+    """Return the least distance of two flights, as a share of the limits; None if they share no time."""
     at = closest(flight, other, limits)
     return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
@@ -254,10 +256,12 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
 def _alarm_text(state: AgentState, alarm: ProximityAlarm) -> str:
     at, limits = alarm.approach, state.task.separation.limits
     in_s = max(at.t_s - state.vehicle.time_boot_s, 0.0)
+    # Rounded down, so that a distance below its limit never looks equal to the limit.
+    horizontal_m, vertical_m = math.floor(at.horizontal_m), math.floor(10.0 * at.vertical_m) / 10.0
     return (
-        f"this vehicle is predicted too close to vehicle {alarm.other} in {in_s:.0f} s "
-        f"({at.horizontal_m:.0f} m horizontally, limit {limits.horizontal_m:g} m; "
-        f"{at.vertical_m:.1f} m vertically, limit {limits.vertical_m:g} m)"
+        f"this vehicle is predicted to come too close to vehicle {alarm.other} in {in_s:.0f} s "
+        f"({horizontal_m} m horizontally, limit {limits.horizontal_m:g} m; "
+        f"{vertical_m:.1f} m vertically, limit {limits.vertical_m:g} m)"
     )
 
 
@@ -267,7 +271,7 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):
-        advice = f"if vehicle {alarm.other} does not give way, order it to hold"
+        advice = f"if vehicle {alarm.other} does not give way, order vehicle {alarm.other} to hold"
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
     action = "continues to hold" if state.interrupted_plan else "gives way"
     report = state.neighbours.get(alarm.other)

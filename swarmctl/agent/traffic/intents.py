@@ -41,7 +41,7 @@ TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
 MAX_AGE_S = 20.0
 """Greatest age of an intent in use [s]: three intents in a row may be lost."""
 HOLD_DURATION_S = 30.0
-"""Duration of the announced hold [s]."""
+"""Duration of a hold in an intent [s]."""
 LAST_POSITION_S = 180.0
 """Time for which a vehicle without a position announces its last position [s]."""
 MAX_UNCERTAINTY_M = 60.0
@@ -80,7 +80,7 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
 
 
 def may_change(state: AgentState) -> bool:
-    """Return whether the vehicle can take another plan, now or after take-off; False while it gives way."""
+    """Return whether the vehicle can change its plan, now or after take-off; False while it gives way."""
     is_en_route = state.phase in (Phase.LAUNCHING, Phase.FLYING)
     has_telemetry = state.vehicle.has_position and not state.lost
     return is_en_route and state.interrupted_plan is None and has_telemetry
@@ -99,7 +99,7 @@ def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
 def _is_off_intent(state: AgentState) -> bool:
     """Return whether the vehicle is off the position that its last intent announced for now.
 
-    Without a last intent the result is True if the vehicle has a flight to announce.
+    If there is no last intent, the result is True for a vehicle that has a flight to announce.
     """
     intent, here = state.own_intent, position_amsl(state)
     if intent is None or here is None:
@@ -158,15 +158,15 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         return None
     task, vehicle = state.task, state.vehicle
     initial_m_s = vehicle.ground_speed_m_s if state.route is not None else 0.0
-    way = waypoints_of(task, plan)
+    path = waypoints_of(task, plan)
     if task.wings is not None:
         return to_shared_frame(
-            state, wing_trajectory.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s)
+            state, wing_trajectory.in_flight(task, plan, here, path[:-1], task.arrival.speed_m_s)
         )
     if _climbs_vertically(state, here, plan):
-        return to_shared_frame(state, climb_then_fly(here, plan.height_m, way, task.arrival.speed_m_s))
+        return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
     stop = stop_for_new_plan(state)
-    flight = fly_with_stop(here, plan.height_m, way, task.arrival.speed_m_s, initial_m_s, stop)
+    flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop)
     return to_shared_frame(state, flight)
 
 
@@ -194,14 +194,14 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and state.interrupted_plan is None:
-            plan, way = swap.plan, waypoints_of(task, swap.plan)
+            plan, path = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
-            if state.phase is Phase.LANDING and _descends_vertically(here, way[-1], plan.height_m):
-                return land_from([(*way[-1], here[2])], [0.0])
+            if state.phase is Phase.LANDING and _descends_vertically(here, path[-1], plan.height_m):
+                return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
-                return climb_then_fly(here, plan.height_m, way, speed_m_s)
-            remaining = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
+                return climb_then_fly(here, plan.height_m, path, speed_m_s)
+            remaining = [point[:2] for point in track_ahead([(*at, 0.0) for at in path], here)]
             initial_m_s = state.vehicle.ground_speed_m_s
             return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
@@ -213,10 +213,10 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     return None
 
 
-def _descends_vertically(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
+def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: float) -> bool:
     """Return whether the vehicle descends vertically at its landing spot; wind may move it a little."""
     has_begun = here[2] < height_m - AIRBORNE_M
-    return math.dist(here[:2], place) < (VERTICAL_WITHIN_M if has_begun else DESCENT_BEGINS_WITHIN_M)
+    return math.dist(here[:2], spot) < (VERTICAL_WITHIN_M if has_begun else DESCENT_BEGINS_WITHIN_M)
 
 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:

@@ -10,9 +10,9 @@ Vehicles with the same goal arrive at different heights, and a landing descends 
 | lower, can change its plan (en route) | waits if the conflict is less than 6 s ahead |
 | at the same height within 1 m | lands if its system id is lower; otherwise as for a lower vehicle |
 
-A vehicle en route avoids all later conflicts (`route_deconfliction`). Below 5 m no wait begins. An urgent
-failsafe prevents or ends a wait. While the link is lost, the queue does nothing. A fixed wing does not wait,
-because it cannot hover.
+The other vehicle, if en route, avoids conflicts further ahead (`route_deconfliction`). Below 5 m no wait
+begins. An urgent failsafe prevents or ends a wait. While the link is lost, the queue does nothing. A fixed
+wing does not wait, because it cannot hover.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
-    """Return the time within which a conflict counts [s]; shorter if the other vehicle can avoid it later."""
+    """Return the time within which a conflict counts [s]: less if the other vehicle can change its plan."""
     return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
 
 
@@ -205,7 +205,7 @@ def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourI
 
 
 def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
-    """Return whether a hold would block a vehicle that cannot give way, or not in time."""
+    """Return whether a hold would block a vehicle that cannot give way, or cannot do so in time."""
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))

@@ -1,8 +1,8 @@
 """Launch: a vehicle waits on the ground while its first route conflicts with a vehicle in the air. Pure.
 
-The first route is checked three times, because preflight checks between them take time.
+The first route is checked three times, because mode changes and arming take some seconds.
 
-| check | conflict found |
+| check | reaction to a conflict |
 |---|---|
 | when the launch is ordered | waits up to 180 s, then the launch is cancelled |
 | before arming | continues to wait, within the same 180 s |
@@ -41,7 +41,7 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return release_vehicle(
             state, f"the vehicle is in mode {state.vehicle.mode}, which this program has not ordered"
         )
-    if clashes := _route_clashes(state, _waited_for(state)):
+    if clashes := _route_clashes(state, _intents_waited_for(state)):
         return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
@@ -57,18 +57,18 @@ def launch_if_possible(state: AgentState) -> StepResult:
 
 
 def launch_conflict(state: AgentState) -> str:
-    """Return the conflicts of the first route as text, for the checks before arming and take-off; "": none.
+    """Return the conflicts of the first route as text, for the checks before arming and take-off; "" if none.
 
     Other vehicles that are about to take off do not count. Otherwise two vehicles launched at the same time
     would wait for each other.
     """
-    others = {uav: intent for uav, intent in _waited_for(state).items() if not intent.on_ground}
+    others = {uav: intent for uav, intent in _intents_waited_for(state).items() if not intent.on_ground}
     clashes = _route_clashes(state, others)
     return _conflict_text(state, clashes) if clashes else ""
 
 
 def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
-    """Wait on the ground again, or cancel the launch after arming, because an order arms only once."""
+    """Wait on the ground again. After arming, cancel the launch: one order arms the vehicle only once."""
     if state.phase is not Phase.LAUNCHING or state.ordered is not ev.FlightOrder.LAUNCH:
         return state, []
     if event.was_armed:
@@ -107,7 +107,7 @@ def _stand_by(state: AgentState) -> StepResult:
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 
 
-def _waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
+def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
     return {uav: intent for uav, intent in known_intents(state).items() if uav not in state.launch_ignored}
 
 
@@ -145,8 +145,8 @@ def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
 
 
 def _ignore_hint(state: AgentState) -> str:
-    """Return the command to launch despite the conflicts; "" without conflicts or an operator's order."""
-    clashes = _route_clashes(state, _waited_for(state)) if state.launch_is_operators else ()
+    """Return the command to launch despite conflicts; "" if there are none, or no operator gave the order."""
+    clashes = _route_clashes(state, _intents_waited_for(state)) if state.launch_is_operators else ()
     options = " ".join(
         f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in clashes)})
     )

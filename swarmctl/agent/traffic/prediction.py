@@ -68,9 +68,9 @@ def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s:
     times_s, passed = [from_s], [points[0]]
     for point in points[1:]:
         takes_s = math.dist(passed[-1][:2], point[:2]) / speed_m_s
-        left_s = from_s + for_s - times_s[-1]
-        if takes_s >= left_s > 0.0:
-            share = left_s / takes_s
+        remaining_s = from_s + for_s - times_s[-1]
+        if takes_s >= remaining_s > 0.0:
+            share = remaining_s / takes_s
             passed.append(tuple(a + share * (b - a) for a, b in zip(passed[-1], point, strict=True)))  # type: ignore[arg-type]
             times_s.append(from_s + for_s)
             break
@@ -105,10 +105,10 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
         return None
     for_s = now_s - report.at_s + state.task.separation.look_ahead_s
-    return extrapolate(_place(state, reported), reported.velocity_m_s, report.at_s, for_s)
+    return extrapolate(_reported_position(state, reported), reported.velocity_m_s, report.at_s, for_s)
 
 
-def _place(state: AgentState, reported: StateShared) -> LocalPoint:
+def _reported_position(state: AgentState, reported: StateShared) -> LocalPoint:
     east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
     return east_m, north_m, _up_m(state.vehicle, reported)
 
@@ -124,7 +124,7 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions, as trajectories, of silent vehicles to which this vehicle gave way."""
     now_s = state.vehicle.time_boot_s
     return {
-        uav: extrapolate(_place(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        uav: extrapolate(_reported_position(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
         for uav, report in state.gave_way_to.items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
     }

@@ -1,8 +1,8 @@
 """Schedule of returns: start times for recalled vehicles, so that no two vehicles conflict. Pure.
 
 A vehicle holds at its position and height until its start. Then it climbs, flies straight home and lands. The
-climb is a parameter of the firmware, and the speed is uncertain. So the vehicle may be anywhere between the
-positions of a fast and of a slow return. Vehicles that return are separated over ground at every height.
+return height is a parameter of the firmware, and the speed is uncertain. So the vehicle may be anywhere
+between the positions of a fast and of a slow return. Heights do not separate two vehicles that return.
 
 Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the recall [s].
 """
@@ -58,7 +58,7 @@ class ReturningVehicle:
     speed_m_s: float
     """expected ground speed [m/s]"""
     is_returning: bool = False
-    """True if the vehicle already returns; it gets no start time"""
+    """True if the vehicle already returns; its start is then 0 s"""
 
     @property
     def home_distance_m(self) -> float:
@@ -177,11 +177,11 @@ def is_plausible(place: VehiclePosition) -> bool:
     return is_near and abs(up_m) <= MAX_HEIGHT_M and MIN_SPEED_M_S <= place.speed_m_s < math.inf
 
 
-def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
+def position_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
     """Return the position of a vehicle that returns or waits to return, from its broadcast state.
 
     Speed and separation come from `own`. If the state has no height above the sea, the height of home also
-    comes from `own`. The result is None without a return in the state, or for an implausible state.
+    comes from `own`. The result is None if the vehicle does not return, or if the state is implausible.
     """
     if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
         return None

@@ -21,9 +21,9 @@ from typing import Any
 import msgspec
 
 from swarmctl.agent.failsafes import lost_link
-from swarmctl.agent.orders import StepResult, command, place_for_return, urgent_return_reason
+from swarmctl.agent.orders import StepResult, command, position_for_return, urgent_return_reason
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
-from swarmctl.agent.traffic.return_schedule import may_be_returning, place_from_state, schedule_for
+from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
@@ -45,7 +45,7 @@ MAX_WAITING_AGE_S = 5.0
 """Silence after which a waiting vehicle no longer counts [s]; returning vehicles: `may_be_returning`."""
 
 NOT_WAITING: dict[str, Any] = {
-    "return_turn_boot_s": None,
+    "return_latest_boot_s": None,
     "returns_when_clear": False,
     "return_started_boot_s": None,
     "last_shared_s": -math.inf,  # the state is sent at once
@@ -64,7 +64,7 @@ def return_target(state: AgentState) -> LatLon | None:
         case Phase.LEAVING:
             returns = state.ordered is ev.FlightOrder.RETURN
         case Phase.HOLDING if not state.lost:
-            returns = state.return_turn_boot_s is not None
+            returns = state.return_latest_boot_s is not None
         case Phase.RELEASED:
             returns = vehicle.armed and vehicle.mode_role == "return"
         case _:
@@ -89,7 +89,7 @@ def note_returning(state: AgentState, reports: Mapping[int, NeighbourReport]) ->
 
 
 def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepResult | None:
-    """Hold until the return path is clear, at most until `until_s`; `changes` are further fields.
+    """Hold until the return path is clear, at most until `until_s`; `changes` are further changed fields.
 
     Return None if the path is clear already, or if the vehicle cannot hold.
     """
@@ -97,7 +97,7 @@ def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepRes
         return None
     changes |= NOT_WAITING | {
         "phase": Phase.HOLDING,
-        "return_turn_boot_s": until_s,
+        "return_latest_boot_s": until_s,
         "returns_when_clear": True,
     }
     if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
@@ -113,8 +113,8 @@ def _takes_off(state: AgentState) -> bool:
     return up_m < min(wings.takeoff_height_m, CLIMBED_SHARE * state.task.altitude_m)
 
 
-def return_started(state: AgentState, until_s: float) -> dict[str, Any]:
-    """Return the changed fields at the start of a return that may still wait until `until_s`."""
+def return_changes(state: AgentState, until_s: float) -> dict[str, Any]:
+    """Return the changed fields at the start of a return that may hold again, at most until `until_s`."""
     return NOT_WAITING | {
         "return_started_boot_s": state.vehicle.time_boot_s,
         "return_deadline_boot_s": until_s,
@@ -123,27 +123,27 @@ def return_started(state: AgentState, until_s: float) -> dict[str, Any]:
 
 def update_return(state: AgentState) -> StepResult:
     """Start a waiting return, or interrupt a return that has just started. Called for each position."""
-    if state.phase is Phase.HOLDING and state.return_turn_boot_s is not None:
-        return _wait_or_start(state, state.return_turn_boot_s)
+    if state.phase is Phase.HOLDING and state.return_latest_boot_s is not None:
+        return _wait_or_start(state, state.return_latest_boot_s)
     if state.phase is Phase.LEAVING and state.return_started_boot_s is not None:
         return _yield_to_simultaneous_start(state, state.return_started_boot_s)
     return state, []
 
 
-def _wait_or_start(state: AgentState, return_turn_boot_s: float) -> StepResult:
+def _wait_or_start(state: AgentState, return_latest_boot_s: float) -> StepResult:
     now_s = state.vehicle.time_boot_s
     most_s = MAX_RETURN_WAIT_S if state.returns_when_clear else MAX_AFTER_S
     # After a reboot of the vehicle the start time does not fit the vehicle's clock.
-    if not 0.0 < return_turn_boot_s - now_s <= most_s:
+    if not 0.0 < return_latest_boot_s - now_s <= most_s:
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
     if not state.returns_when_clear or 0.0 <= now_s - state.return_checked_boot_s < CHECK_EVERY_S:
         return state, []
-    if return_turn_boot_s - now_s <= STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED):
+    if return_latest_boot_s - now_s <= STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED):
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
     if not (urgent_return_reason(state) or is_return_path_clear(state)):
         return replace(state, return_checked_boot_s=now_s), []
     state, ordered = command(
-        state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **return_started(state, return_turn_boot_s)
+        state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **return_changes(state, return_latest_boot_s)
     )
     return state, [
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
@@ -184,13 +184,13 @@ def is_return_path_clear(state: AgentState) -> bool:
 
     The result is True if position or home is unknown, because such a vehicle does not wait.
     """
-    own, now_s = place_for_return(state), state.vehicle.time_boot_s
+    own, now_s = position_for_return(state), state.vehicle.time_boot_s
     if own is None:
         return True
     own = msgspec.structs.replace(own, is_returning=False)
     places = {}
     for uav, report in state.returning_neighbours.items():
-        place = place_from_state(report.state, own)
+        place = position_from_state(report.state, own)
         if place is None:
             continue
         waits = report.state.phase == Phase.HOLDING

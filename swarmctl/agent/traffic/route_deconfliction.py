@@ -4,12 +4,12 @@ A new plan of a flying vehicle is compared with the recent intents of other vehi
 
 | the new plan | action |
 |---|---|
-| changes the height during a proximity alarm | is taken without a comparison |
-| conflicts with none | is taken |
-| conflicts, but another height is clear | is taken at the lowest clear height |
-| conflicts at every height | is deferred: the vehicle keeps its plan, or holds if that plan conflicts soon |
+| changes the height during a proximity alarm | is uploaded without a comparison |
+| has no conflict | is uploaded |
+| conflicts, but another height is clear | is uploaded with the lowest clear height |
+| conflicts at each height tried | is deferred: the vehicle keeps its plan, or holds if that conflicts soon |
 
-Two plans can still conflict if both were taken at the same time, or if times have shifted. Both vehicles
+Two plans can still conflict if both were uploaded at the same time, or if times have shifted. Both vehicles
 compare the same two intents by the same rule, without a further message. A vehicle that cannot change its
 plan has priority, otherwise the lower system id (`watch.gives_way_to`). The other vehicle plans again.
 """
@@ -48,7 +48,7 @@ RETRY_S = 5.0
 RETRY_SOON_S = 1.0
 """Time until a deferred plan is tried again [s], if the present plan has a conflict soon."""
 HOLDS_WITHIN_S = 20.0
-"""Time before a conflict of the present plan at which a vehicle without a clear new plan holds [s]."""
+"""Time to a conflict of the present plan below which the vehicle holds, if no new plan is clear [s]."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 BETTER_BY = 0.3
@@ -64,7 +64,7 @@ def clashes_with_known_intents(
 
     A flight that separates two close vehicles does not clash. `present_flight`: flight of the present plan.
     """
-    return () if flight is None else _unseparated_clashes(state, flight, known_intents(state), present_flight)
+    return () if flight is None else _unresolved_clashes(state, flight, known_intents(state), present_flight)
 
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
@@ -73,7 +73,7 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     return {uav: intent for uav, intent in state.intents.items() if 0.0 <= now_s - intent.sent_s <= MAX_AGE_S}
 
 
-def _unseparated_clashes(
+def _unresolved_clashes(
     state: AgentState,
     flight: Trajectory,
     others: Mapping[int, NeighbourIntent],
@@ -112,8 +112,8 @@ def _margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, flo
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Return whether a flight separates two vehicles that are close now.
 
-    After SEPARATES_WITHIN_S the flight keeps the limits. Before, the vehicles come no closer than now or than
-    the limits, or the least distance is greater than on the present flight by BETTER_BY.
+    From SEPARATES_WITHIN_S on, the flight has to keep the limits. Until then the vehicles may be closer than
+    the limits if they come no closer than now, or if the present flight comes closer by BETTER_BY.
     """
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + SEPARATES_WITHIN_S)
@@ -169,7 +169,7 @@ def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState,
     new = {
         uav: intent for uav, intent in intents.items() if uav not in before or before[uav].other is not intent
     }
-    clashes = {clash.other: clash for clash in _unseparated_clashes(state, own, new, None)} if new else {}
+    clashes = {clash.other: clash for clash in _unresolved_clashes(state, own, new, None)} if new else {}
     after = {
         uav: FlightComparison(own, intent, clashes.get(uav)) if uav in new else before[uav]
         for uav, intent in intents.items()
@@ -190,15 +190,15 @@ def _gives_way(state: AgentState, other: int) -> bool:
 
 
 def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResult:
-    """Take, change or defer the new plan of a decision in flight, by the table of the module."""
+    """Upload, change or defer the new plan of a decision in flight, by the table of the module."""
     state, effects = decided
     swap = next((effect for effect in effects if isinstance(effect, ev.SwapMission)), None)
     if swap is None or state.phase is not Phase.FLYING:
         return decided
-    swap = msgspec.structs.replace(swap, plan=_with_early_height(before, swap.plan))
+    swap = msgspec.structs.replace(swap, plan=_with_level_off_if_needed(before, swap.plan))
     flight = flight_by_plan(before, swap.plan)
     if before.alarms and _changes_height(before, swap.plan):
-        return _take(state, swap, flight)  # an evasive climb comes first
+        return _upload(state, swap, flight)  # an evasive climb comes first
     old = None if before.route is None else planned_flight(before)
     clashes = clashes_with_known_intents(state, flight, old)
     new = [clash for clash in clashes if clash.other not in before.predicted_conflicts | before.deferred_for]
@@ -207,14 +207,14 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     resolved = before.predicted_conflicts - before.deferred_for
     if not clashes:
         state = replace(state, deconfliction=replace(counts, by_route=counts.by_route + len(resolved)))
-        state, taken = _take(state, swap, flight)
+        state, taken = _upload(state, swap, flight)
         waited = before.route is None and before.deferred_for
         return state, [
             ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
             *taken,
         ] if waited else taken
     for height_m in _heights_m(state, swap.plan):
-        plan = _with_early_height(before, at_height(swap.plan, height_m))
+        plan = _with_level_off_if_needed(before, at_height(swap.plan, height_m))
         flight = flight_by_plan(before, plan)
         if clashes_with_known_intents(state, flight, old):
             continue
@@ -224,7 +224,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
         text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
         text += f"flies the route at {height_m:.0f} m above home"
-        state, published = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
+        state, published = _upload(state, msgspec.structs.replace(swap, plan=plan), flight)
         return state, [ev.NotifyOperator(f"{text} [height-change]"), *published]
     return _defer(before, state, swap, clashes, now)
 
@@ -234,8 +234,8 @@ def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
     return route is not None and abs(plan.height_m - route.plan.height_m) >= AIRBORNE_M
 
 
-def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
-    """Return the plan; a plan with a new height reaches this height early."""
+def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPlan:
+    """Return the plan, with a level-off waypoint if the plan changes the height."""
     here, route = position_of(before), before.route
     if here is None or before.task.wings is not None:
         return plan
@@ -246,7 +246,7 @@ def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
     return with_level_off(before.task, plan, here, before.swap_times.expected_s)
 
 
-def _take(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
+def _upload(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
     state = replace(
         state,
         pending=swap,

@@ -1,8 +1,8 @@
 """Separation: the distance between vehicles in space and time, planned, flown and predicted. Pure.
 
-Two vehicles conflict while they are closer than both `Limits.horizontal_m` and `Limits.vertical_m`: each has
-a cylinder of protected space, as in air traffic control. Points are (east, north, up) [m], times are by one
-clock [s].
+Two vehicles conflict while they are closer than `Limits.horizontal_m` horizontally and closer than
+`Limits.vertical_m` vertically. So each vehicle has a cylinder of protected space, as in air traffic control.
+Points are (east, north, up) [m], times are by one clock [s].
 
 | module | content |
 |---|---|

@@ -35,7 +35,7 @@ class Approach:
 
 
 @dataclass(frozen=True, slots=True)
-class _Relative:
+class _RelativeMotion:
     """Motion of one vehicle relative to another while both fly straight; `at` and `velocity` in m and m/s."""
 
     begin_s: float
@@ -47,24 +47,24 @@ class _Relative:
         e, n, u = (x + v * tau_s for x, v in zip(self.at, self.velocity, strict=True))
         return Approach(self.begin_s + tau_s, math.hypot(e, n), abs(u))
 
-    def squared(self) -> tuple[float, float, float]:
+    def squared_distance(self) -> tuple[float, float, float]:
         """Return (a, b, c) of the squared horizontal distance a·τ² + b·τ + c."""
         (e, n, _), (ve, vn, _) = self.at, self.velocity
         return ve * ve + vn * vn, 2.0 * (e * ve + n * vn), e * e + n * n
 
 
 def closest(a: Trajectory, b: Trajectory, limits: Limits) -> Approach | None:
-    """Return the first approach with the least share of the limits; None without common time."""
-    found = [_closest(part, limits) for part in _together(a, b)]
+    """Return the first approach with the least share of the limits; None if the flights share no time."""
+    found = [_closest(part, limits) for part in _relative_motions(a, b)]
     return min(found, key=lambda at: (limits.share(at.horizontal_m, at.vertical_m), at.t_s), default=None)
 
 
 def nearest(a: Segment, b: Segment) -> Approach | None:
-    """Return the approach with the least straight-line distance; None without common time."""
-    part = _relative(a, b)
+    """Return the approach with the least straight-line distance; None if the segments share no time."""
+    part = _relative_motion(a, b)
     if part is None:
         return None
-    a2, b1, _ = part.squared()
+    a2, b1, _ = part.squared_distance()
     u, vu = part.at[2], part.velocity[2]
     a2, b1 = a2 + vu * vu, b1 + 2.0 * u * vu
     tau_s = -b1 / (2.0 * a2) if a2 > 0.0 else 0.0
@@ -74,7 +74,7 @@ def nearest(a: Segment, b: Segment) -> Approach | None:
 def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float, float], ...]:
     """Return the intervals in which two flights are too close, as (from, until) [s], in order."""
     merged: list[tuple[float, float]] = []
-    for part in _together(a, b):
+    for part in _relative_motions(a, b):
         found = _too_close(part, limits)
         if found is None:
             continue
@@ -87,16 +87,16 @@ def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float
 
 def too_close(a: Segment, b: Segment, limits: Limits) -> tuple[float, float] | None:
     """Return the interval in which two segments are too close: (from, until) [s]; None if they never are."""
-    part = _relative(a, b)
+    part = _relative_motion(a, b)
     return None if part is None else _too_close(part, limits)
 
 
-def _together(a: Trajectory, b: Trajectory) -> Iterator[_Relative]:
+def _relative_motions(a: Trajectory, b: Trajectory) -> Iterator[_RelativeMotion]:
     """Yield the relative motion over the common time, split at the turns of either flight."""
     mine, theirs = list(a.segments()), list(b.segments())
     i = j = 0
     while i < len(mine) and j < len(theirs):
-        part = _relative(mine[i], theirs[j])
+        part = _relative_motion(mine[i], theirs[j])
         if part is not None:
             yield part
         if mine[i].end_s <= theirs[j].end_s:
@@ -105,13 +105,13 @@ def _together(a: Trajectory, b: Trajectory) -> Iterator[_Relative]:
             j += 1
 
 
-def _relative(a: Segment, b: Segment) -> _Relative | None:
+def _relative_motion(a: Segment, b: Segment) -> _RelativeMotion | None:
     begin_s, end_s = max(a.begin_s, b.begin_s), min(a.end_s, b.end_s)
     if end_s < begin_s:
         return None
     at = _minus(a.at(begin_s), b.at(begin_s))
     va, vb = _velocity(a), _velocity(b)
-    return _Relative(begin_s, end_s - begin_s, at, _minus(va, vb))
+    return _RelativeMotion(begin_s, end_s - begin_s, at, _minus(va, vb))
 
 
 def _velocity(segment: Segment) -> LocalPoint:
@@ -124,13 +124,13 @@ def _minus(a: LocalPoint, b: LocalPoint) -> LocalPoint:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def _closest(part: _Relative, limits: Limits) -> Approach:
+def _closest(part: _RelativeMotion, limits: Limits) -> Approach:
     """Return the approach with the least share.
 
     The share is the greater of two convex functions. Its minimum is at an end, at the minimum of either
     function, or at a crossing of both.
     """
-    a2, b1, c = part.squared()
+    a2, b1, c = part.squared_distance()
     u, vu = part.at[2], part.velocity[2]
     h2, v2 = limits.horizontal_m**2, limits.vertical_m**2
     at = [0.0, part.lasts_s]
@@ -141,8 +141,8 @@ def _closest(part: _Relative, limits: Limits) -> Approach:
     return min(within, key=lambda found: limits.share(found.horizontal_m, found.vertical_m))
 
 
-def _too_close(part: _Relative, limits: Limits) -> tuple[float, float] | None:
-    a2, b1, c = part.squared()
+def _too_close(part: _RelativeMotion, limits: Limits) -> tuple[float, float] | None:
+    a2, b1, c = part.squared_distance()
     u, vu = part.at[2], part.velocity[2]
     low, high = 0.0, part.lasts_s
     if a2 > 0.0:

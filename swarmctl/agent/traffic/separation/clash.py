@@ -1,8 +1,8 @@
 """Clashes: conflicts between planned flights, with a tolerance in time.
 
-Two flights clash if a position of one flight and a position of the other are closer than both limits. The
-times of the positions may differ by `tolerance_s`. For two straight segments, the allowed pairs of times form
-a convex polygon. The relative positions also form a convex polygon, so its distance from the origin is exact.
+Two flights clash if a position of one flight and a position of the other are too close (`approach.Limits`).
+The times of the positions may differ by `tolerance_s`. For two straight segments, the allowed pairs of times
+form a convex polygon. So do the relative positions, and the distance of the polygon from the origin is exact.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, tolerance_s: float) 
 
 
 def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:
-    """Return the approximate time at which `a` is first too close to `b` [s]; None without a clash."""
+    """Return the approximate time at which `a` is first too close to `b` [s]; None if they do not clash."""
     va, vb = _velocity(a), _velocity(b)
 
     def apart(times: _Times, axis: int) -> float:

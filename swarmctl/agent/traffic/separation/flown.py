@@ -25,7 +25,7 @@ class _Track:
     row: int
     """index of the vehicle in the arrays of `FlownSeparation`"""
     segments: deque[Segment] = field(default_factory=deque)
-    """last segments, in order"""
+    """segments of the last MAX_GAP_S, in order"""
     lengths_m: deque[float] = field(default_factory=deque)
 
 
@@ -60,11 +60,11 @@ class FlownSeparation:
         if segment.end_s - segment.begin_s > MAX_GAP_S:
             return False
         length_m = math.dist(segment.a, segment.b)
-        self._keep(track, segment, length_m)
+        self._store(track, segment, length_m)
         is_nearer = [self._compare(uav, other, segment) for other in self._within_reach(track.row, length_m)]
         return any(is_nearer)
 
-    def _keep(self, track: _Track, segment: Segment, length_m: float) -> None:
+    def _store(self, track: _Track, segment: Segment, length_m: float) -> None:
         track.segments.append(segment)
         track.lengths_m.append(length_m)
         while track.segments[0].end_s < segment.end_s - MAX_GAP_S:

@@ -15,9 +15,9 @@ AvoidanceAction = Literal["hold", "climb", "none"]
 CLEAR_FACTOR = 1.5
 """Multiple of the limits that the prediction has to keep before an alarm ends."""
 CLEAR_FOR_S = 2.0
-"""Time for which the prediction has to keep this multiple [s]."""
+"""Time for which the prediction has to keep CLEAR_FACTOR before an alarm ends [s]."""
 HEIGHT_MARGIN = 1.2
-"""Multiple of the vertical limit kept by a change of height: heights are not held to the metre."""
+"""Multiple of the vertical limit that a new height keeps, because vehicles do not hold a height exactly."""
 
 DEFAULT_LIMITS = Limits(10.0, 3.0)
 
@@ -51,7 +51,7 @@ class NeighbourIntent:
     """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
     bounds: Bounds
     may_change: bool
-    """True if the vehicle can take another plan"""
+    """True if the vehicle can change its plan"""
     sent_s: float
     around_m: tuple[float, float] = (0.0, 0.0)
     """uncertainty of the flight, horizontal and vertical [m]"""
@@ -84,8 +84,8 @@ def update_alarms(
 ) -> tuple[ProximityAlarm, ...]:
     """Return the updated alarms, in order of system id.
 
-    `others` are predicted trajectories of vehicles received recently. An alarm begins at once and ends with
-    hysteresis, so that position errors do not toggle it.
+    `others`: predicted trajectories of the vehicles that sent a state recently. An alarm begins at once and
+    ends with hysteresis, so that position errors do not toggle the alarm.
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = Limits(CLEAR_FACTOR * rules.limits.horizontal_m, CLEAR_FACTOR * rules.limits.vertical_m)
