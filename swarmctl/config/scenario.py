@@ -196,7 +196,6 @@ def _arrival_group(config: Config, specs: Sequence[Spec]) -> ArrivalGroup | None
 
 
 def separation_of(config: Config) -> SeparationRules:
-    """Return the separation rules of the agents."""
     s = config.separation
     return SeparationRules(Limits(s.horizontal_m, s.vertical_m), s.look_ahead_s, s.action)
 

@@ -48,7 +48,6 @@ def specs_of(config: Config, grid: Grid) -> tuple[Spec, ...]:
 
 
 def grid_of(config: Config) -> Grid:
-    """Return the grid of the area."""
     a = config.area
     return Grid(a.rows, a.cols, a.cell_size_m, a.origin_lat_deg, a.origin_lon_deg)
 

@@ -98,8 +98,7 @@ class Vehicle(Section):
     goal: Cells = Field(description="Goal: a cell [row, col], or a list of cells (a target zone).")
     entry: Cell | None = Field(
         None,
-        description="Border cell [row, col] of the entry. Default: the border cell nearest to the start, "
-        "outside no_fly.",
+        description="Border cell [row, col] of the entry. Default: nearest to the start, outside no_fly.",
     )
     altitude_m: float | None = Field(
         None,

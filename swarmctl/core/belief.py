@@ -44,8 +44,7 @@ class ObservationLog:
         self.index_of = {item.name: index for index, item in enumerate(self.items)}
         """name -> index in `items`"""
         self.n_covered = 0
-        """approximate number of observations that checkpoints replace; if these are more than half of a
-        belief's observations, the belief gets a new log without them"""
+        """approximate number of replaced observations; above half of all, a belief starts a new log"""
 
     def indices(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
