@@ -24,8 +24,6 @@ from swarmctl.bus.transports.base import BusError
 
 @dataclass(frozen=True, slots=True)
 class RunningSwarm:
-    """A swarm that flies now."""
-
     swarm: str
     endpoint: BusEndpoint
     pid: int

@@ -108,7 +108,6 @@ _encoder = msgspec.json.Encoder()
 
 
 def report_schema() -> dict[str, Any]:
-    """Return the JSON schema of reports."""
     either = [{"required": ["cells"]}, {"required": ["points"]}]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, **msgspec.json.schema(Report), "oneOf": either}

@@ -309,7 +309,8 @@ def test_a_command_is_given_and_answered(no_flight: Path) -> None:
         result = CliRunner().invoke(cli, words.split())
     assert result.exit_code == 0
     for name, line in zip(("uav1", "uav2"), result.stdout.splitlines(), strict=True):
-        assert line.startswith(f"{name}: w = 0.2 ") and "0.7, 0.3, 0.1" in line and "plan 5" in line
+        assert line.startswith(f"{name}: w = 0.2 ")
+        assert all(value in line for value in ("0.7, 0.3, 0.1", "plan 5"))
     assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
 
 

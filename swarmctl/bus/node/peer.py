@@ -213,7 +213,6 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     @property
     def state(self) -> StateShared | None:
-        """Newest known state."""
         decoded = self.state_frame
         return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
 

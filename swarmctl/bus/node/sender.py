@@ -10,8 +10,6 @@ from swarmctl.core.geo import LatLon
 
 
 class Sender:
-    """The sender of one UAV."""
-
     def __init__(self, uav: int, incarnation: int, codec: FrameCodec, counters: NetworkCounters) -> None:
         self.position: LatLon | None = None
         self._uav = uav
