@@ -33,8 +33,7 @@ def options_of(scenario: Scenario) -> NodeOptions:
 def radio_settings(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
     """Return the settings of the radio; `names`: names of the vehicles by system id.
 
-    Raises ValueError if a configured name does not match exactly one vehicle, or if the losses contradict
-    each other.
+    Raises ValueError if a configured name does not match exactly one vehicle, or for contradictory losses.
     """
     c = communication
     return RadioSettings(

@@ -87,9 +87,8 @@ class ReturnQueue:
         """Return the positions of vehicles that return, or may still return after their last state."""
         places = {}
         for uav, received in self._received.items():
-            place = (
-                None if received.state.phase == Phase.HOLDING else position_from_state(received.state, own)
-            )
+            state = received.state
+            place = None if state.phase == Phase.HOLDING else position_from_state(state, own)
             if place is not None and may_be_returning(place, now_s - received.at_s):
                 places[uav] = place
         return places

@@ -1,7 +1,7 @@
 """`MavsdkLink`: commands and missions by MAVSDK, over the front end. Only this module imports MAVSDK.
 
-Each front end has one `Mavsdk` object, on `raw://`. Addresses, tlogs, signing, forwarding, telemetry and
-every decision stay with this program.
+All MAVSDK links of a front end share one `Mavsdk` object, on `raw://`. Addresses, tlogs, signing, forwarding,
+telemetry and every decision stay with this program.
 
 Observed on MAVSDK 4.1.0: the library crashes on more than 16 objects in a process, on any call after
 `destroy`, and on `destroy` in a callback. A cancelled blocking call never returns. So this module makes no

@@ -95,7 +95,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
 
 
 class _Transfer(ByMavsdk[R]):
-    """Transfer by MAVSDK, which has its own time-outs; `limit_s` is for a callback that never comes."""
+    """Transfer by MAVSDK, which has its own time-outs; `limit_s`: longest wait for MAVSDK's callback."""
 
     limit_s = 60.0
 

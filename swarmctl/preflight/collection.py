@@ -125,7 +125,7 @@ class FactCollector:
         try:
             answers.instruments = await link.read_instruments()
             answers.parameters = await link.read_parameters([r.name for r in required])
-            answers.fence_failure = await _enforce_fence(link, required, answers.parameters)
+            answers.fence_failure = await _enable_fence(link, required, answers.parameters)
             answers.rally_points = await self._count_rally_points(link)
             answers.fence = await link.read_fence()
         except LinkError as error:
@@ -217,7 +217,7 @@ class FactCollector:
 _FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
 
 
-async def _enforce_fence(
+async def _enable_fence(
     link: Link, required: Sequence[RequiredParameter], parameters: Mapping[str, float]
 ) -> str:
     """Command an ArduPilot to enforce the fences of FENCE_TYPE; return the failure, or an empty text.

@@ -73,7 +73,7 @@ def test_a_whole_flight_with_a_swap(kind):
             await until(lambda: not copter.armed, 200)
             assert 0.0 <= link.age_s() <= 1.1
             done = [e.name for e in world.events if isinstance(e, ProcedureDone)]
-            assert done == ["identify", "prepare", "upload", "launch", "swap"]
+            assert done == ["identify", "prepare for arming", "upload", "launch", "swap"]
             assert isinstance(world.events[0], FirstHeartbeat)
 
     play(story(), real=kind != "direct")

@@ -1,4 +1,4 @@
-"""Sensors: the observations that a vehicle makes at its position. Plug-ins; they import core.
+"""Sensors: plug-ins that return a vehicle's observations at its position. They import only core.
 
 `footprint` simulates the paper's sensor and knows the true threats. `SOURCES` maps `sensor.source` of the
 configuration to the sensor of each vehicle. A new simulated sensor is a module here, a line in `SOURCES`, and

@@ -1,8 +1,7 @@
 """Guarded commands: commands that never override a pilot or another station.
 
 A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
-later. So a requested heartbeat precedes every try. Exceptions: a first try with `skip_first_check`, and
-`send_acknowledged` if `before` is None.
+later. So a requested heartbeat precedes every try, unless `skip_first_check` is True or `before` is None.
 """
 
 from __future__ import annotations

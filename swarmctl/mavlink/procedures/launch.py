@@ -68,7 +68,7 @@ def _arm(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
             return f"the first mission item cannot be made current: {failure} [no-first-item]"
     arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
     # An unanswered command may have armed the vehicle, so its repetitions are not blocked.
-    arm = _raising_if_blocked(blocked_by, arm, tries=1)
+    arm = _checked(blocked_by, arm, tries=1)
     failure = yield from send_guarded(ctx, arm, holds_disarmed, in_modes({hold}, armed=True))
     return f"the vehicle does not arm: {failure} [no-arming]" if failure else None
 
@@ -78,7 +78,7 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     ground_m = ctx.state.alt_rel_m or 0.0
     started = in_modes({mission}, armed=True)
-    start = _raising_if_blocked(blocked_by, command(ctx, *ctx.dialect.start_mission))
+    start = _checked(blocked_by, command(ctx, *ctx.dialect.start_mission))
     blocked = ""
     try:
         failure = yield from send_guarded(
@@ -107,9 +107,7 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     return Done(f"the vehicle does not take off: {failure} [no-take-off]")
 
 
-def _raising_if_blocked(
-    blocked_by: BlockedBy, factory: CommandFactory, tries: int | None = None
-) -> CommandFactory:
+def _checked(blocked_by: BlockedBy, factory: CommandFactory, tries: int | None = None) -> CommandFactory:
     """Return `factory` with a check before each try, or before the first `tries`: a block raises _Blocked."""
 
     def next_try(attempt: int) -> Conversation[CommandResult]:
