@@ -21,7 +21,7 @@ BAR_CHARS = 10
 MIN_COLUMNS_WITH_BAR = 92
 """least width of a terminal with a bar [columns]"""
 OK, NOT_YET = "ok", "–"
-"""link texts with recent telemetry, and before the first heartbeat"""
+"""texts of the link column: telemetry is recent; no heartbeat was received yet"""
 COLUMNS = (
     Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left"), Column("batt."),
     Column("route", "left"), Column("cells own\n+received", rank=4), Column("hostiles\nknown", rank=2),
@@ -63,7 +63,7 @@ class VehicleRow:
     weights: str = ""
     """w and firing strengths after a change by an operator; empty: unchanged"""
     silence: str = ""
-    """`lost` or `given up` for an armed vehicle without telemetry; else empty"""
+    """`lost` or `given up` if telemetry from an armed vehicle has stopped; else empty"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,10 +117,11 @@ def _weights(state: AgentState) -> str:
 def _progress(state: AgentState) -> float:
     if state.phase is Phase.LANDING or state.outcome == ARRIVED:
         return 1.0
-    if state.route is None or len(state.route.cells) < 2 or not state.flown_cells:
+    route = state.route or state.interrupted_plan
+    if route is None or len(route.cells) < 2 or not state.flown_cells:
         return 0.0
     entered = len(state.flown_cells)
-    ahead = len(state.route.cells) - 1 - state.progress
+    ahead = len(route.cells) - 1 - state.progress
     return entered / max(entered + ahead, 1)
 
 
@@ -184,10 +185,9 @@ def plain_line(row: VehicleRow) -> str:
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
     phase = f"{row.silence} (was {row.phase})" if row.silence else row.phase
     text = (
-        f"{row.name}: {phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
+        f"{row.name}: {phase}, mode {row.mode or '?'}, route {100.0 * row.progress:.0f} %, battery {battery}, "
         f"cells {row.cells_own} own + {row.cells_received} received, hostiles known {row.hostiles_known}, "
-        f"replans {row.replans}, "
-        f"strikes {row.strikes}, link {row.link}"
+        f"replans {row.replans}, strikes {row.strikes}, link {row.link}"
     )
     text += f", w {row.weights}" if row.weights else ""
-    return f"{text} ({row.note})" if row.note else text
+    return f"{text}; {row.note}" if row.note else text
