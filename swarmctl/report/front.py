@@ -99,9 +99,8 @@ class VehicleFront:
 def fronts(
     scenario: Scenario, names: Sequence[str] = (), max_labels: int | None = None
 ) -> tuple[VehicleFront, ...]:
-    """Return the fronts of the named vehicles; if `names` is empty, of all vehicles.
+    """Return the fronts of the named vehicles (no names: of all), also with routes outside the time bound.
 
-    A front also has routes outside the time bound.
     `max_labels` as for `pareto_front`. Raises Unreachable.
     """
     specs = [(index, spec) for index, spec in enumerate(scenario.specs) if not names or spec.name in names]
@@ -180,7 +179,7 @@ def front_table(found: Sequence[VehicleFront]) -> FittedTable:
             _add_row(table, vehicle, index, with_name=row == 0)
         if vehicle.chosen_index is None:
             _add_numbers(
-                table, "", vehicle, vehicle.chosen, "not on the front", _chosen_remark(vehicle), "bold"
+                table, "", vehicle, vehicle.chosen, "not on the front", _chosen_note(vehicle), "bold"
             )
         table.end_section()
     return table
@@ -189,20 +188,14 @@ def front_table(found: Sequence[VehicleFront]) -> FittedTable:
 def _add_row(table: FittedTable, vehicle: VehicleFront, index: int, *, with_name: bool) -> None:
     candidate = vehicle.candidates[index]
     is_chosen = index == vehicle.chosen_index
-    remark = _chosen_remark(vehicle) if is_chosen else _fault(vehicle, candidate)
-    style = "bold" if is_chosen else "bright_black" if remark else ""
+    note = _chosen_note(vehicle) if is_chosen else _fault(vehicle, candidate)
+    style = "bold" if is_chosen else "bright_black" if note else ""
     name = vehicle.name if with_name else ""
-    _add_numbers(table, name, vehicle, candidate, w_range_text(vehicle.front, index), remark, style)
+    _add_numbers(table, name, vehicle, candidate, w_range_text(vehicle.front, index), note, style)
 
 
 def _add_numbers(
-    table: FittedTable,
-    name: str,
-    vehicle: VehicleFront,
-    candidate: Candidate,
-    w: str,
-    remark: str,
-    style: str,
+    table: FittedTable, name: str, vehicle: VehicleFront, candidate: Candidate, w: str, note: str, style: str
 ) -> None:
     flown = candidate.flown
     table.add_row(
@@ -213,12 +206,12 @@ def _add_numbers(
         product_text(flown.safety_factor),
         *estimate_texts(candidate.chance),
         w,
-        remark,
+        note,
         style=style,
     )
 
 
-def _chosen_remark(vehicle: VehicleFront) -> str:
+def _chosen_note(vehicle: VehicleFront) -> str:
     fault = _fault(vehicle, vehicle.chosen)
     return f"← {vehicle.chosen_by}" + (f", {fault}" if fault else "")
 

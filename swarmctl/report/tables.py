@@ -72,10 +72,7 @@ class FittedTable:
             column = self._columns[index]
             wraps = column.wraps_at > 0
             table.add_column(
-                Text(column.title),
-                justify=column.justify,
-                no_wrap=not wraps,
-                min_width=self._least_width(index),
+                Text(column.title), justify=column.justify, no_wrap=not wraps, min_width=self._width(index)
             )
         for number, (cells, style) in enumerate(self._rows):
             table.add_row(
@@ -95,17 +92,17 @@ class FittedTable:
     def _fitting(self, width: int | None) -> tuple[list[int], int]:
         """Return the indices of the columns that fit, and the gap between columns: 2, or 1 to save room."""
         shown = list(range(len(self._columns)))
-        if width is None or sum(self._least_width(index) + 2 for index in shown) <= width:
+        if width is None or sum(self._width(index) + 2 for index in shown) <= width:
             return shown, 2
         # One edge, and a gap or an edge after each column.
-        while 1 + sum(self._least_width(index) + 1 for index in shown) > width:
+        while 1 + sum(self._width(index) + 1 for index in shown) > width:
             optional = [index for index in shown if self._columns[index].rank > 0]
             if not optional:
                 break
             shown.remove(max(optional, key=lambda index: self._columns[index].rank))
         return shown, 1
 
-    def _least_width(self, index: int) -> int:
+    def _width(self, index: int) -> int:
         """Return the least width at which a column's heading and values are not cut."""
         column = self._columns[index]
         widest = max((cell.cell_len for cells, _ in self._rows for cell in [cells[index]]), default=0)

@@ -75,10 +75,7 @@ def figure_of(picture: MapPicture) -> Figure:
 
 
 def _beside_and_below(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
-    """Return the legend's rows beside the map, and blocks of rows below the map.
-
-    If all rows fit beside the map, there are no blocks. Else each vehicle has a block below the map.
-    """
+    """Return the legend's rows beside the map and, if not all rows fit, the vehicles' blocks below it."""
     blocks, symbols = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
     vehicles = [row for block in blocks for row in block]
     if (len(vehicles) + 1 + len(symbols)) * ROW_IN + FOOT_IN <= map_high_in:
