@@ -185,9 +185,9 @@ def plain_line(row: VehicleRow) -> str:
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
     phase = f"{row.silence} (was {row.phase})" if row.silence else row.phase
     text = (
-        f"{row.name}: {phase}, mode {row.mode or '?'}, route {100.0 * row.progress:.0f} %, battery {battery}, "
-        f"cells {row.cells_own} own + {row.cells_received} received, hostiles known {row.hostiles_known}, "
-        f"replans {row.replans}, strikes {row.strikes}, link {row.link}"
+        f"{row.name}: {phase}, mode {row.mode or '?'}, route {100.0 * row.progress:.0f} %, "
+        f"battery {battery}, cells {row.cells_own} own + {row.cells_received} received, "
+        f"hostiles known {row.hostiles_known}, replans {row.replans}, strikes {row.strikes}, link {row.link}"
     )
     text += f", w {row.weights}" if row.weights else ""
     return f"{text}; {row.note}" if row.note else text
