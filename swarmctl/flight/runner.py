@@ -172,12 +172,10 @@ class Runner:
                 # On the ground an autopilot repeats the reasons against arming; preflight reports them.
                 in_flight = self.state.phase not in ON_GROUND and self.state.vehicle.armed
                 self.note(f"autopilot: {text}", to_operator=in_flight and severity <= CRITICAL)
-            case ProcedureDone(name, failure, stood_still_s):
+            case ProcedureDone(name, failure, still_s):
                 result = f"not completed: {failure}" if failure else "completed"
                 text = f"procedure {name.replace('_', ' ')}: {result}"
-                stood = (
-                    f"; the vehicle held or stood still for {stood_still_s:.1f} s" if stood_still_s else ""
-                )
+                stood = f"; the vehicle held or stood still for {still_s:.1f} s" if still_s else ""
                 self.note(extended(text, stood))
             case FirstHeartbeat():
                 self.note("first heartbeat")
